@@ -3,7 +3,7 @@
 import math
 from pathlib import Path
 
-from axisbus import Machine, Measured
+from axisbus import AxisFeedback, Machine
 
 LATE = 25  # cycles for which the last answer holds where this program is kept from answering: a tenth of a second here
 
@@ -15,7 +15,7 @@ class Swing:
         self.begin: float | None = None
         self.off = 0.0
 
-    def __call__(self, seen: Measured) -> float:
+    def __call__(self, seen: AxisFeedback) -> float:
         self.begin = seen.time if self.begin is None else self.begin
         t = seen.time - self.begin
         self.off = 15.0 * (1.0 - math.cos(2.0 * t)) - seen.position

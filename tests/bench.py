@@ -29,19 +29,19 @@ from axisbus.bus.sdo.client import SdoClient
 from axisbus.bus.sdo.parallel import on_each
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MappedObject, PdoCodec
-from axisbus.cia301.sdo import Way
+from axisbus.cia301.sdo import SdoTransferType
 from axisbus.eds import fix
 from axisbus.eds.builtin import resolve
 from axisbus.eds.io import reader
 from axisbus.eds.model import Eds, Object, ObjectType, Variable
 from axisbus.machine.machine import Machine
-from axisbus.motion.group.path import Cycle, way_of
+from axisbus.motion.group.path import CycleVelocity, way_of
 from axisbus.motion.group.path_builder import polyline
-from axisbus.motion.group.path_position import Along, Share
-from axisbus.motion.group.path_speed import Travel
-from axisbus.motion.parameters import Limits
+from axisbus.motion.group.path_position import AxisPathShare, PathPosition
+from axisbus.motion.group.path_speed import PathSpeed
+from axisbus.motion.parameters import AxisLimits
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.node.network import StandIns
@@ -74,12 +74,12 @@ def generators() -> None:
     """CPU per cycle of a path of 32 axes with 50 rounded corners, against what their 32 steps take without one."""
     places = [tuple(30.0 * math.sin(0.7 * point + axis) for axis in range(32)) for point in range(52)]
     pieces, stops = polyline(places, 0.5)
-    cycle = Cycle(500.0, 0.004)
-    way = way_of(pieces, [Limits(velocity=300.0, acceleration=3000.0)] * 32, 3000.0, stops, cycle)
+    cycle = CycleVelocity(500.0, 0.004)
+    way = way_of(pieces, [AxisLimits(velocity=300.0, acceleration=3000.0)] * 32, 3000.0, stops, cycle)
 
     def work() -> int:
-        travel, along, cycles = Travel(), Along(way, 0.0, places[0]), 0
-        shares = [Share(along, number, 750.0) for number in range(32)]
+        travel, along, cycles = PathSpeed(), PathPosition(way, 0.0, places[0]), 0
+        shares = [AxisPathShare(along, number, 750.0) for number in range(32)]
         travel.begin(way, 500.0)
         while travel.t < way.length:
             travel.advance(cycle.period)
@@ -98,7 +98,7 @@ def couplings() -> None:
     names = "abcdefghijklmnopqrstuvwxyzABCDEF"
     test = rig(names).enabled()
     master, *slaves = (test.axes[name] for name in names)
-    master.follow(Trapezoid(master.position, master.position + 1000.0, 10.0, 100.0))
+    master.follow(TrapezoidalTrajectory(master.position, master.position + 1000.0, 10.0, 100.0))
     for slave in slaves:
         slave.gear_in(master, 0.5)
     test.run(3.0)
@@ -437,8 +437,8 @@ def block_transfer() -> None:
     with Channel.open("virtual", "bench-blocks") as channel, StandIns("bench-blocks", [device]):
         time.sleep(0.5)
         client = SdoClient(channel, 5)
-        blocks = best(lambda: client.download(0x2100, 0, data, way=Way.BLOCK), 2)
-        segments = best(lambda: client.download(0x2100, 0, data, way=Way.NORMAL), 2)
+        blocks = best(lambda: client.download(0x2100, 0, data, way=SdoTransferType.BLOCK), 2)
+        segments = best(lambda: client.download(0x2100, 0, data, way=SdoTransferType.NORMAL), 2)
         client.close()
     row("16 KiB written in blocks, 1 ms per answer", f"{blocks:.2f} s", f"in segments {segments:.2f} s",
         segments / blocks)  # fmt: skip

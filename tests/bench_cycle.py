@@ -242,13 +242,13 @@ def core(
 
 
 def _cell(bus: can.BusABC, cyclic: CyclicSocket | None, count: int, period: float) -> Cell:
-    from axisbus.core.process.publisher import Outlet
+    from axisbus.core.process.publisher import Publisher
     from axisbus.ipc.image import size_of
     from kit.bench.ours import Cell
 
     cell = Cell(bus, cyclic, count, period)
     stream = SimpleNamespace(send=lambda _: None, waiting=0)
-    outlet = Outlet(mmap.mmap(-1, size_of(count)), tuple(cell.axes))
+    outlet = Publisher(mmap.mmap(-1, size_of(count)), tuple(cell.axes))
     outlet.admit(stream)  # type: ignore[arg-type]  # nobody is told
     cell.scan.observers = [outlet.after_cycle]
     return cell

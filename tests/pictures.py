@@ -16,7 +16,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from axisbus import Cam, Machine, Measured, Recorder, Scara, Trapezoid, eds, wait
+from axisbus import AxisFeedback, Cam, Machine, Recorder, Scara, TrapezoidalTrajectory, eds, wait
 from axisbus.eds import builtin
 from axisbus.errors import AxisbusError
 from axisbus.machine.groups import Group
@@ -133,7 +133,7 @@ def override_axis() -> None:
         begun = cell.session.snapshots["x"].now
         handles = [
             cell["x"].move_absolute(150.0, velocity=80.0, acceleration=400.0),
-            cell["y"].follow(Trapezoid(cell["y"].led_to, 80.0, 50.0, 250.0)),
+            cell["y"].follow(TrapezoidalTrajectory(cell["y"].led_to, 80.0, 50.0, 250.0)),
         ]
         cell.sleep(0.6)
         for factor, pause in ((0.4, 0.7), (0.0, 0.8), (1.5, 0.6), (1.0, 0.0)):
@@ -172,7 +172,7 @@ def superimposed() -> None:
 
     def near_limit(cell: Machine, _: Group, distance: float = 0.0) -> None:
         cell["x"].move_absolute(-160.0).wait()
-        below = cell["x"].follow(Trapezoid(cell["x"].led_to, 110.0, 324.0, 2000.0))
+        below = cell["x"].follow(TrapezoidalTrajectory(cell["x"].led_to, 110.0, 324.0, 2000.0))
         cell.sleep(0.3)
         cell["x"].move_superimposed(distance, velocity=200.0, acceleration=1000.0)
         below.wait()
@@ -271,7 +271,7 @@ def _behind(motor: dict[str, float], keys: str) -> tuple[list[float], list[float
         )
         cell.enabled()
         moment = cell.moment()
-        cell.x.follow(Trapezoid(0.0, 60.0, 100.0, 300.0)).wait(10)
+        cell.x.follow(TrapezoidalTrajectory(0.0, 60.0, 100.0, 300.0)).wait(10)
         samples = cell.record().since(moment)
     begin = next(sample.time for sample in samples if sample.demand)
     shown = [sample for sample in samples if begin - 0.05 < sample.time < begin + 1.1]
@@ -347,7 +347,7 @@ def controller() -> None:
     def measured(fails: float) -> Any:
         begin: list[float] = []
 
-        def loop(seen: Measured) -> float:
+        def loop(seen: AxisFeedback) -> float:
             begin.append(seen.time)
             t = seen.time - begin[0]
             if t > fails:
@@ -530,7 +530,7 @@ def interpolated() -> None:
             )
         )
         cell.run(0.1)
-        cell.end_of(cell.x.follow(Trapezoid(0.0, 40.0, 60.0, 300.0)))
+        cell.end_of(cell.x.follow(TrapezoidalTrajectory(0.0, 40.0, 60.0, 300.0)))
         cell.run(0.2)
         cell.end_of(cell.x.move_absolute(10.0))
     times, target, where, mode, sent, told = zip(*rows, strict=True)

@@ -13,10 +13,10 @@ import click
 import pytest
 
 from axisbus.cli.shared.common import run
-from axisbus.core.command_log import Ledger
-from axisbus.errors import AxisbusError, DriveError, NodeError, in_a_line
+from axisbus.core.command_log import CommandLog
+from axisbus.errors import AxisbusError, DriveError, NodeError, one_line
 from axisbus.gateway.machine_events import _fault as happening_of_bridge
-from axisbus.gateway.ros.log_thread import Saying
+from axisbus.gateway.ros.log_thread import RosLogThread
 from axisbus.gateway.zenoh.states import _told as told_by_zenoh
 from axisbus.ipc.errors import from_fields, to_fields
 from axisbus.machine.handle import NOBODY, Handle, wait
@@ -44,7 +44,7 @@ def alarming(by: str) -> DriveError:
 
 def said_by_ros(error: AxisbusError) -> str:
     lines: list[str] = []
-    saying = Saying(lines.append)
+    saying = RosLogThread(lines.append)
     saying.tell("no", error)
     saying.close()
     return "".join(lines)
@@ -78,7 +78,7 @@ def raised_by_wait(error: AxisbusError) -> str:
 
 
 def kept_by_ledger(error: AxisbusError) -> str:
-    ledger = Ledger(lambda: 0.0)
+    ledger = CommandLog(lambda: 0.0)
     ledger.give(1, "x.halt()")
     ledger.hear(CommandEvent(1, Status.ERROR, error, ""))
     return ledger.seen[0].error
@@ -87,7 +87,7 @@ def kept_by_ledger(error: AxisbusError) -> str:
 DOORS = {
     "text": str,
     "traceback": lambda error: "".join(traceback.format_exception(error)),
-    "a part of another error": in_a_line,
+    "a part of another error": one_line,
     "another process": lambda error: str(from_fields(to_fields(error))),
     "command line": printed_by_command,
     "command line, of a group": lambda error: printed_by_command(ExceptionGroup("two", [error, error])),

@@ -10,7 +10,7 @@ import grimp
 import pytest
 
 from axisbus import Cam, Machine, Signal
-from axisbus.cia401.signal import Point
+from axisbus.cia401.signal import IoPoint
 from kit.pages import PAGES as ALL_PAGES
 from kit.pages import README, ROOT, blocks, blocks_of_all, name_of, text_of
 from kit.slow import IN_REAL_TIME, IN_VIRTUAL_TIME, LONG, NAMES
@@ -192,7 +192,9 @@ def test_the_page_of_a_public_module_names_all_that_is_public_and_nothing_else(m
 def test_the_page_names_the_members_of_each_public_class(module, cell):
     group, halt = cell.group("x", "y"), cell["x"].halt()
     cam = Cam([(0.0, 0.0), (1.0, 1.0)])
-    spare = Signal(Point("lamp", 1, 0x6200, 1, 8, False, output=True, bit=0), cell.session, cell._commanding)
+    spare = Signal(
+        IoPoint("lamp", 1, 0x6200, 1, 8, False, output=True, bit=0), cell.session, cell._commanding
+    )
     given = {"Machine": cell, "Axis": cell["x"], "Cam": cam, "Group": group, "Handle": halt, "Signal": spare}
     for heading, named in sections(API[module]).items():
         what = getattr(importlib.import_module(module), heading, None)

@@ -23,20 +23,20 @@ if TYPE_CHECKING:
     from axisbus.machine.gantry.gantry import Gantry
     from axisbus.machine.groups import Group
     from axisbus.machine.handle import Handle, wait
-    from axisbus.machine.io import Io, Signal
+    from axisbus.machine.io import InputsOutputs, Signal
     from axisbus.machine.machine import Machine
     from axisbus.machine.mit.client import MitControl
     from axisbus.machine.mit.read_ranges import read_mit_ranges
-    from axisbus.machine.probing import Probed, ProbeHandle
-    from axisbus.machine.sim_control import Plant
-    from axisbus.machine.streaming.controller import Controller, Measured
+    from axisbus.machine.probing import ProbeHandle, ProbeResult
+    from axisbus.machine.sim_control import SimulationControl
+    from axisbus.machine.streaming.controller import AxisFeedback, Controller
     from axisbus.machine.streaming.points import PointStream
-    from axisbus.machine.user_kinematics.kinematics import OwnKinematics
+    from axisbus.machine.user_kinematics.kinematics import UserKinematics
     from axisbus.motion.group.kinematics import CoreXY, Delta, Scara
-    from axisbus.motion.point_stream.timed import TimedPoint
-    from axisbus.motion.spline import Spline
+    from axisbus.motion.point_stream.timed import TrajectoryPoint
+    from axisbus.motion.spline import SplineTrajectory
     from axisbus.motion.states import AxisState
-    from axisbus.motion.trajectory import Sampled, Trajectory, Trapezoid
+    from axisbus.motion.trajectory import SampledTrajectory, Trajectory, TrapezoidalTrajectory
     from axisbus.record.plot import plot
     from axisbus.record.recorder import Recorder
 
@@ -54,7 +54,7 @@ _HOME = {
     "Gantry": "axisbus.machine.gantry.gantry",
     "Group": "axisbus.machine.groups",
     "Handle": "axisbus.machine.handle",
-    "Io": "axisbus.machine.io",
+    "InputsOutputs": "axisbus.machine.io",
     "Machine": "axisbus.machine.machine",
     "MitCommand": "axisbus.drives.gim6010.can_simple.mit",
     "MitControl": "axisbus.machine.mit.client",
@@ -62,20 +62,20 @@ _HOME = {
     "MitFeedback": "axisbus.drives.gim6010.can_simple.mit",
     "MitRanges": "axisbus.drives.gim6010.can_simple.mit",
     "MitSettings": "axisbus.drives.gim6010.mit_control.settings",
-    "Plant": "axisbus.machine.sim_control",
+    "SimulationControl": "axisbus.machine.sim_control",
     "Controller": "axisbus.machine.streaming.controller",
-    "Measured": "axisbus.machine.streaming.controller",
+    "AxisFeedback": "axisbus.machine.streaming.controller",
     "PointStream": "axisbus.machine.streaming.points",
-    "OwnKinematics": "axisbus.machine.user_kinematics.kinematics",
+    "UserKinematics": "axisbus.machine.user_kinematics.kinematics",
     "ProbeHandle": "axisbus.machine.probing",
-    "Probed": "axisbus.machine.probing",
+    "ProbeResult": "axisbus.machine.probing",
     "Recorder": "axisbus.record.recorder",
-    "Sampled": "axisbus.motion.trajectory",
+    "SampledTrajectory": "axisbus.motion.trajectory",
     "Signal": "axisbus.machine.io",
-    "Spline": "axisbus.motion.spline",
-    "TimedPoint": "axisbus.motion.point_stream.timed",
+    "SplineTrajectory": "axisbus.motion.spline",
+    "TrajectoryPoint": "axisbus.motion.point_stream.timed",
     "Trajectory": "axisbus.motion.trajectory",
-    "Trapezoid": "axisbus.motion.trajectory",
+    "TrapezoidalTrajectory": "axisbus.motion.trajectory",
     "plot": "axisbus.record.plot",
     "read_mit_ranges": "axisbus.machine.mit.read_ranges",
     "wait": "axisbus.machine.handle",
@@ -83,6 +83,7 @@ _HOME = {
 
 __all__ = [
     "Axis",
+    "AxisFeedback",
     "AxisState",
     "AxisbusError",
     "Cam",
@@ -95,28 +96,27 @@ __all__ = [
     "Gantry",
     "Group",
     "Handle",
-    "Io",
+    "InputsOutputs",
     "Machine",
-    "Measured",
     "MitCommand",
     "MitControl",
     "MitCycle",
     "MitFeedback",
     "MitRanges",
     "MitSettings",
-    "OwnKinematics",
-    "Plant",
     "PointStream",
     "ProbeHandle",
-    "Probed",
+    "ProbeResult",
     "Recorder",
-    "Sampled",
+    "SampledTrajectory",
     "Scara",
     "Signal",
-    "Spline",
-    "TimedPoint",
+    "SimulationControl",
+    "SplineTrajectory",
     "Trajectory",
-    "Trapezoid",
+    "TrajectoryPoint",
+    "TrapezoidalTrajectory",
+    "UserKinematics",
     "plot",
     "read_mit_ranges",
     "wait",

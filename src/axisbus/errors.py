@@ -137,7 +137,7 @@ class AxisbusError(Exception):
     @property
     def __notes__(self) -> list[str]:  # type: ignore[override]  # never kept: it is made for each traceback, by the codes of then
         """What a traceback prints below the text of the error: the line that names the page."""
-        return [where_to_read(self)]
+        return [help_line(self)]
 
     def add_note(self, note: str, /) -> None:
         """Add a line that is printed below the texts; ``added_notes`` returns them."""
@@ -436,12 +436,12 @@ class Stopped(Interrupted):
     """A stop took over: asked for, ordered by the fault policy, or on the way out of the program."""
 
 
-def where_to_read(error: AxisbusError) -> str:
+def help_line(error: AxisbusError) -> str:
     """Return the line that names the page of an error's symptom, to stand below its texts."""
-    return where_it_stands(error.page)
+    return page_reference(error.page)
 
 
-def where_it_stands(page: str) -> str:
+def page_reference(page: str) -> str:
     """Return the line that names a page, to stand below the texts that it explains."""
     return f"  more:     axisbus explain {page}"
 
@@ -470,7 +470,7 @@ def said_of(error: AxisbusError, *, alarm: bool = True) -> str:
     return with_alarm(f"{error.message}{seen}", *([error] if alarm else []))
 
 
-def in_a_line(error: BaseException, *, alarm: bool = True) -> str:
+def one_line(error: BaseException, *, alarm: bool = True) -> str:
     """Return an error as a part of what another one observed: its kind, and what ``said_of`` says.
 
     ``alarm`` False: the other error takes over its remedy, which has the warnings.

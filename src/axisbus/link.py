@@ -17,11 +17,11 @@ from enum import Enum
 from typing import Protocol, TypeVar
 
 from axisbus.cia301.dropped_frames import Drop
-from axisbus.cia301.frame import Carried, Frame
+from axisbus.cia301.frame import BusTraffic, CanFrame
 from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia401.port import IoPort
-from axisbus.cia401.signal import Point
-from axisbus.cia402.port import Cycle, Port
+from axisbus.cia401.signal import IoPoint
+from axisbus.cia402.port import BusCycle, Port
 from axisbus.errors import SecondMasterError
 
 Booted = TypeVar("Booted", covariant=True)  # what booting a node has come to
@@ -31,7 +31,7 @@ Event = TypeVar("Event", covariant=True)  # what was heard of another master
 
 
 @dataclass(frozen=True, slots=True)
-class Stopped:
+class StopResult:
     """How a stop without the scan left an axis: ``ok`` when it stands or is off, ``text`` in words."""
 
     axis: str
@@ -48,13 +48,13 @@ class Unsafe:
     text: str
 
 
-def alarm(stopped: Iterable[Stopped]) -> str:
+def alarm(stopped: Iterable[StopResult]) -> str:
     """Return what a person must do about axes that may still move; empty where there are none."""
     unsure = [each.axis for each in stopped if not each.ok]
     return f"TREAT {', '.join(unsure)} AS MOVING: use the emergency stop" if unsure else ""
 
 
-class Parting(Enum):
+class NodeShutdown(Enum):
     """What is done to a node at the end."""
 
     REST = "it no longer waits for our heartbeat, and goes to pre-operational"
@@ -62,7 +62,7 @@ class Parting(Enum):
     ARMED = "nothing: nobody knows that it stands, and its watch over our heartbeat is left to stop it"
 
 
-class Link(Protocol[Booted, Parts, Incident, Event]):
+class CellConnection(Protocol[Booted, Parts, Incident, Event]):
     """An opened connection to the nodes of a cell, which are known by their node IDs."""
 
     @property
@@ -76,7 +76,7 @@ class Link(Protocol[Booted, Parts, Incident, Event]):
         """Make the cycle, over the nodes that have come up."""
 
     @property
-    def cycle(self) -> Cycle:
+    def cycle(self) -> BusCycle:
         """What paces the scan and carries its frames; there after ``begin``."""
 
     def ports(self, node_id: int) -> Mapping[str, Port]:
@@ -92,15 +92,15 @@ class Link(Protocol[Booted, Parts, Incident, Event]):
         """Whether a node answers now; blocks for one request."""
 
     def ready(self) -> None:
-        """Block until the scan may do its first cycle, such as for the SYNC of another device; raises what ``Cycle`` raises."""
+        """Block until the scan may do its first cycle, such as for the SYNC of another device; raises what ``BusCycle`` raises."""
 
-    def rescue(self, names: Collection[str]) -> list[Stopped]:
+    def rescue(self, names: Collection[str]) -> list[StopResult]:
         """Stop the axes of these names without the scan, and return how each was left; blocks."""
 
-    def make_safe(self, points: Collection[Point]) -> list[Unsafe]:
+    def make_safe(self, points: Collection[IoPoint]) -> list[Unsafe]:
         """Lead outputs to their safe states without the scan, and return those of which that is not confirmed; blocks."""
 
-    def leave(self, how: Mapping[int, Parting]) -> None:
+    def leave(self, how: Mapping[int, NodeShutdown]) -> None:
         """Leave each node as ``how`` says; blocks. A node that is gone is passed over."""
 
     def close(self) -> None:
@@ -124,11 +124,11 @@ class Link(Protocol[Booted, Parts, Incident, Event]):
     def sdo_counts(self) -> Sequence[SdoCount]:
         """Return how SDO transfers ended, by node; none where there are no frames."""
 
-    def carried(self) -> Carried | None:
+    def carried(self) -> BusTraffic | None:
         """Return what the bus has carried so far; None where there are no frames."""
 
-    def tap(self, ear: Callable[[Frame], None]) -> None:
+    def tap(self, ear: Callable[[CanFrame], None]) -> None:
         """Have ``ear`` called with every frame, in either direction; it must not block. Never called where there are no frames."""
 
-    def untap(self, ear: Callable[[Frame], None]) -> None:
+    def untap(self, ear: Callable[[CanFrame], None]) -> None:
         """End that; harmless where it has ended."""

@@ -19,7 +19,7 @@ from typing import NamedTuple, Protocol
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent
 from axisbus.cia301.dropped_frames import Drop
-from axisbus.cia301.frame import Carried, Frame
+from axisbus.cia301.frame import BusTraffic, CanFrame
 from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia402.port import Capabilities, Waiter
 from axisbus.errors import AxisbusError
@@ -27,9 +27,9 @@ from axisbus.motion.command_status import Status
 from axisbus.motion.commands import Command
 from axisbus.motion.group.commands import GroupCommand
 from axisbus.motion.io.commands import SetOutputs
-from axisbus.motion.io.reading import Reading
+from axisbus.motion.io.reading import IoReading
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.probing.capture import Capture
+from axisbus.motion.probing.capture import ProbeCapture
 from axisbus.motion.snapshot import Snapshot
 from axisbus.wording import counted
 
@@ -37,7 +37,7 @@ AnyCommand = Command | GroupCommand | SetOutputs
 Target = str | tuple[str, ...]  # an axis or a group by name, or a group by its axes
 IO: Target = ()  # the target of a command that sets outputs
 Observer = Callable[[float, Mapping[str, Snapshot]], None]
-HearFrames = Callable[[Sequence[Frame]], None]
+HearFrames = Callable[[Sequence[CanFrame]], None]
 
 
 class CommandEvent(NamedTuple):
@@ -50,7 +50,7 @@ class CommandEvent(NamedTuple):
     status: Status
     error: AxisbusError | None
     note: str
-    capture: Capture | None = None
+    capture: ProbeCapture | None = None
 
 
 class CommandSeen(NamedTuple):
@@ -66,7 +66,7 @@ class CommandSeen(NamedTuple):
     error: str = ""
 
 
-class Program(NamedTuple):
+class ClientProgram(NamedTuple):
     """A program that is at a machine: ``who`` it is, for people, and whether it has the machine's command.
 
     ``lost_cycles`` and ``lost_frames``: of what it observes and taps, how much was left out since it came, as it did not take it in
@@ -197,11 +197,11 @@ class AxisSession(Protocol):
         """Let ``observer`` have no more."""
 
 
-class Session(AxisSession, Protocol):
+class MachineSession(AxisSession, Protocol):
     """A program's way to the core: its axes, and what it has to tell of the nodes and the bus; also after it has ended."""
 
     @property
-    def readings(self) -> Mapping[str, Reading]:
+    def readings(self) -> Mapping[str, IoReading]:
         """What is known of every input and output after the last cycle, by name; none of nodes that are not there."""
 
     @property
@@ -229,11 +229,11 @@ class Session(AxisSession, Protocol):
         """How the SDO transfers with each node ended so far, by node; empty without a bus."""
 
     @property
-    def carried(self) -> Carried | None:
+    def carried(self) -> BusTraffic | None:
         """What the bus has carried so far, in both directions; None without a bus."""
 
     @property
-    def programs(self) -> tuple[Program, ...]:
+    def programs(self) -> tuple[ClientProgram, ...]:
         """The programs that are at this machine, the one that opened it first; empty where no other can join."""
 
     @property

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from axisbus import Machine, Recorder, eds
-from axisbus.boot.configure import Watch
+from axisbus.boot.configure import DriveMonitoringSetup
 from axisbus.boot.stop_report import NO_WATCHDOG, Watchdog, stop_ladder
 from axisbus.cell.reader import load as load_cell
 from axisbus.cell.scale_proposal import compare
@@ -417,7 +417,7 @@ def test_a_drive_that_says_to_have_more_consumer_heartbeats_than_there_are_nodes
                 return None
             return 0xFFFF if subindex == 0 else 5 << 16 | 100  # each of them watches another node
 
-    report = Watch(Objects(), simulated_bus(tmp_path)).arm(None)
+    report = DriveMonitoringSetup(Objects(), simulated_bus(tmp_path)).arm(None)
     assert report == NO_WATCHDOG
     assert [key for key in asked if key[0] == 0x1016] == [(0x1016, number) for number in range(128)]
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 import pytest
 
 from axisbus.boot.can_simple import identity
-from axisbus.boot.can_simple.discovery import Listening
+from axisbus.boot.can_simple.discovery import NodeListener
 from axisbus.boot.can_simple.stop_report import WATCHDOG, ladder
 from axisbus.boot.stop_report import Watchdog
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
 from axisbus.drives.gim6010.discovery.questions import SimpleFacts
 from axisbus.errors import BootError
@@ -21,18 +21,19 @@ NODE = 16
 BEAT = 0x201  # 16 times 32, and command 1 (manual v2.2, 4.1.1)
 
 
-def heard(*frames: Frame) -> Listening:
+def heard(*frames: CanFrame) -> NodeListener:
     """What was heard of node 16, by these frames."""
-    listening = Listening(None, NODE)
+    listening = NodeListener(None, NODE)
     for frame in frames:
         listening._take(frame)
     return listening
 
 
-def beats(count: int = 6, *, every: float = 0.1, life: int = 7, byte: int = 0) -> list[Frame]:
+def beats(count: int = 6, *, every: float = 0.1, life: int = 7, byte: int = 0) -> list[CanFrame]:
     """Heartbeats in idle; ``byte`` is that of the flags."""
     return [
-        Frame(number * every, BEAT, bytes((0, 0, 0, 0, 1, byte, 0, life + number))) for number in range(count)
+        CanFrame(number * every, BEAT, bytes((0, 0, 0, 0, 1, byte, 0, life + number)))
+        for number in range(count)
     ]
 
 
@@ -50,7 +51,7 @@ def test_one_module_that_beats_as_from_the_factory_is_one():
 
 def test_beats_that_a_busy_computer_took_late_are_as_often_all_the_same():
     late = [
-        Frame(0.6 if frame.time in (0.3, 0.4, 0.5) else frame.time, frame.can_id, frame.data)
+        CanFrame(0.6 if frame.time in (0.3, 0.4, 0.5) else frame.time, frame.can_id, frame.data)
         for frame in beats()
     ]
     identity.require_one(heard(*late), 0.1)
@@ -100,16 +101,16 @@ def test_who_it_is_stands_in_words():
     ("frames", "message", "remedy"),
     [
         ([], "module 16 is not there", "its node ID and bit rate"),
-        ([Frame(0.0, 0x710, b"\x7f")], "node 16 speaks CANopen", 'eds = "builtin:gim6010-8"'),
+        ([CanFrame(0.0, 0x710, b"\x7f")], "node 16 speaks CANopen", 'eds = "builtin:gim6010-8"'),
         (
-            [Frame(0.0, 0x1920_0404, bytes(8), extended=True)],
+            [CanFrame(0.0, 0x1920_0404, bytes(8), extended=True)],
             "29-bit protocol of firmware 0.6.8",
             "bring the module to CANopen",
         ),
     ],
 )
 def test_one_that_is_not_heard_is_told_by_what_is(frames, message, remedy):
-    told = str(identity.nobody(heard(*frames), 3.0, "nothing is wrong with the channel"))
+    told = str(identity.no_answer_error(heard(*frames), 3.0, "nothing is wrong with the channel"))
     assert message in told
     assert remedy in told
 

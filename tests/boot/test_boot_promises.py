@@ -14,9 +14,15 @@ from axisbus.check.run import check, promised
 from axisbus.cia402.si_units import by_dimension, decoded
 from axisbus.eds.builtin import resolve
 from axisbus.errors import AxisbusError, BootError, ConfigError, LimitError, StateError
-from axisbus.motion.stop.promises import Kept
+from axisbus.motion.stop.promises import LimitEnforcement
 
-AHEAD, AT, REFUSED, WATCHED, CHECKED = Kept.AHEAD, Kept.AT, Kept.REFUSED, Kept.WATCHED, Kept.CHECKED
+AHEAD, AT, REFUSED, WATCHED, CHECKED = (
+    LimitEnforcement.AHEAD,
+    LimitEnforcement.AT,
+    LimitEnforcement.REFUSED,
+    LimitEnforcement.WATCHED,
+    LimitEnforcement.CHECKED,
+)
 CELL = """[bus]
 interface = "sim"
 scan_period = "10ms"
@@ -82,7 +88,7 @@ def errors(path: Path) -> list[str]:
     return [f"{each.message} | {each.remedy}" for each in check(path) if each.severity.value == "error"]
 
 
-def kept(promises, limit: str = "position_limits") -> dict[str, Kept]:
+def kept(promises, limit: str = "position_limits") -> dict[str, LimitEnforcement]:
     return {each.mode: each.kept for each in promises if each.limit == limit}
 
 
@@ -222,7 +228,7 @@ def test_an_axis_whose_numbers_are_known_is_promised_all(tmp_path):
         booted = cell["a"].promises
         assert booted == promised(path)["a"]
         assert {kept(booted)[mode] for mode in ("pp", "pv", "tq", "csp", "csv", "cst")} == {AHEAD}
-        assert kept(booted)["hm"] is Kept.NOT
+        assert kept(booted)["hm"] is LimitEnforcement.NOT
         assert set(kept(booted, "max_velocity").values()) == {WATCHED}
         report = cell.node(1).report if hasattr(cell.node(1), "report") else None
         assert report is None or "braked ahead" in report.text()
@@ -238,7 +244,7 @@ def test_an_axis_in_increments_is_promised_what_can_be_kept(tmp_path):
     path = write(tmp_path, RAW)
     found = promised(path)["a"]
     assert kept(found) == {
-        "pp": AT, "pv": REFUSED, "tq": REFUSED, "hm": Kept.NOT, "csp": AHEAD, "csv": REFUSED, "cst": REFUSED,
+        "pp": AT, "pv": REFUSED, "tq": REFUSED, "hm": LimitEnforcement.NOT, "csp": AHEAD, "csv": REFUSED, "cst": REFUSED,
     }  # fmt: skip
     assert kept(found, "max_velocity")["pv"] is CHECKED
     [warning] = [each for each in check(path) if each.message.startswith("axis a: position_limits")]

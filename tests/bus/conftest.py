@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from kit.bus.peer import FakeBus, Slave, eventually
 
 
@@ -31,8 +31,8 @@ def slave(fake: FakeBus) -> Slave:
 
 
 @pytest.fixture
-def node(channel: Channel, slave: Slave) -> Iterator[Node]:
-    with Node(channel, 5) as node:
+def node(channel: Channel, slave: Slave) -> Iterator[CanopenNode]:
+    with CanopenNode(channel, 5) as node:
         yield node
 
 

@@ -14,7 +14,7 @@ import can
 import pytest
 
 from axisbus.bus.link import adapter, failures, listen, socketcan
-from axisbus.bus.link.socketcan import Link
+from axisbus.bus.link.socketcan import CanInterface
 from axisbus.errors import AdapterError, ArgumentError
 from kit.bus.peer import FakeBus
 
@@ -79,7 +79,7 @@ def test_a_kernel_without_can_is_told_so(monkeypatch: pytest.MonkeyPatch) -> Non
 
     monkeypatch.setattr(can, "Bus", refuse)
     with pytest.raises(AdapterError) as caught:
-        adapter.open_adapter("socketcan", "can0", None, {}, lambda name: Link(name, up=True))
+        adapter.open_adapter("socketcan", "can0", None, {}, lambda name: CanInterface(name, up=True))
     assert "modprobe" in caught.value.remedy
 
 
@@ -97,21 +97,21 @@ def test_a_link_that_is_not_there() -> None:
 
 def test_a_link_that_is_down_gets_the_line_that_brings_it_up() -> None:
     with pytest.raises(AdapterError, match="is down") as caught:
-        adapter.check_link("can0", 500_000, lambda name: Link(name, up=False))
+        adapter.check_link("can0", 500_000, lambda name: CanInterface(name, up=False))
     assert caught.value.remedy.startswith("sudo ip link set can0 up type can bitrate 500000")
 
 
 def test_a_link_at_another_bitrate_than_configured() -> None:
     with pytest.raises(AdapterError, match="runs at 500000 bit/s, configured are 1000000") as caught:
-        adapter.check_link("can0", 1_000_000, lambda name: Link(name, up=True, bitrate=500_000))
+        adapter.check_link("can0", 1_000_000, lambda name: CanInterface(name, up=True, bitrate=500_000))
     assert "down" in caught.value.remedy
     assert "bitrate 1000000" in caught.value.remedy
 
 
 @pytest.mark.parametrize("bitrate", [None, 500_000])
 def test_a_link_that_fits_or_does_not_tell(bitrate: int | None) -> None:
-    adapter.check_link("can0", bitrate, lambda name: Link(name, up=True, bitrate=500_000))
-    adapter.check_link("vcan0", bitrate, lambda name: Link(name, up=True, kind="vcan"))
+    adapter.check_link("can0", bitrate, lambda name: CanInterface(name, up=True, bitrate=500_000))
+    adapter.check_link("vcan0", bitrate, lambda name: CanInterface(name, up=True, kind="vcan"))
 
 
 # As iproute2 prints it; the keys are those of its ip/iplink_can.c.
@@ -121,7 +121,7 @@ IP_ANSWER = """[{"ifindex":4,"ifname":"can0","flags":["NOARP","UP","LOWER_UP","E
 
 
 def test_the_answer_of_ip_is_read() -> None:
-    assert socketcan.parse_ip(IP_ANSWER) == Link("can0", True, "can", 500_000, 10, "ERROR-ACTIVE")
+    assert socketcan.parse_ip(IP_ANSWER) == CanInterface("can0", True, "can", 500_000, 10, "ERROR-ACTIVE")
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", "no json", json.dumps([{}])])
@@ -142,8 +142,8 @@ def test_without_ip_sysfs_tells_what_it_can(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(socketcan, "_NET", tmp_path)
     monkeypatch.setattr(socketcan, "_ip", lambda _: "")
     assert socketcan.links() == ["can0", "can1"]
-    assert socketcan.link("can0") == Link("can0", True, queue_length=10)
-    assert socketcan.link("can1") == Link("can1", False, queue_length=10)
+    assert socketcan.link("can0") == CanInterface("can0", True, queue_length=10)
+    assert socketcan.link("can1") == CanInterface("can1", False, queue_length=10)
     assert socketcan.link("eth0") is None
 
 
@@ -194,7 +194,10 @@ def test_a_listener_looks_often_enough_whether_it_is_to_go_on(fake: FakeBus) -> 
 
 
 def test_only_of_socketcan_links_the_system_knows_the_bit_rate(monkeypatch: pytest.MonkeyPatch) -> None:
-    known = {"can0": Link("can0", True, bitrate=500_000), "5": Link("5", True, bitrate=250_000)}
+    known = {
+        "can0": CanInterface("can0", True, bitrate=500_000),
+        "5": CanInterface("5", True, bitrate=250_000),
+    }
     monkeypatch.setattr(socketcan, "link", known.get)
     assert listen.link_bitrate("socketcan", "can0") == 500_000
     assert listen.link_bitrate("socketcan", 5) == 250_000

@@ -11,11 +11,11 @@ import pytest
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.link.detect_other_master import require_alone
-from axisbus.cia301.master_detection import Cast
+from axisbus.cia301.master_detection import ExpectedMasters
 from axisbus.errors import AdapterError, SecondMasterError, StateError
 from kit.bus.peer import FakeBus, eventually
 
-CAST = Cast(frozenset({5}), frozenset({127}))
+CAST = ExpectedMasters(frozenset({5}), frozenset({127}))
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from axisbus.bus.link import bitrate_change
 from axisbus.bus.link.bitrate_change import Opening, OwnRate, change_over
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.lss import LssMaster
-from axisbus.cia305.dialogue import Timing
+from axisbus.cia305.dialogue import LssTiming
 from axisbus.cia305.services import LssAddress
 from axisbus.errors import AdapterError, LssTimeout
 from kit.bus.peer import FakeBus, Frame
@@ -21,7 +21,7 @@ from kit.lss_line import HandSlave
 
 ONE, OTHER = LssAddress(0xC0B00, 8, 1, 1), LssAddress(0xC0B00, 8, 1, 2)
 DELAY = 0.05
-PATIENT = Timing(floor=0.05, first=0.5)
+PATIENT = LssTiming(floor=0.05, first=0.5)
 PCAN = Opening("pcan", "PCAN_USBBUS1", 1_000_000)
 
 
@@ -138,7 +138,7 @@ def test_one_that_restarts_for_it_is_asked_again(desk, monkeypatch: pytest.Monke
     slave.at_rate, slave.restarting = 250_000, 19  # a whole question, with its tries
     table = desk(slave)
     channel = table.stack.enter_context(Channel(table.after, "pcan:PCAN_USBBUS1"))
-    master = LssMaster(channel, Timing(floor=0.05, first=0.05), beside_operation=True)
+    master = LssMaster(channel, LssTiming(floor=0.05, first=0.05), beside_operation=True)
     assert bitrate_change._answers(master, ONE)
     assert slave.restarting == 0
 

@@ -11,7 +11,7 @@ import can
 import pytest
 
 from axisbus.bus.link.channel import Channel
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.errors import AdapterError, BusError
 from kit.bus.peer import FakeBus, eventually
 
@@ -204,7 +204,7 @@ def test_who_taps_gets_every_frame_in_both_directions_until_that_ends(
 ) -> None:
     heard: list[tuple[int, bytes, bool]] = []
 
-    def ear(frame: Frame) -> None:
+    def ear(frame: CanFrame) -> None:
         heard.append((frame.can_id, frame.data, frame.remote))
 
     channel.tap(ear)

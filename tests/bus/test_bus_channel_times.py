@@ -11,7 +11,7 @@ import pytest
 from axisbus.bus.link import channel as module
 from axisbus.bus.link import failures
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.link.errorframe import Condition, ErrorCounters
+from axisbus.bus.link.errorframe import CanErrorState, ErrorCounters
 from axisbus.errors import AdapterError, BusOff, TransmitQueueFull
 from kit.bus.clock import SleepingClock as Clock
 from kit.bus.peer import FakeBus, eventually
@@ -166,7 +166,7 @@ def test_an_identifier_above_7ff_has_29_bits(
 
 def test_what_the_wire_looks_like(open_channel: Channel) -> None:
     assert open_channel.health() == ""
-    open_channel.controller.condition = Condition.PASSIVE
+    open_channel.controller.condition = CanErrorState.PASSIVE
     assert open_channel.health() == "the CAN controller is error passive"
     open_channel.counters.error_frames = 3
     assert open_channel.health() == "3 error frames on fake, the CAN controller is error passive"
@@ -175,7 +175,7 @@ def test_what_the_wire_looks_like(open_channel: Channel) -> None:
         open_channel.health()
         == "3 error frames on fake, the last: bus error, the CAN controller is error passive"
     )
-    open_channel.controller.condition = Condition.ACTIVE
+    open_channel.controller.condition = CanErrorState.ACTIVE
     assert open_channel.health() == "3 error frames on fake, the last: bus error"
 
 

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.bus.link.controller import HISTORY, Controller
-from axisbus.bus.link.errorframe import Condition, ErrorCounters
+from axisbus.bus.link.controller import HISTORY, CanController
+from axisbus.bus.link.errorframe import CanErrorState, ErrorCounters
 
-OFF, WARNING, PASSIVE, ACTIVE = Condition.OFF, Condition.WARNING, Condition.PASSIVE, Condition.ACTIVE
+OFF, WARNING, PASSIVE, ACTIVE = (
+    CanErrorState.OFF,
+    CanErrorState.WARNING,
+    CanErrorState.PASSIVE,
+    CanErrorState.ACTIVE,
+)
 
 
 def controller_bits(status: int, transmit: int = 0, receive: int = 0) -> bytes:
@@ -15,7 +20,7 @@ def controller_bits(status: int, transmit: int = 0, receive: int = 0) -> bytes:
 
 
 def test_each_change_is_one_event_with_its_time_and_counters():
-    made = Controller("can0")
+    made = CanController("can0")
     assert made.condition is ACTIVE
     warned = made.error_frame(0x04, controller_bits(0x08, 96, 3), 1.0)
     assert (warned.stamp, warned.channel, warned.condition, warned.counters, warned.restarted) == (
@@ -47,7 +52,7 @@ def test_each_change_is_one_event_with_its_time_and_counters():
 
 
 def test_a_restart_is_told_also_where_the_bus_off_before_it_went_unheard():
-    made = Controller("can0")
+    made = CanController("can0")
     event = made.error_frame(0x100, bytes(8), 1.0)
     assert (event.condition, event.restarted) == (ACTIVE, True)
 
@@ -63,7 +68,7 @@ def test_a_restart_is_told_also_where_the_bus_off_before_it_went_unheard():
     ],
 )
 def test_the_driver_s_own_state_tells_bus_off(seen, told):
-    made = Controller("can0")
+    made = CanController("can0")
     events = [made.state(off, float(number)) for number, off in enumerate(seen)]
     assert [event.condition for event in events if event is not None] == told
     assert [event.stamp for event in events if event is not None] == [event.stamp for event in made.events]
@@ -72,16 +77,16 @@ def test_the_driver_s_own_state_tells_bus_off(seen, told):
 
 
 def test_a_bus_off_told_by_a_frame_is_not_taken_back_by_the_state():
-    made = Controller("can0")
+    made = CanController("can0")
     made.error_frame(0x40, bytes(8), 1.0)
     assert made.state(False, 2.0) is None
     assert made.condition is OFF
     assert made.state(True, 3.0) is None
-    other = Controller("can0")
+    other = CanController("can0")
     other.state(True, 1.0)
     other.error_frame(0x100, bytes(8), 2.0)
     assert other.state(False, 3.0) is None
-    passive = Controller("can0")
+    passive = CanController("can0")
     passive.state(True, 1.0)
     passive.error_frame(0x04, controller_bits(0x20), 2.0)
     assert passive.condition is PASSIVE
@@ -89,7 +94,7 @@ def test_a_bus_off_told_by_a_frame_is_not_taken_back_by_the_state():
 
 
 def test_the_last_64_events_are_kept():
-    made = Controller("can0")
+    made = CanController("can0")
     for number in range(100):
         made.error_frame(0x40 if number % 2 else 0x100, bytes(8), float(number))
     assert (HISTORY, len(made.events), made.events[0].stamp) == (64, 64, 36.0)

@@ -13,7 +13,7 @@ from axisbus.bus.gim6010.node_id import set_node_id
 from axisbus.drives.gim6010.can_simple.endpoints import parse
 from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
 from axisbus.drives.gim6010.discovery import report_text
-from axisbus.drives.gim6010.discovery.finder import Ask
+from axisbus.drives.gim6010.discovery.finder import ProbeScope
 from axisbus.drives.gim6010.settings import bitrate
 from axisbus.drives.gim6010.settings.parameter_batch import apply
 from axisbus.sim.can_simple.fault_injection import ModuleDials
@@ -72,7 +72,7 @@ def played(monkeypatch, name, killed_at=None):
     return module, channel
 
 
-def explained(module, rate, since, ask=Ask.HEARD):
+def explained(module, rate, since, ask=ProbeScope.HEARD):
     """What ``find`` tells at a bit rate."""
     module.dials.line_bitrate = rate
     found = search(module, ask=ask, since=since).found
@@ -92,7 +92,7 @@ def test_how_many_frames_there_are_and_what_it_comes_to(monkeypatch, name):
     assert [number for number, (can_id, _) in enumerate(channel.sent) if can_id & 0x1F == SAVE] == [
         frames - 1
     ]
-    assert explained(module, after[2], channel.wire.now, Ask.ALL) == [after]
+    assert explained(module, after[2], channel.wire.now, ProbeScope.ALL) == [after]
 
 
 @pytest.mark.parametrize(

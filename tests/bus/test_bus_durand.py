@@ -16,13 +16,13 @@ from durand.scheduler import VirtualScheduler
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.nmt import Confirmation
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo.configure import set_pdo
 from axisbus.bus.sdo.channels import SdoChannel, open_channel, read_server, set_server
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.pdo import MappedObject
-from axisbus.cia301.sdo import Way
+from axisbus.cia301.sdo import SdoTransferType
 from axisbus.errors import SdoAbort, StateError
 from kit.bus.peer import eventually
 
@@ -73,8 +73,8 @@ def wire(peer: Peer) -> Iterator[Channel]:
 
 
 @pytest.fixture
-def node(wire: Channel) -> Iterator[Node]:
-    with Node(wire, NODE, sdo_timeout=PATIENCE) as node:
+def node(wire: Channel) -> Iterator[CanopenNode]:
+    with CanopenNode(wire, NODE, sdo_timeout=PATIENCE) as node:
         yield node
         node.command(NmtCommand.RESET_NODE, timeout=PATIENCE)
 
@@ -91,7 +91,7 @@ def node(wire: Channel) -> Iterator[Node]:
         (0x2001, DataType.UNSIGNED64, 0x0102030405060708, 2**64 - 1),  # eight bytes: in segments
     ],
 )
-def test_values_are_read_and_written(peer: Peer, node: Node, index, data_type, there, written) -> None:
+def test_values_are_read_and_written(peer: Peer, node: CanopenNode, index, data_type, there, written) -> None:
     assert node.sdo.read(index, data_type=data_type) == there
     node.sdo.write(index, 0, written, data_type=data_type)
     assert peer.od.read(index, 0) == written
@@ -109,21 +109,21 @@ def test_values_are_read_and_written(peer: Peer, node: Node, index, data_type, t
         (0x6060, b"\x00\x00", 0x0607_0010),
     ],
 )
-def test_its_refusals_are_raised_with_their_code(node: Node, index, data, code) -> None:
+def test_its_refusals_are_raised_with_their_code(node: CanopenNode, index, data, code) -> None:
     with pytest.raises(SdoAbort) as caught:
         node.sdo.upload(index) if data is None else node.sdo.download(index, 0, data)
     assert caught.value.code == code
 
 
-@pytest.mark.parametrize("way", list(Way))
+@pytest.mark.parametrize("way", list(SdoTransferType))
 @pytest.mark.parametrize("size", [1, 4, 5, 7, 8, 255, 256, 889, 890])
-def test_domains_travel_both_ways(peer: Peer, node: Node, size: int, way: Way) -> None:
+def test_domains_travel_both_ways(peer: Peer, node: CanopenNode, size: int, way: SdoTransferType) -> None:
     node.sdo.download(0x2100, 0, BIG[:size], way=way)
     assert peer.od.read(0x2100, 0) == BIG[:size]
     assert node.sdo.upload(0x2100, way=way) == BIG[:size]
 
 
-def test_64_kib_in_blocks_with_their_progress(peer: Peer, node: Node) -> None:
+def test_64_kib_in_blocks_with_their_progress(peer: Peer, node: CanopenNode) -> None:
     seen: list[tuple[int, int | None]] = []
     node.sdo.download(0x2100, 0, BIG, progress=lambda done, all_: seen.append((done, all_)))
     assert peer.od.read(0x2100, 0) == BIG
@@ -135,7 +135,7 @@ def test_64_kib_in_blocks_with_their_progress(peer: Peer, node: Node) -> None:
     assert seen[-1] == (65536, 65536)
 
 
-def test_a_second_channel_beside_the_first(node: Node) -> None:
+def test_a_second_channel_beside_the_first(node: CanopenNode) -> None:
     assert not read_server(node.sdo, 1).valid
     with pytest.raises(StateError, match="1201h is not in use"):
         open_channel(node.sdo, 1)
@@ -153,7 +153,7 @@ def test_a_second_channel_beside_the_first(node: Node) -> None:
 # -- NMT
 
 
-def test_nmt_commands_are_followed_and_confirmed(peer: Peer, node: Node) -> None:
+def test_nmt_commands_are_followed_and_confirmed(peer: Peer, node: CanopenNode) -> None:
     assert node.command(NmtCommand.START) is Confirmation.SDO
     assert peer.node.nmt.state == 5
     assert node.command(NmtCommand.STOP) is Confirmation.SDO
@@ -162,7 +162,7 @@ def test_nmt_commands_are_followed_and_confirmed(peer: Peer, node: Node) -> None
     assert peer.node.nmt.state == 127
 
 
-def test_its_heartbeat_is_heard(peer: Peer, node: Node) -> None:
+def test_its_heartbeat_is_heard(peer: Peer, node: CanopenNode) -> None:
     node.sdo.write(0x1017, 0, 500)
     eventually(lambda: node.nmt.has_heartbeat)
     assert node.nmt.state is NmtState.PRE_OPERATIONAL
@@ -172,7 +172,7 @@ def test_its_heartbeat_is_heard(peer: Peer, node: Node) -> None:
 # -- PDO
 
 
-def test_an_rpdo_that_we_mapped_sets_its_objects(peer: Peer, node: Node, wire: Channel) -> None:
+def test_an_rpdo_that_we_mapped_sets_its_objects(peer: Peer, node: CanopenNode, wire: Channel) -> None:
     mapping = (MappedObject(0x6040, 0, 16), MappedObject(0x6064, 0, 32))
     pdo = set_pdo(node.sdo, True, 1, mapping=mapping, transmission_type=255)
     assert pdo.mapping == mapping
@@ -183,7 +183,7 @@ def test_an_rpdo_that_we_mapped_sets_its_objects(peer: Peer, node: Node, wire: C
     peer.od.write(0x6064, 0, -123456)
 
 
-def test_a_tpdo_that_we_mapped_comes_on_change(peer: Peer, node: Node, wire: Channel) -> None:
+def test_a_tpdo_that_we_mapped_comes_on_change(peer: Peer, node: CanopenNode, wire: Channel) -> None:
     mapping = (MappedObject(0x6041, 0, 16), MappedObject(0x6064, 0, 32))
     pdo = set_pdo(node.sdo, False, 1, mapping=mapping, transmission_type=255)
     came: list[bytes] = []
@@ -196,7 +196,7 @@ def test_a_tpdo_that_we_mapped_comes_on_change(peer: Peer, node: Node, wire: Cha
     peer.od.write(0x6041, 0, 0x0250)
 
 
-def test_a_synchronous_tpdo_comes_with_sync(peer: Peer, node: Node, wire: Channel) -> None:
+def test_a_synchronous_tpdo_comes_with_sync(peer: Peer, node: CanopenNode, wire: Channel) -> None:
     pdo = set_pdo(node.sdo, False, 2, mapping=(MappedObject(0x6041, 0, 16),), transmission_type=1)
     assert pdo.synchronous
     came: list[bytes] = []

@@ -6,7 +6,7 @@ import time
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.emcy import EmcyMonitor
-from axisbus.cia301.dropped_frames import Fault
+from axisbus.cia301.dropped_frames import DropReason
 from axisbus.cia301.incident import IncidentState
 from kit.bus.peer import FakeBus, eventually
 
@@ -32,7 +32,7 @@ def test_a_message_without_an_error_code_is_only_counted(channel: Channel, fake:
     eventually(lambda: monitor.history)
     assert monitor.malformed == 2
     (dropped,) = channel.drops.found
-    assert (dropped.fault, dropped.node, dropped.count) == (Fault.EMCY, 5, 2)
+    assert (dropped.fault, dropped.node, dropped.count) == (DropReason.EMCY, 5, 2)
     assert (dropped.can_id, dropped.data) == (0x085, b"\x11")
     assert began <= dropped.last <= monitor.history[0].stamp <= time.monotonic()
     assert monitor.history[0].code == 0x3210

@@ -9,12 +9,12 @@ import pytest
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.events import NodeEvent, NodeEventKind, NodeEvents
 from axisbus.bus.node.nmt import guarding_answer
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.cia301.nmt import NmtState
 from kit.bus.peer import FakeBus, Slave, eventually
 
 
-def hear(fake: FakeBus, node: Node, data: str) -> float:
+def hear(fake: FakeBus, node: CanopenNode, data: str) -> float:
     """Have a message of error control arrive, and return when."""
     before = node.nmt.reports
     fake.inject(0x705, data)
@@ -23,7 +23,7 @@ def hear(fake: FakeBus, node: Node, data: str) -> float:
     return node.nmt.stamp
 
 
-def test_nothing_is_told_while_all_is_well(node: Node, fake: FakeBus) -> None:
+def test_nothing_is_told_while_all_is_well(node: CanopenNode, fake: FakeBus) -> None:
     hear(fake, node, "05")
     node.nmt.watch(0.3)
     events = NodeEvents(node.nmt)
@@ -32,7 +32,7 @@ def test_nothing_is_told_while_all_is_well(node: Node, fake: FakeBus) -> None:
     assert not events.history
 
 
-def test_a_loss_and_a_return_are_told_once_each_with_times(node: Node, fake: FakeBus) -> None:
+def test_a_loss_and_a_return_are_told_once_each_with_times(node: CanopenNode, fake: FakeBus) -> None:
     hear(fake, node, "05")
     node.nmt.watch(0.3)
     events = NodeEvents(node.nmt)
@@ -49,7 +49,7 @@ def test_a_loss_and_a_return_are_told_once_each_with_times(node: Node, fake: Fak
     assert events.history[1].reaction == pytest.approx(0.001)
 
 
-def test_a_restart_between_two_looks_is_not_missed(node: Node, fake: FakeBus) -> None:
+def test_a_restart_between_two_looks_is_not_missed(node: CanopenNode, fake: FakeBus) -> None:
     hear(fake, node, "05")
     events = NodeEvents(node.nmt)
     hear(fake, node, "00")
@@ -61,7 +61,7 @@ def test_a_restart_between_two_looks_is_not_missed(node: Node, fake: FakeBus) ->
 
 @pytest.mark.parametrize(("data", "state"), [("04", NmtState.STOPPED), ("7F", NmtState.PRE_OPERATIONAL)])
 def test_another_state_is_told_to_whoever_asked_for_it(
-    node: Node, fake: FakeBus, data: str, state: int
+    node: CanopenNode, fake: FakeBus, data: str, state: int
 ) -> None:
     hear(fake, node, "05")
     events = NodeEvents(node.nmt)
@@ -73,7 +73,9 @@ def test_another_state_is_told_to_whoever_asked_for_it(
     assert "another NMT state" in str(told[0])
 
 
-def test_an_answer_to_guarding_with_the_same_toggle_bit_counts_as_none(node: Node, fake: FakeBus) -> None:
+def test_an_answer_to_guarding_with_the_same_toggle_bit_counts_as_none(
+    node: CanopenNode, fake: FakeBus
+) -> None:
     """CiA 301 7.2.8.3.2.1: the toggle bit changes with each answer, and begins at 0 after the boot-up."""
     node.nmt.guard(1.0, 0.5)
     first = hear(fake, node, "05")
@@ -86,20 +88,20 @@ def test_an_answer_to_guarding_with_the_same_toggle_bit_counts_as_none(node: Nod
     assert node.nmt.toggle_errors == 1
 
 
-def test_heartbeats_have_no_toggle_bit(node: Node, fake: FakeBus) -> None:
+def test_heartbeats_have_no_toggle_bit(node: CanopenNode, fake: FakeBus) -> None:
     hear(fake, node, "05")
     hear(fake, node, "05")
     assert node.nmt.toggle_errors == 0
 
 
-def test_a_node_is_asked_once_by_guarding(node: Node, slave: Slave, channel: Channel) -> None:
+def test_a_node_is_asked_once_by_guarding(node: CanopenNode, slave: Slave, channel: Channel) -> None:
     assert guarding_answer(channel, node.nmt, 0.02) is None
     slave.answers_guarding, slave.nmt_state = True, 4
     assert guarding_answer(channel, node.nmt, 2.0) is NmtState.STOPPED
     assert not node.nmt.has_heartbeat
 
 
-def test_a_node_that_goes_mad_is_told_once_a_second_with_how_often(node: Node, fake: FakeBus) -> None:
+def test_a_node_that_goes_mad_is_told_once_a_second_with_how_often(node: CanopenNode, fake: FakeBus) -> None:
     heard = hear(fake, node, "05")
     events = NodeEvents(node.nmt)
     every = []

@@ -8,18 +8,20 @@ import struct
 import pytest
 
 from axisbus.bus.pdo.mapping import DevicePdos
-from axisbus.bus.pdo.plan import Plan, Policy, Wanted, make_plan
+from axisbus.bus.pdo.plan import PdoPlan, PdoRequirements, Policy, make_plan
 from axisbus.bus.pdo.rpdo import RpdoImage, arrange
-from axisbus.cia402.port import Outputs, Source
+from axisbus.cia402.port import Outputs, ValueTransport
 from axisbus.ipc import rescue_memory
-from axisbus.ipc.rescue_memory import NO_WORD, Held, LifelineWriter
+from axisbus.ipc.rescue_memory import NO_WORD, LifelineWriter, RescueRpdo
 from kit.bus.plan import EMPTY, NODE, mapped, objects, rpdo
 
 USUAL = ("controlword", "mode", "target_position", "target_velocity", "target_torque")
 
 
-def planned(device: DevicePdos, *names: str, policy: Policy | None = None, unmappable: bool = False) -> Plan:
-    wanted = Wanted(outputs=(*USUAL, *names), synchronous_outputs=frozenset(names))
+def planned(
+    device: DevicePdos, *names: str, policy: Policy | None = None, unmappable: bool = False
+) -> PdoPlan:
+    wanted = PdoRequirements(outputs=(*USUAL, *names), synchronous_outputs=frozenset(names))
     return make_plan(NODE, device, objects(unmappable=(0x60B1, 0x60B2) if unmappable else ()), wanted, policy)
 
 
@@ -28,7 +30,7 @@ def test_they_have_an_rpdo_of_their_own() -> None:
     third = [pdo for pdo in plan.active if pdo.name == "RPDO3"]
     assert [pdo.target.mapping for pdo in third] == [mapped("60B1/32 60B2/16")]
     assert [pdo.target.cob_id for pdo in third] == [0x405]
-    assert plan.outputs["velocity_offset"] is plan.outputs["torque_offset"] is Source.SYNC_PDO
+    assert plan.outputs["velocity_offset"] is plan.outputs["torque_offset"] is ValueTransport.SYNC_PDO
     assert plan.impossible == ()
 
 
@@ -42,14 +44,14 @@ def test_without_being_asked_for_they_are_not_mapped() -> None:
 
 def test_a_drive_with_two_rpdos_takes_what_has_room_and_the_rest_is_told() -> None:
     plan = planned(DevicePdos(EMPTY.rpdos[:2], EMPTY.tpdos), "velocity_offset", "torque_offset")
-    assert plan.outputs["torque_offset"] is Source.SYNC_PDO
-    assert plan.outputs["velocity_offset"] is Source.SDO
+    assert plan.outputs["torque_offset"] is ValueTransport.SYNC_PDO
+    assert plan.outputs["velocity_offset"] is ValueTransport.SDO
     assert plan.impossible == ("velocity offset must travel in a synchronous PDO, but travels by SDO",)
 
 
 def test_what_may_not_be_mapped_is_told() -> None:
     plan = planned(EMPTY, "torque_offset", unmappable=True)
-    assert plan.outputs["torque_offset"] is Source.SDO
+    assert plan.outputs["torque_offset"] is ValueTransport.SDO
     assert any("60B2h" in note for note in plan.notes)
 
 
@@ -58,7 +60,7 @@ MIXED = DevicePdos((rpdo(1, "60B2/16 607A/32 6040/16", 1),), ())
 
 
 def images(device: DevicePdos, *names: str) -> list[RpdoImage]:
-    wanted = Wanted((), ("controlword", "target_position", *names))
+    wanted = PdoRequirements((), ("controlword", "target_position", *names))
     plan = make_plan(NODE, device, objects(), wanted, Policy(remap=False))
     made = [RpdoImage(pdo) for pdo in plan.active]
     for image in made:
@@ -89,7 +91,7 @@ def test_in_one_frame_with_the_controlword_too() -> None:
 def test_a_rescue_takes_them_away(shift: int) -> None:
     memory = mmap.mmap(-1, rescue_memory.size_of(1))
     writer = LifelineWriter(memory, 0)
-    writer.enter([Held(0, 0x405, shift, (1 << 32) - 1), Held(0, 0x205, 0)])
+    writer.enter([RescueRpdo(0, 0x405, shift, (1 << 32) - 1), RescueRpdo(0, 0x205, 0)])
     writer.touched(0)
     writer.sent({0x405: struct.pack("<ihH", -500, 30, 0x0F), 0x205: b"\x0f\0\x07"})
     offsets, word = rescue_memory.found(memory, 0).frames
@@ -102,7 +104,7 @@ def test_a_lifeline_has_room_for_all_of_them() -> None:
     memory = mmap.mmap(-1, rescue_memory.size_of(axes))
     writer = LifelineWriter(memory, 0)
     for axis in range(axes):
-        held = [Held(axis, 0x1000 + 8 * axis + number, 0, 0xFF) for number in range(6)]
+        held = [RescueRpdo(axis, 0x1000 + 8 * axis + number, 0, 0xFF) for number in range(6)]
         writer.enter(held)
         writer.touched(axis)
     assert rescue_memory.found(memory, 0).axes == tuple(range(axes))

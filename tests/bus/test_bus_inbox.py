@@ -12,9 +12,9 @@ import pytest
 
 import axisbus
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.link.frame_queue import Inbox
+from axisbus.bus.link.frame_queue import UnboundedQueue
 from axisbus.bus.lss import LssMaster
-from axisbus.bus.sdo.transfer import Line
+from axisbus.bus.sdo.transfer import SdoConnection
 from kit.bus.peer import FakeBus
 
 WAITS = 100_000
@@ -45,16 +45,16 @@ def within_watchdog(work: Callable[[], None]) -> None:
 
 def test_a_hundred_thousand_waits_of_a_few_microseconds_all_end() -> None:
     def work() -> None:
-        old: Inbox[int] = Inbox()
+        old: UnboundedQueue[int] = UnboundedQueue()
         for number in range(WAITS):
-            inbox = Inbox() if number % 2 else old  # a new one's lock has never been taken
+            inbox = UnboundedQueue() if number % 2 else old  # a new one's lock has never been taken
             assert inbox.take(time.monotonic() + SHORT[number % len(SHORT)]) is None
 
     within_watchdog(work)
 
 
 def test_short_waits_end_while_others_put_and_take() -> None:
-    inbox: Inbox[int] = Inbox()
+    inbox: UnboundedQueue[int] = UnboundedQueue()
     over = threading.Event()
 
     def putting() -> None:
@@ -79,7 +79,10 @@ def test_the_waits_of_sdo_and_lss_end_however_short(channel: Channel, fake: Fake
     def work() -> None:
         for number in range(WAITS // 5):
             patience = SHORT[number % len(SHORT)]
-            line, master = Line(channel, 5), LssMaster(channel)  # new: nobody has waited there before
+            line, master = (
+                SdoConnection(channel, 5),
+                LssMaster(channel),
+            )  # new: nobody has waited there before
             assert line.receive(patience) is None
             assert master._take(time.monotonic() + patience) is None
             line.close()
@@ -88,7 +91,7 @@ def test_the_waits_of_sdo_and_lss_end_however_short(channel: Channel, fake: Fake
 
 
 def test_a_wait_that_has_passed_takes_what_is_there_and_does_not_block() -> None:
-    inbox: Inbox[int] = Inbox()
+    inbox: UnboundedQueue[int] = UnboundedQueue()
     assert inbox.take(time.monotonic() - 1.0) is None
     inbox.put(1)
     inbox.put(2)
@@ -97,13 +100,13 @@ def test_a_wait_that_has_passed_takes_what_is_there_and_does_not_block() -> None
 
 @pytest.mark.parametrize("empty", [b"", 0])
 def test_an_item_that_counts_as_false_is_an_item(empty: object) -> None:
-    inbox: Inbox[object] = Inbox()
+    inbox: UnboundedQueue[object] = UnboundedQueue()
     inbox.put(empty)
     assert inbox.take(0.0) == empty
 
 
 def test_what_is_put_wakes_one_who_waits_long() -> None:
-    inbox: Inbox[str] = Inbox()
+    inbox: UnboundedQueue[str] = UnboundedQueue()
     threading.Timer(0.05, inbox.put, ["woken"]).start()
     began = time.monotonic()
     assert inbox.take(began + 30.0) == "woken"

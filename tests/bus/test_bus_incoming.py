@@ -9,11 +9,11 @@ from collections.abc import Iterator
 import pytest
 
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo.mapping import DevicePdos
-from axisbus.bus.pdo.plan import Policy, Wanted, make_plan
+from axisbus.bus.pdo.plan import PdoRequirements, Policy, make_plan
 from axisbus.bus.port import CanPort
-from axisbus.bus.sdo.worker import Job
+from axisbus.bus.sdo.worker import SdoJob
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.port import INPUT_OBJECTS, Sample
 from axisbus.errors import BusOff
@@ -33,18 +33,22 @@ CODES = {16: "H", 8: "b", 32: "i"}
 
 
 @pytest.fixture
-def node(channel: Channel, fake: FakeBus) -> Iterator[Node]:
-    with Node(channel, NODE) as node:
+def node(channel: Channel, fake: FakeBus) -> Iterator[CanopenNode]:
+    with CanopenNode(channel, NODE) as node:
         yield node
 
 
-def port_on(node: Node, drive: tuple[tuple[str, int], ...], primed: dict[str, Sample]) -> CanPort:
+def port_on(node: CanopenNode, drive: tuple[tuple[str, int], ...], primed: dict[str, Sample]) -> CanPort:
     pdos = tuple(
         tpdo(n + 1, mapping, kind, cob_id=0x180 + 0x100 * n + NODE) for n, (mapping, kind) in enumerate(drive)
     )
     names = tuple(name for name, index in INPUT_OBJECTS.items() if f"{index:04X}/" in str(drive))
     plan = make_plan(
-        NODE, DevicePdos((), pdos), objects(), Wanted(names, ()), Policy(remap=False, communication=False)
+        NODE,
+        DevicePdos((), pdos),
+        objects(),
+        PdoRequirements(names, ()),
+        Policy(remap=False, communication=False),
     )
     port = CanPort(node, plan, scan_period=PERIOD)
     port._poller = None
@@ -58,7 +62,7 @@ def packed(dice: random.Random, mapping: str) -> bytes:
     return whole if dice.random() < 0.97 else whole[:-1]
 
 
-def events(node: Node, port: CanPort, now: float) -> tuple[object, list[object]]:
+def events(node: CanopenNode, port: CanPort, now: float) -> tuple[object, list[object]]:
     """What a port reads, and what it has to tell of its TPDOs."""
     before = len(node.pdo_events)
     inputs = port.read(now)
@@ -68,7 +72,7 @@ def events(node: Node, port: CanPort, now: float) -> tuple[object, list[object]]
 
 @pytest.mark.parametrize("drive", DRIVES)
 @pytest.mark.parametrize("seed", range(6))
-def test_the_short_look_gives_what_the_whole_one_gives(node: Node, drive, seed: int) -> None:
+def test_the_short_look_gives_what_the_whole_one_gives(node: CanopenNode, drive, seed: int) -> None:
     dice = random.Random(f"{seed} {drive}")
     primed = {"demand": Sample(7, 0.5), "position": Sample(3, dice.choice((0.5, 1.01)))}
     short, whole = port_on(node, drive, primed), port_on(node, drive, primed)
@@ -101,7 +105,7 @@ def test_the_short_look_gives_what_the_whole_one_gives(node: Node, drive, seed: 
     whole.close()
 
 
-def trouble(dice: random.Random, node: Node, now: float) -> None:
+def trouble(dice: random.Random, node: CanopenNode, now: float) -> None:
     """What may befall a node and its bus between two cycles."""
     what, nmt, channel = dice.random(), node.nmt, node.channel
     if what < 0.004:
@@ -121,7 +125,7 @@ def trouble(dice: random.Random, node: Node, now: float) -> None:
         node.emcy._on_frame(bytes.fromhex("1042090000000000"), now)
 
 
-def short_bus_off(node: Node) -> None:
+def short_bus_off(node: CanopenNode) -> None:
     """One that has ended again before anybody looked."""
     node.channel.last_off = BusOff("off")
     node.channel.offs += 1
@@ -137,7 +141,9 @@ def short_bus_off(node: Node) -> None:
         (lambda node: setattr(node.nmt, "bootups", 1), False),
     ],
 )
-def test_what_befalls_the_node_or_the_bus_ends_the_short_look_at_once(node: Node, change, back: bool) -> None:
+def test_what_befalls_the_node_or_the_bus_ends_the_short_look_at_once(
+    node: CanopenNode, change, back: bool
+) -> None:
     port = port_on(node, DRIVES[0], {})
     node.nmt.state, now = NmtState.OPERATIONAL, 1.0
 
@@ -159,10 +165,10 @@ def test_what_befalls_the_node_or_the_bus_ends_the_short_look_at_once(node: Node
 
 
 def test_a_short_look_ends_where_frames_fall_behind_sync_and_their_values_have_its_time(
-    node: Node, monkeypatch
+    node: CanopenNode, monkeypatch
 ) -> None:
     """From cycle 20 on each frame comes six SYNCs after the one that it answers; none is lost."""
-    asked: list[Job] = []
+    asked: list[SdoJob] = []
     monkeypatch.setattr(node.worker, "submit", asked.append)
     port, syncs, late = port_on(node, DRIVES[0], {}), node.channel.syncs, 6
     (slot,) = port._slots
@@ -191,8 +197,8 @@ def test_a_short_look_ends_where_frames_fall_behind_sync_and_their_values_have_i
     assert ([(job.index, job.value) for job in asked], answers) == ([(0x1001, None)], 1)
 
 
-def test_a_lost_frame_is_none_that_is_late_once_the_node_has_answered(node: Node, monkeypatch) -> None:
-    asked: list[Job] = []
+def test_a_lost_frame_is_none_that_is_late_once_the_node_has_answered(node: CanopenNode, monkeypatch) -> None:
+    asked: list[SdoJob] = []
     monkeypatch.setattr(node.worker, "submit", asked.append)
     port, syncs = port_on(node, DRIVES[0], {}), node.channel.syncs
     (slot,) = port._slots

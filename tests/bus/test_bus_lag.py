@@ -12,7 +12,7 @@ import pytest
 
 from axisbus.bus.pdo.lag import ASK_PAUSE, ASK_PERIOD, GRACE, JITTER, LONGEST, LONGEST_ANSWER, Lags, LinkLag
 from axisbus.bus.sdo.round_trips import ALLOWED, RoundTrips
-from axisbus.bus.sdo.worker import Job
+from axisbus.bus.sdo.worker import SdoJob
 from axisbus.cia301.sync import SyncTimes
 
 SDO_TIMEOUT = 0.5  # seconds until a request is repeated
@@ -23,9 +23,9 @@ class Worker:
     """The SDO worker of a node."""
 
     def __init__(self) -> None:
-        self.jobs: list[Job] = []
+        self.jobs: list[SdoJob] = []
 
-    def submit(self, job: Job) -> None:
+    def submit(self, job: SdoJob) -> None:
         self.jobs.append(job)
 
 
@@ -102,7 +102,7 @@ class World:
             self.looks.append((self.now, stated, self.sampled))
         self.lags.ask(self.now, True, self)
 
-    def submit(self, job: Job) -> None:
+    def submit(self, job: SdoJob) -> None:
         """As the node's SDO worker."""
         self.ended = job.done
         self.asks += 1

@@ -9,8 +9,8 @@ import pytest
 from axisbus.bus import lss as bus_lss
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.lss import LssMaster
-from axisbus.cia305.dialogue import Timing
-from axisbus.cia305.scan_result import Check, Known
+from axisbus.cia305.dialogue import LssTiming
+from axisbus.cia305.scan_result import Check, KnownIdentity
 from axisbus.cia305.services import LssAddress
 from axisbus.errors import (
     AdapterError,
@@ -24,7 +24,7 @@ from kit.bus.peer import FakeBus, Frame, Slave
 from kit.lss_line import AnswersOnSelected, HandSlave
 
 ADDRESS = LssAddress(0xC0B00, 8, 1, 4711)
-PATIENT = Timing(floor=0.05, first=0.5)  # the machine may be busy
+PATIENT = LssTiming(floor=0.05, first=0.5)  # the machine may be busy
 _waiting = "0400000000000000"
 
 
@@ -55,7 +55,7 @@ def master(channel: Channel) -> LssMaster:
 def test_everybody_without_a_node_id_is_found_and_left_in_waiting(master: LssMaster, fake: FakeBus) -> None:
     slaves = [slave(serial) for serial in (4711, 4712)]
     fake.peers += [*slaves, slave(9, node_id=3)]
-    known = Known(vendor_id=0xC0B00, product_code=8, revision_number=1)
+    known = KnownIdentity(vendor_id=0xC0B00, product_code=8, revision_number=1)
     found = master.find(known)
     assert [each.address.serial_number for each in found.slaves] == [4711, 4712]
     assert all(one.state == "waiting" for one in slaves)
@@ -66,10 +66,10 @@ class AnsweringOn(OnTheBus, AnswersOnSelected):
 
 
 def test_slaves_that_go_on_answering_are_found_and_configured(channel: Channel, fake: FakeBus) -> None:
-    master = LssMaster(channel, Timing(floor=0.02), beside_operation=True)
+    master = LssMaster(channel, LssTiming(floor=0.02), beside_operation=True)
     stubborn, good = AnsweringOn(0xC0B00, 8, 1, 4711), slave(4713)
     fake.peers += [stubborn, good]
-    found = master.find(Known(vendor_id=0xC0B00, product_code=8, revision_number=1))
+    found = master.find(KnownIdentity(vendor_id=0xC0B00, product_code=8, revision_number=1))
     assert [(each.address.serial_number, each.answers_on, each.check) for each in found.slaves] == [
         (4711, True, Check.CONFIRMED),
         (4713, False, Check.NOT_NEEDED),
@@ -254,7 +254,7 @@ def test_late_answers_make_the_wait_longer(channel: Channel, fake: FakeBus) -> N
         return []
 
     fake.peers.append(slow)
-    master = LssMaster(channel, Timing(floor=0.02, first=0.02, tries=20), beside_operation=True)
+    master = LssMaster(channel, LssTiming(floor=0.02, first=0.02, tries=20), beside_operation=True)
     assert master.inquire(ADDRESS).address == ADDRESS
     assert master.pace.timeout > 0.08
     for timer in timers:

@@ -12,8 +12,8 @@ import pytest
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.lss import LssMaster
 from axisbus.bus.node.discover import scan
-from axisbus.cia305.dialogue import Timing
-from axisbus.cia305.scan_result import Known
+from axisbus.cia305.dialogue import LssTiming
+from axisbus.cia305.scan_result import KnownIdentity
 from axisbus.cia305.services import LssAddress
 from axisbus.eds import builtin
 from axisbus.eds import load as load_eds
@@ -24,8 +24,8 @@ from axisbus.sim.device import Device
 from axisbus.sim.node.network import StandIns
 
 _channels = (f"test-bus-lss-{number}" for number in itertools.count())
-PATIENT = Timing(floor=0.03, first=0.3)  # the machine may be busy
-MAKE = Known(vendor_id=0xC0B00, product_code=0, revision_number=0)
+PATIENT = LssTiming(floor=0.03, first=0.3)  # the machine may be busy
+MAKE = KnownIdentity(vendor_id=0xC0B00, product_code=0, revision_number=0)
 Bus = Callable[..., tuple[list[Device], LssMaster, Channel]]
 
 

@@ -10,10 +10,10 @@ import pytest
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.events import NodeEventKind
 from axisbus.bus.node.master_watch import AGAIN, Echoes, MasterWatch
-from axisbus.cia301.master_detection import Cast
+from axisbus.cia301.master_detection import ExpectedMasters
 from kit.bus.peer import FakeBus, eventually
 
-CAST = Cast(frozenset({1, 5}), frozenset({127}), rpdos={0x1A5: 5}, produced=0x80)
+CAST = ExpectedMasters(frozenset({1, 5}), frozenset({127}), rpdos={0x1A5: 5}, produced=0x80)
 
 
 class Subscriptions:
@@ -123,7 +123,7 @@ def test_a_write_after_many_reads_is_told_at_once(bus, watch, stopped):
 def test_time_is_a_sign_where_we_send_it_and_sync_commands_nobody_where_we_do_not(bus, stopped):
     watch = MasterWatch(bus, stops=True)
     watch.on_command = lambda _, nodes: stopped.append(nodes)
-    watch.begin(Cast(frozenset({1}), frozenset(), times=frozenset({0x100})))
+    watch.begin(ExpectedMasters(frozenset({1}), frozenset(), times=frozenset({0x100})))
     bus.hear(0x100, "00 00 00 00 00 00", 10.0)
     bus.hear(0x080, "", 10.1)
     assert ["TIME (100h)" in str(watch.events[0]), "SYNC (080h)" in str(watch.events[1])] == [True, True]
@@ -131,7 +131,7 @@ def test_time_is_a_sign_where_we_send_it_and_sync_commands_nobody_where_we_do_no
 
 
 def test_nodes_that_come_later_are_watched_too_and_closing_ends_all_of_it(bus, watch):
-    watch.begin(Cast(frozenset({1, 5, 9}), frozenset({127}), produced=0x80))
+    watch.begin(ExpectedMasters(frozenset({1, 5, 9}), frozenset({127}), produced=0x80))
     bus.hear(0x209, "00", 10.0)
     assert [event.node for event in watch.events] == [9]
     watch.close()

@@ -273,21 +273,21 @@ def test_what_shows_that_a_machine_is_running(
             line.brings(can_id, data)
 
     line.check = check
-    assert bus_activity.signs_of_operation(line, 0.05) == told
+    assert bus_activity.bus_activity(line, 0.05) == told
     assert not any(line.receivers.values())  # nobody listens any more
 
 
 def test_what_is_seen_ends_the_listening(line: Line) -> None:
     line.check = lambda: line.brings(0x80, "")
     began = time.monotonic()
-    assert bus_activity.signs_of_operation(line, 5.0) == ["SYNC is sent"]
+    assert bus_activity.bus_activity(line, 5.0) == ["SYNC is sent"]
     assert time.monotonic() - began < 2.0
 
 
 def test_nobody_listens_in_the_receive_thread(line: Line) -> None:
     line.in_receive_thread = True
     with pytest.raises(StateError, match="listening to the bus"):
-        bus_activity.signs_of_operation(line, 0.05)
+        bus_activity.bus_activity(line, 0.05)
     assert line.receivers == {}
 
 

@@ -11,14 +11,14 @@ import pytest
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node import nmt
 from axisbus.bus.node.nmt import Confirmation, NodeMonitor
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.sdo import worker
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.errors import AdapterError, ArgumentError, Interrupted, NodeRefused, NodeTimeout, StateError
 from kit.bus.peer import FakeBus, Frame, Slave, eventually
 
 
-def beat(fake: FakeBus, slave: Slave, node: Node) -> None:
+def beat(fake: FakeBus, slave: Slave, node: CanopenNode) -> None:
     """Have one heartbeat arrive, and wait until it has been taken."""
     before = node.nmt.reports
     fake.inject(*slave.heartbeat())
@@ -34,7 +34,7 @@ def answers_with_heartbeat(slave: Slave, fake: FakeBus) -> None:
     fake.peers.append(peer)
 
 
-def test_a_heartbeat_tells_the_state_and_its_age(node: Node, slave: Slave, fake: FakeBus) -> None:
+def test_a_heartbeat_tells_the_state_and_its_age(node: CanopenNode, slave: Slave, fake: FakeBus) -> None:
     assert node.nmt.state == NmtState.UNKNOWN
     before = time.monotonic()
     beat(fake, slave, node)
@@ -43,7 +43,7 @@ def test_a_heartbeat_tells_the_state_and_its_age(node: Node, slave: Slave, fake:
     assert before <= node.nmt.stamp <= time.monotonic()
 
 
-def test_every_boot_up_is_counted_even_between_two_looks(node: Node, fake: FakeBus) -> None:
+def test_every_boot_up_is_counted_even_between_two_looks(node: CanopenNode, fake: FakeBus) -> None:
     for data in ("00", "05", "00", "7F"):
         fake.inject(0x705, data)
     eventually(lambda: node.nmt.reports == 4)
@@ -52,14 +52,14 @@ def test_every_boot_up_is_counted_even_between_two_looks(node: Node, fake: FakeB
     node.nmt.wait_bootup(timeout=0.0, after=1)  # it has come: no waiting, no matter how long ago
 
 
-def test_a_boot_up_that_never_comes_is_a_time_out_with_its_remedy(node: Node) -> None:
+def test_a_boot_up_that_never_comes_is_a_time_out_with_its_remedy(node: CanopenNode) -> None:
     with pytest.raises(NodeTimeout, match="no boot-up") as caught:
         node.nmt.wait_bootup(timeout=0.02)
     assert caught.value.node == 5
     assert "power" in caught.value.remedy
 
 
-def test_an_overdue_heartbeat_ends_operational(node: Node, slave: Slave, fake: FakeBus) -> None:
+def test_an_overdue_heartbeat_ends_operational(node: CanopenNode, slave: Slave, fake: FakeBus) -> None:
     slave.nmt_state = 5
     beat(fake, slave, node)
     stamp = node.nmt.stamp
@@ -76,7 +76,7 @@ def test_an_overdue_heartbeat_ends_operational(node: Node, slave: Slave, fake: F
     assert not node.nmt.overdue(node.nmt.deadline)
 
 
-def test_the_watch_counts_from_its_beginning(node: Node, slave: Slave, fake: FakeBus) -> None:
+def test_the_watch_counts_from_its_beginning(node: CanopenNode, slave: Slave, fake: FakeBus) -> None:
     """A heartbeat heard long ago must not make the node overdue at once."""
     beat(fake, slave, node)
     time.sleep(0.05)
@@ -84,7 +84,7 @@ def test_the_watch_counts_from_its_beginning(node: Node, slave: Slave, fake: Fak
     assert not node.nmt.overdue(time.monotonic())
 
 
-def test_one_that_has_never_reported_is_overdue_after_its_time(node: Node) -> None:
+def test_one_that_has_never_reported_is_overdue_after_its_time(node: CanopenNode) -> None:
     node.nmt.watch(0.3)
     now = time.monotonic()
     assert not node.nmt.overdue(now)
@@ -99,13 +99,15 @@ def test_one_that_has_never_reported_is_overdue_after_its_time(node: Node) -> No
 @pytest.mark.parametrize(
     ("data", "state"), [("04", NmtState.STOPPED), ("FF", NmtState.PRE_OPERATIONAL), ("50", 80)]
 )
-def test_toggle_bits_and_unknown_states_are_read(node: Node, fake: FakeBus, data: str, state: int) -> None:
+def test_toggle_bits_and_unknown_states_are_read(
+    node: CanopenNode, fake: FakeBus, data: str, state: int
+) -> None:
     fake.inject(0x705, data)
     eventually(lambda: node.nmt.reports)
     assert node.nmt.state == state
 
 
-def test_a_command_is_confirmed_by_the_heartbeat(node: Node, slave: Slave, fake: FakeBus) -> None:
+def test_a_command_is_confirmed_by_the_heartbeat(node: CanopenNode, slave: Slave, fake: FakeBus) -> None:
     beat(fake, slave, node)
     answers_with_heartbeat(slave, fake)
     assert node.command(NmtCommand.START) is Confirmation.HEARTBEAT
@@ -113,7 +115,7 @@ def test_a_command_is_confirmed_by_the_heartbeat(node: Node, slave: Slave, fake:
     assert fake.frames(0) == [b"\x01\x05"]
 
 
-def test_a_command_that_is_lost_is_sent_again(node: Node, slave: Slave, fake: FakeBus) -> None:
+def test_a_command_that_is_lost_is_sent_again(node: CanopenNode, slave: Slave, fake: FakeBus) -> None:
     beat(fake, slave, node)
     fake.peers.remove(slave)  # the first one does not reach it
 
@@ -129,7 +131,7 @@ def test_a_command_that_is_lost_is_sent_again(node: Node, slave: Slave, fake: Fa
 
 
 def test_a_heartbeat_from_before_the_command_confirms_nothing(
-    node: Node, slave: Slave, fake: FakeBus
+    node: CanopenNode, slave: Slave, fake: FakeBus
 ) -> None:
     slave.nmt_state = 5
     beat(fake, slave, node)
@@ -137,7 +139,7 @@ def test_a_heartbeat_from_before_the_command_confirms_nothing(
         node.command(NmtCommand.START, timeout=0.02)
 
 
-def test_a_node_that_stays_where_it_is_is_named(node: Node, slave: Slave, fake: FakeBus) -> None:
+def test_a_node_that_stays_where_it_is_is_named(node: CanopenNode, slave: Slave, fake: FakeBus) -> None:
     beat(fake, slave, node)
     answers_with_heartbeat(slave, fake)
     slave.nmt_state = 127
@@ -148,7 +150,7 @@ def test_a_node_that_stays_where_it_is_is_named(node: Node, slave: Slave, fake: 
     assert "NMT state pre-operational" in caught.value.observed
 
 
-def test_without_heartbeat_node_guarding_confirms(node: Node, slave: Slave, fake: FakeBus) -> None:
+def test_without_heartbeat_node_guarding_confirms(node: CanopenNode, slave: Slave, fake: FakeBus) -> None:
     slave.answers_guarding = True
     node.nmt.guard(1.0, 0.5)
     assert node.command(NmtCommand.START) is Confirmation.GUARDING
@@ -157,7 +159,7 @@ def test_without_heartbeat_node_guarding_confirms(node: Node, slave: Slave, fake
     assert node.command(NmtCommand.ENTER_PRE_OPERATIONAL) is Confirmation.GUARDING
 
 
-def test_without_heartbeat_and_guarding_the_sdo_server_does(node: Node, slave: Slave) -> None:
+def test_without_heartbeat_and_guarding_the_sdo_server_does(node: CanopenNode, slave: Slave) -> None:
     assert node.command(NmtCommand.START, timeout=0.5) is Confirmation.SDO
     assert node.nmt.state is NmtState.OPERATIONAL
     assert node.nmt.assumed
@@ -166,7 +168,7 @@ def test_without_heartbeat_and_guarding_the_sdo_server_does(node: Node, slave: S
     assert node.nmt.state is NmtState.STOPPED
 
 
-def test_a_node_that_shows_nothing_is_a_time_out(node: Node, slave: Slave) -> None:
+def test_a_node_that_shows_nothing_is_a_time_out(node: CanopenNode, slave: Slave) -> None:
     slave.ignore = 100
     with pytest.raises(NodeTimeout, match="did not confirm") as caught:
         node.command(NmtCommand.START, timeout=0.3)
@@ -175,19 +177,19 @@ def test_a_node_that_shows_nothing_is_a_time_out(node: Node, slave: Slave) -> No
 
 
 @pytest.mark.parametrize("reset", [NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION])
-def test_a_reset_is_confirmed_by_the_boot_up(node: Node, reset: NmtCommand) -> None:
+def test_a_reset_is_confirmed_by_the_boot_up(node: CanopenNode, reset: NmtCommand) -> None:
     assert node.command(reset) is Confirmation.BOOT_UP
     assert node.nmt.bootups == 1
 
 
-def test_another_masters_command_is_seen_where_no_heartbeat_tells(node: Node, fake: FakeBus) -> None:
+def test_another_masters_command_is_seen_where_no_heartbeat_tells(node: CanopenNode, fake: FakeBus) -> None:
     node.nmt.assume(NmtState.OPERATIONAL)
     fake.inject(0x000, "02 00")
     eventually(lambda: node.nmt.state is NmtState.STOPPED)
     assert not node.nmt.operational(time.monotonic())
 
 
-def test_waiting_ends_when_the_channel_fails(node: Node, fake: FakeBus) -> None:
+def test_waiting_ends_when_the_channel_fails(node: CanopenNode, fake: FakeBus) -> None:
     caught: list[BaseException] = []
 
     def wait() -> None:
@@ -203,7 +205,9 @@ def test_waiting_ends_when_the_channel_fails(node: Node, fake: FakeBus) -> None:
     assert len(caught) == 1
 
 
-def test_waiting_in_the_receive_thread_is_an_error(node: Node, channel: Channel, fake: FakeBus) -> None:
+def test_waiting_in_the_receive_thread_is_an_error(
+    node: CanopenNode, channel: Channel, fake: FakeBus
+) -> None:
     caught: list[BaseException] = []
 
     def receiver(data: bytes, _: float) -> None:
@@ -229,7 +233,7 @@ def test_a_closed_monitor_hears_nothing(channel: Channel, fake: FakeBus) -> None
 
 def test_a_closed_node_listens_to_nothing(channel: Channel) -> None:
     wakes = list(channel.on_failure)
-    with Node(channel, 5) as node:
+    with CanopenNode(channel, 5) as node:
         assert set(channel._receivers) == {0x000, 0x085, 0x585, 0x705}
     assert channel._receivers == {}
     assert channel.on_failure == wakes
@@ -249,11 +253,11 @@ def test_a_node_is_closed_at_once_though_its_worker_waits_for_a_users_transfer(
         except Interrupted as error:
             ended.append(error)
 
-    with Node(channel, 5, sdo_timeout=60.0) as node:
+    with CanopenNode(channel, 5, sdo_timeout=60.0) as node:
         user = threading.Thread(target=read)
         user.start()
         eventually(lambda: slave.held)
-        node.worker.submit(worker.Job(1, 0x1001, 0, None, lambda *end: ended.append(end)))
+        node.worker.submit(worker.SdoJob(1, 0x1001, 0, None, lambda *end: ended.append(end)))
         eventually(lambda: len(node.sdo._calls) == 2)
         began = time.monotonic()
     assert time.monotonic() - began < 5.0
@@ -264,11 +268,11 @@ def test_a_node_is_closed_at_once_though_its_worker_waits_for_a_users_transfer(
 @pytest.mark.parametrize("node_id", [0, 128])
 def test_a_node_id_out_of_range_is_refused(channel: Channel, node_id: int) -> None:
     with pytest.raises(ArgumentError, match=f"{node_id} is no node ID"):
-        Node(channel, node_id)
+        CanopenNode(channel, node_id)
 
 
 def test_a_node_that_nobody_guards_is_not_asked_by_remote_frames(
-    channel: Channel, node: Node, slave: Slave, fake: FakeBus
+    channel: Channel, node: CanopenNode, slave: Slave, fake: FakeBus
 ) -> None:
     """That would arm its life guarding, and nobody would go on with it."""
     assert (

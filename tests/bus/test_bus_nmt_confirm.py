@@ -7,7 +7,7 @@ import pytest
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node import nmt_commands
 from axisbus.bus.node.nmt import Confirmation
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.cia301.nmt import NmtCommand, NmtState
 
 U16 = 2
@@ -20,7 +20,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(nmt_commands, "BOOT_PATIENCE", 0.6)
 
 
-def give(channel: Channel, node: Node, command: NmtCommand) -> nmt_commands.Outcome:
+def give(channel: Channel, node: CanopenNode, command: NmtCommand) -> nmt_commands.Outcome:
     ways = nmt_commands.ways([node])
     return nmt_commands.command(channel, [node], command, ways, everybody=False)[0]
 
@@ -52,7 +52,7 @@ def test_a_heartbeat_confirms_and_tells_the_state_before(fake, channel, slave, n
     fake.inject(0x705, "7F")
     slave.objects[0x1017, 0] = (100).to_bytes(U16, "little")
     ways = nmt_commands.ways([node])
-    assert ways[5] == nmt_commands.Way(Confirmation.HEARTBEAT, NmtState.PRE_OPERATIONAL, 0.1)
+    assert ways[5] == nmt_commands.NmtConfirmation(Confirmation.HEARTBEAT, NmtState.PRE_OPERATIONAL, 0.1)
     fake.peers.append(lambda can_id, *_: [(0x705, b"\5")] if can_id == 0 else [])
     outcome = nmt_commands.command(channel, [node], NmtCommand.START, ways, everybody=False)[0]
     assert outcome.text.startswith("operational (was pre-operational), confirmed by its heartbeat")
@@ -76,7 +76,7 @@ def test_a_reset_needs_a_boot_up_message_after_the_command(fake, channel, slave,
 
 
 def test_a_node_that_shows_nothing_is_an_outcome(fake, channel):
-    with Node(channel, 9) as silent:
+    with CanopenNode(channel, 9) as silent:
         outcome = give(channel, silent, NmtCommand.START)
     assert (outcome.ok, outcome.state) == (False, None)
     assert outcome.silent

@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import pytest
 
 from axisbus.bus.link import errorframe
-from axisbus.bus.link.errorframe import Condition
+from axisbus.bus.link.errorframe import CanErrorState
 from axisbus.bus.node.from_device import as_file, skeleton, stored_eds
-from axisbus.bus.node.verify import Kind, verify
+from axisbus.bus.node.verify import VerifiedAspect, verify
 from axisbus.bus.pdo.configure import set_pdo
 from axisbus.bus.pdo.read import read_pdo, read_pdos
 from axisbus.bus.sdo import errors as sdo_errors
@@ -25,8 +25,8 @@ from axisbus.bus.sdo.channels import (
 )
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MappedObject
-from axisbus.cia301.sdo_session import Request
-from axisbus.eds.dictionary import Dictionary, Entry
+from axisbus.cia301.sdo_session import SdoTransferRequest
+from axisbus.eds.dictionary import Dictionary, DictionaryEntry
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Severity, Variable
 from axisbus.errors import ArgumentError, BootError, EdsError, SdoAbort, SdoError, SdoTimeout, StateError
 
@@ -605,26 +605,26 @@ def test_data_byte_1_is_read_of_the_class_controller_only(error_class):
 @pytest.mark.parametrize("length", [0, 1])
 def test_a_frame_that_ends_before_data_byte_1_says_nothing_of_the_controller(length):
     assert errorframe.condition(0x04, bytes(length)) is None
-    assert errorframe.condition(0x104, bytes(length)) is Condition.ACTIVE
+    assert errorframe.condition(0x104, bytes(length)) is CanErrorState.ACTIVE
     assert errorframe.kind(0x04, bytes(length)) == "error frame"
 
 
 @pytest.mark.parametrize(
     ("error_class", "status", "expected"),
     [
-        (0x40, 0x40, Condition.OFF),
-        (0x04, 0x10, Condition.PASSIVE),
-        (0x04, 0x20, Condition.PASSIVE),
-        (0x04, 0x2C, Condition.PASSIVE),
-        (0x04, 0x04, Condition.WARNING),
-        (0x04, 0x08, Condition.WARNING),
-        (0x04, 0x48, Condition.WARNING),
-        (0x04, 0x40, Condition.ACTIVE),
+        (0x40, 0x40, CanErrorState.OFF),
+        (0x04, 0x10, CanErrorState.PASSIVE),
+        (0x04, 0x20, CanErrorState.PASSIVE),
+        (0x04, 0x2C, CanErrorState.PASSIVE),
+        (0x04, 0x04, CanErrorState.WARNING),
+        (0x04, 0x08, CanErrorState.WARNING),
+        (0x04, 0x48, CanErrorState.WARNING),
+        (0x04, 0x40, CanErrorState.ACTIVE),
         (0x04, 0x03, None),
         (0x08, 0x30, None),
-        (0x100, 0x00, Condition.ACTIVE),
-        (0x104, 0x10, Condition.PASSIVE),
-        (0x104, 0x01, Condition.ACTIVE),
+        (0x100, 0x00, CanErrorState.ACTIVE),
+        (0x104, 0x10, CanErrorState.PASSIVE),
+        (0x104, 0x01, CanErrorState.ACTIVE),
     ],
 )
 def test_what_a_controller_is_in(error_class, status, expected):
@@ -653,7 +653,7 @@ def test_the_error_counters_of_a_frame(error_class, data, counters):
 
 # What is told of a transfer that failed.
 
-ENTRY = Entry(0x6081, 0, "Profile velocity", DataType.UNSIGNED32)
+ENTRY = DictionaryEntry(0x6081, 0, "Profile velocity", DataType.UNSIGNED32)
 
 
 @pytest.mark.parametrize(
@@ -666,7 +666,7 @@ ENTRY = Entry(0x6081, 0, "Profile velocity", DataType.UNSIGNED32)
     ],
 )
 def test_what_was_asked_is_told_with_its_value_where_that_is_short(data, doing):
-    request = Request(0x6081, 0, data, 0.5, 3)
+    request = SdoTransferRequest(0x6081, 0, data, 0.5, 3)
     silent = SimpleNamespace(failure=None, strays=[], answers_others=False)
     error = sdo_errors.failed(5, ENTRY, request, silent, "")
     assert isinstance(error, SdoTimeout)
@@ -708,18 +708,18 @@ def held_against(
 @pytest.mark.parametrize(
     ("index", "subindex", "access", "kind", "severity"),
     [
-        (0x1018, 1, "ro", Kind.IDENTITY, Severity.ERROR),
-        (0x1018, 2, "ro", Kind.IDENTITY, Severity.ERROR),
-        (0x13FF, 1, "ro", Kind.DEFAULT, Severity.NOTE),
-        (0x1400, 1, "ro", Kind.PDO, Severity.ERROR),
-        (0x15FF, 1, "ro", Kind.PDO, Severity.ERROR),
-        (0x1600, 1, "rw", Kind.PDO, Severity.NOTE),
-        (0x17FF, 1, "const", Kind.PDO, Severity.ERROR),
-        (0x1800, 1, "ro", Kind.PDO, Severity.ERROR),
-        (0x1BFF, 1, "ro", Kind.PDO, Severity.ERROR),
-        (0x1C00, 1, "ro", Kind.DEFAULT, Severity.NOTE),
-        (0x2000, 1, "const", Kind.DEFAULT, Severity.WARNING),
-        (0x2000, 1, "rw", Kind.DEFAULT, Severity.NOTE),
+        (0x1018, 1, "ro", VerifiedAspect.IDENTITY, Severity.ERROR),
+        (0x1018, 2, "ro", VerifiedAspect.IDENTITY, Severity.ERROR),
+        (0x13FF, 1, "ro", VerifiedAspect.DEFAULT, Severity.NOTE),
+        (0x1400, 1, "ro", VerifiedAspect.PDO, Severity.ERROR),
+        (0x15FF, 1, "ro", VerifiedAspect.PDO, Severity.ERROR),
+        (0x1600, 1, "rw", VerifiedAspect.PDO, Severity.NOTE),
+        (0x17FF, 1, "const", VerifiedAspect.PDO, Severity.ERROR),
+        (0x1800, 1, "ro", VerifiedAspect.PDO, Severity.ERROR),
+        (0x1BFF, 1, "ro", VerifiedAspect.PDO, Severity.ERROR),
+        (0x1C00, 1, "ro", VerifiedAspect.DEFAULT, Severity.NOTE),
+        (0x2000, 1, "const", VerifiedAspect.DEFAULT, Severity.WARNING),
+        (0x2000, 1, "rw", VerifiedAspect.DEFAULT, Severity.NOTE),
     ],
 )
 def test_how_bad_another_value_is(index, subindex, access, kind, severity):
@@ -746,14 +746,14 @@ def test_a_number_of_more_than_two_digits_is_shown_in_hex(value, shown):
 @pytest.mark.parametrize(
     ("access", "data", "code", "kind"),
     [
-        ("ro", b"\1\2", None, Kind.TYPE),
-        ("ro", None, None, Kind.EXISTENCE),
-        ("ro", b"\1", MISSING, Kind.EXISTENCE),
-        ("ro", b"\1", NO_SUB, Kind.EXISTENCE),
-        ("ro", b"\1", WRITE_ONLY, Kind.ACCESS),
+        ("ro", b"\1\2", None, VerifiedAspect.TYPE),
+        ("ro", None, None, VerifiedAspect.EXISTENCE),
+        ("ro", b"\1", MISSING, VerifiedAspect.EXISTENCE),
+        ("ro", b"\1", NO_SUB, VerifiedAspect.EXISTENCE),
+        ("ro", b"\1", WRITE_ONLY, VerifiedAspect.ACCESS),
         ("wo", b"\1", WRITE_ONLY, None),
-        ("wo", little(7, 4), None, Kind.ACCESS),
-        ("ro", b"\1", 0x08000000, Kind.UNREAD),
+        ("wo", little(7, 4), None, VerifiedAspect.ACCESS),
+        ("ro", b"\1", 0x08000000, VerifiedAspect.UNREAD),
     ],
 )
 def test_what_a_device_does_not_bear_out(access, data, code, kind):

@@ -15,10 +15,10 @@ import pytest
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.link import errorframe
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.link.controller import Controller
-from axisbus.bus.link.errorframe import Condition
+from axisbus.bus.link.controller import CanController
+from axisbus.bus.link.errorframe import CanErrorState
 from axisbus.bus.node.events import NodeEventKind, NodeEvents
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.sync import SyncConsumer
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AdapterError, BusOff
@@ -73,7 +73,7 @@ def test_an_error_frame_in_words(error_class: int, data: str, words: str, condit
 
 
 def test_a_controller_tells_each_change_once_and_leaves_bus_off_by_a_restart() -> None:
-    controller = Controller("socketcan:can0")
+    controller = CanController("socketcan:can0")
     passive = bytes.fromhex("00 20 00 00 00 00 80 00")
     told = [
         controller.error_frame(CRTL, passive, 1.0),
@@ -140,7 +140,7 @@ def test_after_a_restart_the_channel_sends_again_and_nothing_of_before(can0: Cha
     come_back(fake, can0)
     can0.send(0x202, b"\x06\x00")
     assert fake.sent == [(0x202, b"\x06\x00")]
-    assert (can0.offs, can0.controller.condition) == (1, Condition.ACTIVE)
+    assert (can0.offs, can0.controller.condition) == (1, CanErrorState.ACTIVE)
 
 
 def test_a_send_that_waits_for_a_full_queue_ends_with_the_bus_off_and_is_not_tried_again(
@@ -169,7 +169,7 @@ def test_an_sdo_transfer_under_way_ends_at_once(fake: FakeBus, can0: Channel) ->
     slave = Slave(5)
     slave.ignore = 99
     fake.peers.append(slave)
-    with Node(can0, 5, sdo_timeout=60.0, sdo_tries=1) as node:
+    with CanopenNode(can0, 5, sdo_timeout=60.0, sdo_tries=1) as node:
         caught: list[Exception] = []
 
         def read() -> None:
@@ -226,7 +226,7 @@ def test_a_driver_that_raises_at_bus_off_is_dead_and_says_why(fake: FakeBus) -> 
 
 
 def test_a_node_is_unknown_after_a_bus_off_until_it_reports_again(can0: Channel, fake: FakeBus) -> None:
-    with Node(can0, 5) as node:
+    with CanopenNode(can0, 5) as node:
         fake.inject(0x705, "05")
         eventually(lambda: node.nmt.state is NmtState.OPERATIONAL)
         events = NodeEvents(node.nmt)
@@ -242,7 +242,7 @@ def test_a_node_is_unknown_after_a_bus_off_until_it_reports_again(can0: Channel,
 
 
 def test_a_state_that_was_only_assumed_is_not_assumed_any_more(can0: Channel, fake: FakeBus) -> None:
-    with Node(can0, 5) as node:
+    with CanopenNode(can0, 5) as node:
         node.nmt.assume(NmtState.OPERATIONAL)
         go_off(fake, can0)
         come_back(fake, can0)

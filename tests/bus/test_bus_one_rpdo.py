@@ -8,9 +8,9 @@ from collections.abc import Iterator
 import pytest
 
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo.mapping import DevicePdos
-from axisbus.bus.pdo.plan import Policy, Wanted, make_plan
+from axisbus.bus.pdo.plan import PdoRequirements, Policy, make_plan
 from axisbus.bus.port import CanPort
 from axisbus.cia402.port import Outputs
 from axisbus.errors import StateError
@@ -30,7 +30,7 @@ NUMBERS = (None, 0, 1, -1, 77, -(2**31), 2**31 - 1, 2**31, 70_000)
 
 
 @pytest.fixture
-def node(channel: Channel, fake: FakeBus) -> Iterator[Node]:
+def node(channel: Channel, fake: FakeBus) -> Iterator[CanopenNode]:
     slave = Slave(NODE, {(index, 0): bytes(4) for index in (0x607A, 0x60FF)})
     slave.objects |= {
         (0x6040, 0): bytes(2),
@@ -39,15 +39,19 @@ def node(channel: Channel, fake: FakeBus) -> Iterator[Node]:
         (0x6041, 0): b"\x31\x02",
     }
     fake.peers.append(slave)
-    with Node(channel, NODE) as node:
+    with CanopenNode(channel, NODE) as node:
         yield node
 
 
-def port_on(node: Node, mapping: str, transmission: int = 1) -> CanPort:
+def port_on(node: CanopenNode, mapping: str, transmission: int = 1) -> CanPort:
     device = DevicePdos((rpdo(1, mapping, transmission),), (tpdo(1, "6041/16", 1),))
     names = tuple(name for name, index in NAMES.items() if index in mapping)
     plan = make_plan(
-        NODE, device, objects(), Wanted(("statusword",), names), Policy(remap=False, communication=False)
+        NODE,
+        device,
+        objects(),
+        PdoRequirements(("statusword",), names),
+        Policy(remap=False, communication=False),
     )
     return CanPort(node, plan, scan_period=PERIOD)
 
@@ -83,7 +87,7 @@ def written(port: CanPort, given: Outputs):
 
 @pytest.mark.parametrize("mapping", MAPPINGS)
 @pytest.mark.parametrize("primed", [True, False])
-def test_the_short_way_gives_what_the_long_one_gives(node: Node, mapping: str, primed: bool) -> None:
+def test_the_short_way_gives_what_the_long_one_gives(node: CanopenNode, mapping: str, primed: bool) -> None:
     dice = random.Random(mapping)
     short, long = port_on(node, mapping), port_on(node, mapping)
     assert short._only_image is not None
@@ -109,7 +113,7 @@ def test_the_short_way_gives_what_the_long_one_gives(node: Node, mapping: str, p
     ("mapping", "transmission"), [(MAPPINGS[0], 254), (MAPPINGS[0], 255), ("607A/32", 1)]
 )
 def test_an_rpdo_that_acts_when_it_comes_or_has_no_controlword_takes_no_short_way(
-    node: Node, mapping: str, transmission: int
+    node: CanopenNode, mapping: str, transmission: int
 ) -> None:
     port = port_on(node, mapping, transmission)
     assert port._only_image is None

@@ -14,7 +14,7 @@ from contextlib import suppress
 import pytest
 
 from axisbus.bus.link import claims, ownership
-from axisbus.bus.link.claims import CellKeys, Claim
+from axisbus.bus.link.claims import CellFileId, ChannelClaim
 from axisbus.bus.link.ownership import Adapter
 from axisbus.errors import SecondMasterError
 from kit.foreign import STRANGER, as_user, needs_root
@@ -153,7 +153,7 @@ def _taken_soon():
 
 
 def claimed(user, name="\0axisbus", group=STRANGER):
-    return Claim(name, True, False, "-", CellKeys.of(None), "", 1, user, group)
+    return ChannelClaim(name, True, False, "-", CellFileId.of(None), "", 1, user, group)
 
 
 def linked(tmp_path, monkeypatch, *rows):
@@ -221,7 +221,7 @@ def test_where_nobody_can_tell_the_claim_of_another_user_counts():
 @pytest.mark.parametrize("name", ["axisbus socketcan:can7", "axisbus xn {key} - - 0000000000000000aaaaaaaa"])
 def test_a_socket_of_another_user_who_has_no_bus_keeps_nobody_off(name):
     name = "\0" + name.format(key=claims.digest("socketcan:can7"))
-    with as_user(lambda: claims.Held(name, None)):
+    with as_user(lambda: claims.HeldClaim(name, None)):
         assert claims._holder(name, "0")[1] == STRANGER
         lock = ownership.take("socketcan", "can7")
         assert lock is not None
@@ -241,7 +241,7 @@ def test_two_users_of_one_adapter_exclude_each_other_and_the_other_one_is_named(
 
 @needs_root
 def test_a_claim_of_another_user_whose_queue_is_full_is_still_known_to_be_theirs():
-    with as_user(lambda: claims.Held("\0axisbus xn - - - 0000000000000000bbbbbbbb", None)) as holder:
+    with as_user(lambda: claims.HeldClaim("\0axisbus xn - - - 0000000000000000bbbbbbbb", None)) as holder:
         name, waiting = "\0axisbus xn - - - 0000000000000000bbbbbbbb", []
         with suppress(BlockingIOError):
             for _ in range(claims._BACKLOG + 10):
@@ -333,7 +333,7 @@ def test_who_sees_another_claim_after_making_its_own_gives_way_and_tries_again(m
     def claim(*arguments, **options):
         own = made(*arguments, **options)
         if not rivals:
-            rivals.append(made(key, CellKeys.of(None), exclusive=True, door=False))
+            rivals.append(made(key, CellFileId.of(None), exclusive=True, door=False))
         return own
 
     def wait(_):

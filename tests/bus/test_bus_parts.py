@@ -13,14 +13,14 @@ from axisbus.bus.node.emcy import FEED, EmcyFeed
 from axisbus.bus.pdo import freshness, sdo_output
 from axisbus.bus.pdo.choose import lay_out, slots
 from axisbus.bus.pdo.mapping import DevicePdos, axis_objects
-from axisbus.bus.pdo.plan import Change, PlannedPdo, Policy, Wanted, make_plan
+from axisbus.bus.pdo.plan import PdoChange, PdoRequirements, PlannedPdo, Policy, make_plan
 from axisbus.bus.pdo.poller import Poller
 from axisbus.bus.pdo.read import Indices
 from axisbus.bus.pdo.rpdo import RpdoImage, arrange
 from axisbus.bus.pdo.sdo_output import SdoOutputs, is_stop
 from axisbus.bus.pdo.tpdo import Requests, TpdoSlot
 from axisbus.bus.pdo.tpdo_timeout import Deadline, Deadlines, Reception
-from axisbus.cia402.port import Sample, Source
+from axisbus.cia402.port import Sample, ValueTransport
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import StateError
@@ -37,7 +37,7 @@ def plan_of(*pdos: tuple, inputs: tuple[str, ...] = INPUTS, outputs: tuple[str, 
         for number, (text, kind, *timer) in enumerate(pdos, 1)
     )
     policy = Policy(remap=False, communication=False)
-    return make_plan(5, DevicePdos((), sent), objects(), Wanted(inputs, outputs), policy)
+    return make_plan(5, DevicePdos((), sent), objects(), PdoRequirements(inputs, outputs), policy)
 
 
 # How old a value may be.
@@ -65,7 +65,7 @@ def test_a_tpdo_may_stay_away_as_long_as_its_transmission_says(pdo, period, age)
 
 def test_what_no_pdo_brings_is_polled_and_may_be_three_polls_old():
     plan = plan_of(("6041/16 6064/32", 1))
-    assert {name for name, source in plan.inputs.items() if source is Source.SDO} == {
+    assert {name for name, source in plan.inputs.items() if source is ValueTransport.SDO} == {
         "mode",
         "velocity",
         "torque",
@@ -80,7 +80,7 @@ def test_what_no_pdo_brings_is_polled_and_may_be_three_polls_old():
 def test_a_statusword_or_position_sent_on_change_is_polled_beside_and_others_are_not():
     plan = plan_of(("6041/16 6064/32", 255), ("6061/8 606C/32", 255))
     assert {name: plan.inputs[name] for name in ("statusword", "mode")} == dict.fromkeys(
-        ("statusword", "mode"), Source.EVENT_PDO
+        ("statusword", "mode"), ValueTransport.EVENT_PDO
     )
     assert freshness.polls(plan) == {"statusword": 0.1, "position": 0.1, "torque": 0.25, "demand": 0.25}
     assert freshness.max_ages(plan, 0.05) == pytest.approx(
@@ -278,13 +278,13 @@ def images(*texts: str) -> list[RpdoImage]:
         pdo = rpdo(number, text, 1)
         names = tuple(NAMES.get(mapped.index) for mapped in pdo.mapping)
         signed = tuple(CIA402.get(mapped.index, (0, False))[1] for mapped in pdo.mapping)
-        made.append(RpdoImage(PlannedPdo(True, pdo, pdo, Change.KEEP, names, signed)))
+        made.append(RpdoImage(PlannedPdo(True, pdo, pdo, PdoChange.KEEP, names, signed)))
     return made
 
 
 def test_a_pdo_is_asked_for_only_where_that_was_planned():
     pdo = tpdo(1, "6041/16", 255)
-    planned = PlannedPdo(False, pdo, pdo, Change.KEEP, ("statusword",), (False,))
+    planned = PlannedPdo(False, pdo, pdo, PdoChange.KEEP, ("statusword",), (False,))
     assert not Requests([TpdoSlot(planned)])
     assert Requests([TpdoSlot(replace(planned, request=0.5))])
 
@@ -533,7 +533,7 @@ def by_sdo(*names: str) -> tuple[Queue, SdoOutputs]:
     worker = Queue()
     return worker, SdoOutputs(
         worker,
-        dict.fromkeys(names, Source.SDO) | {"target_torque": Source.SYNC_PDO},
+        dict.fromkeys(names, ValueTransport.SDO) | {"target_torque": ValueTransport.SYNC_PDO},
         lambda index: index + 0x800,
     )
 
@@ -598,10 +598,12 @@ def test_a_controlword_by_sdo_goes_behind_the_targets_and_a_stop_before_everythi
 def test_where_nothing_of_the_communication_may_change_no_mapping_does():
     device = DevicePdos((), (tpdo(1, "6041/16", 1), tpdo(2, "6064/32", 255)))
     for remap in (True, False):
-        plan = make_plan(5, device, objects(), Wanted(INPUTS, ()), Policy(remap=remap, communication=False))
-        assert {pdo.change for pdo in plan.pdos} == {Change.KEEP}
+        plan = make_plan(
+            5, device, objects(), PdoRequirements(INPUTS, ()), Policy(remap=remap, communication=False)
+        )
+        assert {pdo.change for pdo in plan.pdos} == {PdoChange.KEEP}
         assert not plan.remapped
-        assert [name for name, source in plan.inputs.items() if source is Source.SDO] == [
+        assert [name for name, source in plan.inputs.items() if source is ValueTransport.SDO] == [
             "mode",
             "velocity",
             "torque",

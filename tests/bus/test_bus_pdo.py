@@ -6,18 +6,18 @@ import pytest
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.pdo.configure import configure
-from axisbus.bus.pdo.plan import Change, Plan, Policy, Wanted
+from axisbus.bus.pdo.plan import PdoChange, PdoPlan, PdoRequirements, Policy
 from axisbus.bus.pdo.read import read_pdo, read_pdos
 from axisbus.bus.sdo.client import SdoClient
-from axisbus.cia301.pdo import MappedObject, Pdo
-from axisbus.cia402.port import Source
+from axisbus.cia301.pdo import MappedObject, PdoConfiguration
+from axisbus.cia402.port import ValueTransport
 from axisbus.errors import BootError
 from kit.bus.peer import FakeBus, Slave, pdo_objects
 
 NODE = 5
 OFF = 1 << 31
 NO_RTR = 1 << 30
-PAIR = Wanted(("statusword", "mode", "position"), ("controlword", "mode", "target_position"))
+PAIR = PdoRequirements(("statusword", "mode", "position"), ("controlword", "mode", "target_position"))
 M = MappedObject
 
 
@@ -57,19 +57,19 @@ def writes_to(slave: Slave, *indices: int) -> list[tuple[str, int]]:
 def test_the_parameters_are_read(sdo: SdoClient) -> None:
     pdos = read_pdos(sdo)
     assert pdos.rpdos == (
-        Pdo(1, 0x205, True, 255, (M(0x6040, 0, 16),)),
-        Pdo(2, 0x305, False, 255, ()),
+        PdoConfiguration(1, 0x205, True, 255, (M(0x6040, 0, 16),)),
+        PdoConfiguration(2, 0x305, False, 255, ()),
     )
     assert pdos.tpdos == (
-        Pdo(1, 0x185, True, 255, (M(0x6041, 0, 16),), 0, 0),
-        Pdo(2, 0x285, False, 255, (), 0, 0),
+        PdoConfiguration(1, 0x185, True, 255, (M(0x6041, 0, 16),), 0, 0),
+        PdoConfiguration(2, 0x285, False, 255, (), 0, 0),
     )
 
 
 def test_a_pdo_with_less_than_the_standard_asks_is_read(sdo: SdoClient, slave: Slave) -> None:
     """No timers, a count of three with two entries, and an ARRAY or RECORD makes no difference: it is read by number."""
     slave.objects.update(pdo_objects(0x1802, 0x1A02, 0x385, 1, [0x60640020, 0x00050008, 0x606C0010], slots=2))
-    assert read_pdo(sdo, receive=False, number=3) == Pdo(
+    assert read_pdo(sdo, receive=False, number=3) == PdoConfiguration(
         3, 0x385, True, 1, (M(0x6064, 0, 32), M(0x0005, 0, 8)), None, None
     )
 
@@ -103,8 +103,8 @@ def test_remapping_follows_the_procedure_of_cia_301(sdo: SdoClient, slave: Slave
         ("1400:1", 0x205),
     ]
     assert writes_to(slave, 0x1800, 0x1A00)[-1] == ("1800:1", NO_RTR | 0x185)  # its own flag is kept
-    assert plan.inputs["position"] is Source.SYNC_PDO
-    assert [pdo.change for pdo in plan.pdos] == [Change.MAPPING, Change.MAPPING]
+    assert plan.inputs["position"] is ValueTransport.SYNC_PDO
+    assert [pdo.change for pdo in plan.pdos] == [PdoChange.MAPPING, PdoChange.MAPPING]
     assert slave.number(0x1A00, 0) == 3
 
 
@@ -120,7 +120,7 @@ def test_event_driven_gets_its_timers(sdo: SdoClient, slave: Slave) -> None:
     plan = configure(sdo, PAIR, Policy(sync=False))
     assert slave.number(0x1800, 5) == 20
     assert slave.number(0x1800, 3) == 50
-    assert plan.inputs["statusword"] is Source.EVENT_PDO
+    assert plan.inputs["statusword"] is ValueTransport.EVENT_PDO
     assert plan.active[-1].target.event_timer == 20
 
 
@@ -133,13 +133,13 @@ def test_a_timer_that_the_drive_does_not_take_is_no_failure(sdo: SdoClient, slav
 
 def test_a_fixed_mapping_is_found_out_and_left_as_it_was(sdo: SdoClient, slave: Slave) -> None:
     slave.fixed_mapping = True
-    seen: list[Plan] = []
+    seen: list[PdoPlan] = []
     plan = configure(sdo, PAIR, on_plan=seen.append)
     assert [p.remapped for p in seen] == [True, False]
     assert plan.outputs == {
-        "controlword": Source.SYNC_PDO,
-        "mode": Source.SDO,
-        "target_position": Source.SDO,
+        "controlword": ValueTransport.SYNC_PDO,
+        "mode": ValueTransport.SDO,
+        "target_position": ValueTransport.SDO,
     }
     assert slave.number(0x1600, 0) == 1
     assert slave.number(0x1600, 1) == 0x60400010
@@ -155,7 +155,7 @@ def test_a_pdo_that_the_next_plan_does_not_use_has_back_what_it_had(sdo: SdoClie
     slave.fixed_mapping = True
     before = {key: value for key, value in slave.objects.items() if key[0] in (0x1800, 0x1A00)}
     plan = configure(sdo, PAIR)
-    assert plan.inputs["statusword"] is Source.SDO
+    assert plan.inputs["statusword"] is ValueTransport.SDO
     assert {key: slave.objects[key] for key in before} == before
 
 
@@ -164,9 +164,9 @@ def test_a_drive_that_takes_nothing_is_used_as_it_is(sdo: SdoClient, slave: Slav
     before = dict(slave.objects)
     plan = configure(sdo, PAIR)
     assert slave.objects == before
-    assert plan.outputs["controlword"] is Source.EVENT_PDO
-    assert plan.inputs["position"] is Source.SDO
-    assert {pdo.change for pdo in plan.pdos} == {Change.KEEP}
+    assert plan.outputs["controlword"] is ValueTransport.EVENT_PDO
+    assert plan.inputs["position"] is ValueTransport.SDO
+    assert {pdo.change for pdo in plan.pdos} == {PdoChange.KEEP}
 
 
 def keeps_its_pdos(slave: Slave, *, timer: bool) -> None:
@@ -216,9 +216,9 @@ def test_one_object_that_cannot_be_mapped_does_not_cost_the_others(sdo: SdoClien
     slave._write = write  # type: ignore[method-assign]
     plan = configure(sdo, PAIR)
     assert plan.outputs == {
-        "controlword": Source.SYNC_PDO,
-        "mode": Source.SDO,
-        "target_position": Source.SYNC_PDO,
+        "controlword": ValueTransport.SYNC_PDO,
+        "mode": ValueTransport.SDO,
+        "target_position": ValueTransport.SYNC_PDO,
     }
     assert slave.number(0x1600, 0) == 2
     assert any("6060h cannot be mapped into RPDO1" in note for note in plan.notes)
@@ -249,8 +249,8 @@ def test_by_its_abort_code_a_refused_entry_costs_its_object_or_the_mapping(
 
     slave._write = write  # type: ignore[method-assign]
     plan = configure(sdo, PAIR)
-    assert (plan.outputs["target_position"] is Source.SYNC_PDO) is (speaks_of == "the object")
-    assert plan.outputs["mode"] is Source.SDO
+    assert (plan.outputs["target_position"] is ValueTransport.SYNC_PDO) is (speaks_of == "the object")
+    assert plan.outputs["mode"] is ValueTransport.SDO
 
 
 def test_a_drive_that_says_yes_and_does_not_do_it(sdo: SdoClient, slave: Slave) -> None:
@@ -279,7 +279,7 @@ def test_a_second_boot_writes_nothing(sdo: SdoClient, slave: Slave) -> None:
     slave.writes.clear()
     plan = configure(sdo, PAIR)
     assert slave.writes == []
-    assert {pdo.change for pdo in plan.pdos} == {Change.KEEP}
+    assert {pdo.change for pdo in plan.pdos} == {PdoChange.KEEP}
 
 
 def test_a_mapping_of_bits_and_dummies_is_kept_and_understood(sdo: SdoClient, slave: Slave) -> None:
@@ -289,7 +289,7 @@ def test_a_mapping_of_bits_and_dummies_is_kept_and_understood(sdo: SdoClient, sl
             0x1800, 0x1A00, 0x185, 1, [0x20000104, 0x60410010, 0x00050004, 0x60640020], inhibit=0, event=0
         )
     )
-    wanted = Wanted(("statusword", "position"), ())
+    wanted = PdoRequirements(("statusword", "position"), ())
     plan = configure(sdo, wanted, Policy(remap=False))
     (pdo,) = plan.active
     assert pdo.values == (None, "statusword", None, "position")

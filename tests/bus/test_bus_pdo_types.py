@@ -10,17 +10,17 @@ import pytest
 
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo.configure import configure, set_pdo
 from axisbus.bus.pdo.freshness import pdo_age
 from axisbus.bus.pdo.mapping import DevicePdos
-from axisbus.bus.pdo.plan import Plan, Policy, Wanted, make_plan
+from axisbus.bus.pdo.plan import PdoPlan, PdoRequirements, Policy, make_plan
 from axisbus.bus.pdo.plantext import describe
 from axisbus.bus.pdo.tpdo_timeout import Deadline, Deadlines, PdoEvent, Reception
 from axisbus.bus.port import CanPort
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301.pdo import MappedObject, PdoCodec
-from axisbus.cia402.port import Outputs, Source
+from axisbus.cia402.port import Outputs, ValueTransport
 from axisbus.errors import BootError
 from kit.bus.peer import FakeBus, Slave, eventually, pdo_objects
 from kit.bus.plan import objects, rpdo, tpdo
@@ -29,13 +29,13 @@ NODE = 5
 NO_RTR = 1 << 30
 OFF = 1 << 31
 SCAN = 0.040
-WANTED = Wanted(("statusword",), ("controlword",))
+WANTED = PdoRequirements(("statusword",), ("controlword",))
 
 
 # -- transmission types
 
 
-def plan_of(kind: int, request: float | None = None, event: int | None = 0) -> Plan:
+def plan_of(kind: int, request: float | None = None, event: int | None = 0) -> PdoPlan:
     device = DevicePdos((rpdo(1, "6040/16", kind),), (tpdo(1, "6041/16", kind, event=event, inhibit=0),))
     policy = Policy(
         fixed=frozenset({(True, 1), (False, 1)}),
@@ -45,7 +45,7 @@ def plan_of(kind: int, request: float | None = None, event: int | None = 0) -> P
     return make_plan(NODE, device, objects(), WANTED, policy)
 
 
-SYNC, EVENT, SDO = Source.SYNC_PDO, Source.EVENT_PDO, Source.SDO
+SYNC, EVENT, SDO = ValueTransport.SYNC_PDO, ValueTransport.EVENT_PDO, ValueTransport.SDO
 # type, remote frames every s, event timer in ms: how 6041h comes, how 6040h goes, seconds after which the TPDO counts as missing
 TYPES = [
     (0, None, 0, EVENT, SYNC, math.inf),  # at SYNC, but only when it has changed
@@ -66,7 +66,12 @@ TYPES = [
 
 @pytest.mark.parametrize(("kind", "request_every", "event", "comes", "goes", "age"), TYPES)
 def test_a_transmission_type_that_the_user_has_set_is_kept(
-    kind: int, request_every: float | None, event: int, comes: Source, goes: Source | None, age: float | None
+    kind: int,
+    request_every: float | None,
+    event: int,
+    comes: ValueTransport,
+    goes: ValueTransport | None,
+    age: float | None,
 ) -> None:
     plan = plan_of(kind, request_every, event)
     assert plan.inputs["statusword"] is comes
@@ -170,9 +175,11 @@ def test_a_twelfth_tpdo_that_the_user_has_set_carries_its_value(sdo: SdoClient, 
     slave.objects.update(pdo_objects(0x1800, 0x1A00, OFF | NO_RTR | 0x185, 1, [], inhibit=0, event=0))
     set_pdo(sdo, False, 12, mapping=(MappedObject(0x6041, 0, 16),), transmission_type=1)
     policy = Policy(remap=False, fixed=frozenset({(False, 12)}))
-    assert configure(sdo, WANTED, policy).inputs["statusword"] is Source.SDO  # no file, so nobody looks there
+    assert (
+        configure(sdo, WANTED, policy).inputs["statusword"] is ValueTransport.SDO
+    )  # no file, so nobody looks there
     plan = configure(sdo, WANTED, policy, also=[(False, 12)])
-    assert plan.inputs["statusword"] is Source.SYNC_PDO
+    assert plan.inputs["statusword"] is ValueTransport.SYNC_PDO
     assert [pdo.target.cob_id for pdo in plan.active if not pdo.receive] == [0x1F0]
 
 
@@ -180,13 +187,13 @@ def test_a_twelfth_tpdo_that_the_user_has_set_carries_its_value(sdo: SdoClient, 
 
 
 @pytest.fixture
-def node(channel: Channel, slave: Slave) -> Iterator[Node]:
-    with Node(channel, NODE) as node:
+def node(channel: Channel, slave: Slave) -> Iterator[CanopenNode]:
+    with CanopenNode(channel, NODE) as node:
         yield node
 
 
 @pytest.fixture
-def port(node: Node, fake: FakeBus) -> Iterator[CanPort]:
+def port(node: CanopenNode, fake: FakeBus) -> Iterator[CanPort]:
     """An axis whose statusword is asked for every 0.1 s."""
     port = CanPort(node, plan_of(253, 0.1), scan_period=SCAN)
     port.prime()
@@ -195,13 +202,13 @@ def port(node: Node, fake: FakeBus) -> Iterator[CanPort]:
     port.close()
 
 
-def operational(node: Node, fake: FakeBus) -> None:
+def operational(node: CanopenNode, fake: FakeBus) -> None:
     fake.inject(0x705, "05")
     eventually(lambda: node.nmt.state == 5)
 
 
 def test_a_tpdo_is_asked_for_at_its_period_with_its_length(
-    channel: Channel, node: Node, fake: FakeBus, port: CanPort
+    channel: Channel, node: CanopenNode, fake: FakeBus, port: CanPort
 ) -> None:
     now = [100.0]
     cycle = CanCycle(channel, [port], clock=lambda: now[0])
@@ -215,7 +222,7 @@ def test_a_tpdo_is_asked_for_at_its_period_with_its_length(
     assert port.take_requests(now[0] + 1.0) == [(0x185, 2)]
 
 
-def test_nobody_is_asked_otherwise(channel: Channel, node: Node, fake: FakeBus) -> None:
+def test_nobody_is_asked_otherwise(channel: Channel, node: CanopenNode, fake: FakeBus) -> None:
     port = CanPort(node, plan_of(1), scan_period=SCAN)
     port.prime()
     operational(node, fake)
@@ -237,7 +244,9 @@ def test_the_sync_counter_goes_from_1_to_its_overflow_value_and_begins_again(
     assert fake.frames(0x90) == [bytes((count,)) for count in (1, 2, 3, 1, 2, 3, 1)]
 
 
-def test_the_sync_of_a_quick_stop_goes_on_counting(channel: Channel, node: Node, fake: FakeBus) -> None:
+def test_the_sync_of_a_quick_stop_goes_on_counting(
+    channel: Channel, node: CanopenNode, fake: FakeBus
+) -> None:
     port = CanPort(node, plan_of(1), scan_period=SCAN)
     port.prime()
     cycle = CanCycle(channel, [port], sync_counter=240)
@@ -319,7 +328,7 @@ def test_a_node_that_leaves_operational_is_not_asked_for_its_pdos() -> None:
     assert [deadlines.step(1.0 + number / 100, [-0.01], True) for number in range(1, 5)] == [[]] * 4
 
 
-def test_the_port_tells_and_the_value_becomes_unknown(node: Node, fake: FakeBus) -> None:
+def test_the_port_tells_and_the_value_becomes_unknown(node: CanopenNode, fake: FakeBus) -> None:
     """The stale value itself is still given with its old stamp: it is the stamp that says that it is not fresh."""
     port = CanPort(node, plan_of(1), scan_period=SCAN)
     operational(node, fake)

@@ -8,17 +8,17 @@ import pytest
 
 from axisbus.bus.pdo import setpoint_edge_order
 from axisbus.bus.pdo.mapping import DevicePdos, MapEntry, axis_objects
-from axisbus.bus.pdo.plan import Change, Plan, Policy, Wanted, make_plan, spare_cob_ids
+from axisbus.bus.pdo.plan import PdoChange, PdoPlan, PdoRequirements, Policy, make_plan, spare_cob_ids
 from axisbus.bus.pdo.plantext import describe
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MappedObject
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import ValueTransport
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds, Object, ObjectType, Variable
 from kit.bus.plan import EMPTY, GENERIC, NO_TORQUE, NODE, objects, rpdo, tpdo
 
 
-def lines(plan: Plan) -> dict[str, str]:
+def lines(plan: PdoPlan) -> dict[str, str]:
     """The plan as ``{"RPDO1": "205 1 6040/16 … remapped"}``."""
     return {
         pdo.name: f"{pdo.target.cob_id:03X} {pdo.target.transmission_type} "
@@ -35,7 +35,7 @@ class Case:
     by_sdo: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
     objects: dict[int, MapEntry] | None = None
-    wanted: Wanted | None = None
+    wanted: PdoRequirements | None = None
     policy: Policy | None = None
     axis: int = 1
 
@@ -122,7 +122,9 @@ CASES = {
             "RPDO1": "205 1 6040/16 6060/8 607A/32 COMMUNICATION",
             "TPDO1": "185 1 6041/16 6061/8 6064/32 COMMUNICATION",
         },
-        wanted=Wanted(("statusword", "mode", "position"), ("controlword", "mode", "target_position")),
+        wanted=PdoRequirements(
+            ("statusword", "mode", "position"), ("controlword", "mode", "target_position")
+        ),
     ),
     "a drive that is as it should be is left alone": Case(
         DevicePdos(
@@ -151,7 +153,9 @@ CASES = {
             "RPDO1": "205 1 6060/8 60FF/32 6040/16 MAPPING",
             "TPDO1": "185 1 6041/16 6061/8 606C/32 MAPPING",
         },
-        wanted=Wanted(("statusword", "mode", "velocity"), ("controlword", "mode", "target_velocity")),
+        wanted=PdoRequirements(
+            ("statusword", "mode", "velocity"), ("controlword", "mode", "target_velocity")
+        ),
     ),
     "a mode that cannot be mapped travels by SDO": Case(
         EMPTY,
@@ -191,7 +195,7 @@ CASES = {
         DevicePdos((rpdo(1, "6040/16 607A/16"),), (tpdo(1, "6041/16 6064/16"),)),
         {"RPDO1": "205 1 6040/16 607A/16 COMMUNICATION", "TPDO1": "185 1 6041/16 6064/16 COMMUNICATION"},
         by_sdo=("target_position", "position"),
-        wanted=Wanted(("statusword", "position"), ("controlword", "target_position")),
+        wanted=PdoRequirements(("statusword", "position"), ("controlword", "target_position")),
         policy=Policy(remap=False),
     ),
     "COB-IDs without node ID are everybody's and are replaced": Case(
@@ -199,21 +203,21 @@ CASES = {
             (rpdo(1, "6040/16 607A/32", 1, cob_id=0x200),), (tpdo(1, "6041/16 6064/32", 1, cob_id=0x180),)
         ),
         {"RPDO1": "205 1 6040/16 607A/32 COMMUNICATION", "TPDO1": "185 1 6041/16 6064/32 COMMUNICATION"},
-        wanted=Wanted(("statusword", "position"), ("controlword", "target_position")),
+        wanted=PdoRequirements(("statusword", "position"), ("controlword", "target_position")),
     ),
     "another node's COB-ID is replaced by the predefined one": Case(
         DevicePdos(
             (rpdo(1, "6040/16 607A/32", 1, cob_id=0x201),), (tpdo(1, "6041/16 6064/32", 1, cob_id=0x181),)
         ),
         {"RPDO1": "205 1 6040/16 607A/32 COMMUNICATION", "TPDO1": "185 1 6041/16 6064/32 COMMUNICATION"},
-        wanted=Wanted(("statusword", "position"), ("controlword", "target_position")),
+        wanted=PdoRequirements(("statusword", "position"), ("controlword", "target_position")),
     ),
     "a predefined COB-ID that another node took is not used": Case(
         DevicePdos(
             (rpdo(1, "6040/16 607A/32", 1, cob_id=0x27E),), (tpdo(1, "6041/16 6064/32", 1, cob_id=0x185),)
         ),
         {"RPDO1": "27E 1 6040/16 607A/32 KEEP", "TPDO1": "1FF 1 6041/16 6064/32 COMMUNICATION"},
-        wanted=Wanted(("statusword", "position"), ("controlword", "target_position")),
+        wanted=PdoRequirements(("statusword", "position"), ("controlword", "target_position")),
         policy=Policy(taken=frozenset({0x205, 0x185}), spare=(0x1FF,)),
     ),
     "the second axis takes PDOs 5 to 8 and spare COB-IDs": Case(
@@ -242,7 +246,9 @@ CASES = {
             "TPDO65": "1C5 1 6841/16 6861/8 6864/32 MAPPING",
         },
         objects=objects(axis=2),
-        wanted=Wanted(("statusword", "mode", "position"), ("controlword", "mode", "target_position")),
+        wanted=PdoRequirements(
+            ("statusword", "mode", "position"), ("controlword", "mode", "target_position")
+        ),
         axis=2,
     ),
     "a second axis without PDOs of its own travels by SDO": Case(
@@ -250,7 +256,7 @@ CASES = {
         {},
         by_sdo=("controlword", "target_position", "statusword", "position"),
         objects=objects(axis=2),
-        wanted=Wanted(("statusword", "position"), ("controlword", "target_position")),
+        wanted=PdoRequirements(("statusword", "position"), ("controlword", "target_position")),
         axis=2,
     ),
     "a layout that carries no more than what is mapped changes nothing": Case(
@@ -261,13 +267,13 @@ CASES = {
         {"RPDO1": "205 1 6040/16 KEEP", "TPDO1": "185 1 6041/16 6061/8 606C/32 KEEP"},
         by_sdo=("position",),
         objects=objects(unmappable=(0x606C,)),
-        wanted=Wanted(("statusword", "mode", "position", "velocity"), ("controlword",)),
+        wanted=PdoRequirements(("statusword", "mode", "position", "velocity"), ("controlword",)),
     ),
     "a PDO that no COB-ID is left for stays off, and its values travel by SDO": Case(
         DevicePdos((rpdo(1, "6040/16", 1), rpdo(2, "607A/32", 1, cob_id=0x206)), ()),
         {"RPDO1": "205 1 6040/16 KEEP"},
         by_sdo=("target_position",),
-        wanted=Wanted((), ("controlword", "target_position")),
+        wanted=PdoRequirements((), ("controlword", "target_position")),
         policy=Policy(remap=False, taken=frozenset({0x206, 0x305})),
     ),
     "a TPDO that is off or carries nothing and an RPDO that is not needed are left as they are": Case(
@@ -285,13 +291,13 @@ CASES = {
             "TPDO1": "185 1 6041/16 6064/32 KEEP",
             "TPDO2": "285 1 6041/16 DISABLE",
         },
-        wanted=Wanted(("statusword", "position"), ("controlword", "target_position")),
+        wanted=PdoRequirements(("statusword", "position"), ("controlword", "target_position")),
     ),
     "an object of the maker's beside those of the second axis is of no other axis": Case(
         DevicePdos((*GENERIC.rpdos, rpdo(5, "6840/16 2000/16", 1, cob_id=0x245)), ()),
         {"RPDO5": "245 1 6840/16 2000/16 KEEP"},
         objects=objects(axis=2),
-        wanted=Wanted((), ("controlword",)),
+        wanted=PdoRequirements((), ("controlword",)),
         policy=Policy(remap=False),
         axis=2,
     ),
@@ -302,14 +308,14 @@ CASES = {
             "RPDO2": "305 254 607A/32 KEEP",
             "TPDO1": "185 255 6041/16 COMMUNICATION",
         },
-        wanted=Wanted(("statusword",), ("controlword", "target_position")),
+        wanted=PdoRequirements(("statusword",), ("controlword", "target_position")),
         policy=Policy(sync=False),
     ),
     "an RPDO of a reserved type serves nothing, whatever TPDO is asked for": Case(
         DevicePdos((rpdo(1, "6040/16", 253),), (tpdo(1, "6041/16", 253),)),
         {"TPDO1": "185 253 6041/16 KEEP"},
         by_sdo=("controlword",),
-        wanted=Wanted(("statusword",), ("controlword",)),
+        wanted=PdoRequirements(("statusword",), ("controlword",)),
         policy=Policy(communication=False, requests={1: 0.1}),
     ),
     "an RPDO that commands both axes serves neither": Case(
@@ -317,7 +323,7 @@ CASES = {
         {"TPDO1": "185 1 6041/16 6841/16 KEEP"},
         by_sdo=("controlword",),
         objects=objects() | objects(axis=2),
-        wanted=Wanted(("statusword",), ("controlword",)),
+        wanted=PdoRequirements(("statusword",), ("controlword",)),
         policy=Policy(remap=False),
     ),
 }
@@ -329,17 +335,22 @@ def test_a_drive_gets_its_plan(name: str) -> None:
     plan = make_plan(NODE, case.device, case.objects or objects(), case.wanted, case.policy, axis=case.axis)
     assert lines(plan) == case.plan
     assert len(plan.pdos) == len(case.plan)
-    assert all(pdo.target.valid is (pdo.change is not Change.DISABLE) for pdo in plan.pdos)
+    assert all(pdo.target.valid is (pdo.change is not PdoChange.DISABLE) for pdo in plan.pdos)
     sources = {**plan.inputs, **{f"{key}": value for key, value in plan.outputs.items()}}
-    by_sdo = {name for side in (plan.inputs, plan.outputs) for name, how in side.items() if how is Source.SDO}
-    missing = {name for name, how in sources.items() if how is Source.NONE}
+    by_sdo = {
+        name
+        for side in (plan.inputs, plan.outputs)
+        for name, how in side.items()
+        if how is ValueTransport.SDO
+    }
+    missing = {name for name, how in sources.items() if how is ValueTransport.NONE}
     assert by_sdo == set(case.by_sdo)
     assert missing == set(case.missing)
     assert all(pdo.target.bits <= 64 for pdo in plan.pdos)
     assert len(plan.notes) >= len(by_sdo) + len(missing)
 
 
-MAPPED = Wanted((), ("controlword", "mode", "target_position"))
+MAPPED = PdoRequirements((), ("controlword", "mode", "target_position"))
 
 
 @pytest.mark.parametrize(
@@ -388,7 +399,7 @@ def test_what_the_master_lays_out_needs_no_wait() -> None:
 
 def test_event_timer_and_inhibit_time_are_set_where_they_are_off() -> None:
     device = DevicePdos((), (tpdo(1, "6041/16", event=0, inhibit=0), tpdo(2, "6064/32")))
-    wanted = Wanted(("statusword", "position"), ())
+    wanted = PdoRequirements(("statusword", "position"), ())
     plan = make_plan(NODE, device, objects(), wanted, Policy(sync=False, event_timer=20, inhibit_time=50))
     first, second = (pdo.target for pdo in plan.pdos)
     assert (first.event_timer, first.inhibit_time) == (20, 50)
@@ -398,7 +409,7 @@ def test_event_timer_and_inhibit_time_are_set_where_they_are_off() -> None:
 @pytest.mark.parametrize(("has", "gets"), [(0, 20), (5, 5), (20, 20), (1000, 20)])
 def test_a_tighter_event_timer_stays(has: int, gets: int) -> None:
     device = DevicePdos((), (tpdo(1, "6041/16", event=has),))
-    plan = make_plan(NODE, device, objects(), Wanted(("statusword",), ()), Policy(sync=False))
+    plan = make_plan(NODE, device, objects(), PdoRequirements(("statusword",), ()), Policy(sync=False))
     assert plan.pdos[0].target.event_timer == gets
 
 
@@ -428,7 +439,7 @@ def test_a_slow_event_timer_of_the_statusword_is_shortened(
     policy: dict[str, object], has: int | None, gets: int | None, change: str
 ) -> None:
     device = DevicePdos((), (tpdo(1, "6041/16", event=has),))
-    plan = make_plan(NODE, device, objects(), Wanted(("statusword",), ()), Policy(**policy))  # type: ignore[arg-type]
+    plan = make_plan(NODE, device, objects(), PdoRequirements(("statusword",), ()), Policy(**policy))  # type: ignore[arg-type]
     (pdo,) = plan.pdos
     assert (pdo.target.event_timer, pdo.change.name) == (gets, change)
     assert [(timer.was, timer.wanted) for timer in plan.event_timers] == (
@@ -438,22 +449,22 @@ def test_a_slow_event_timer_of_the_statusword_is_shortened(
 
 def test_the_event_timer_of_another_value_stays_as_the_user_has_its_tpdo() -> None:
     device = DevicePdos((), (tpdo(1, "6041/16", 1), tpdo(2, "6064/32", event=1000)))
-    wanted = Wanted(("statusword", "position"), ())
+    wanted = PdoRequirements(("statusword", "position"), ())
     plan = make_plan(NODE, device, objects(), wanted, Policy(fixed=frozenset({(False, 2)})))
     assert [pdo.target.event_timer for pdo in plan.pdos] == [None, 1000]
 
 
 def test_with_sync_the_event_timer_does_not_matter() -> None:
     device = DevicePdos((), (tpdo(1, "6041/16", event=1000),))
-    plan = make_plan(NODE, device, objects(), Wanted(("statusword",), ()), Policy())
+    plan = make_plan(NODE, device, objects(), PdoRequirements(("statusword",), ()), Policy())
     assert (plan.pdos[0].target.transmission_type, plan.pdos[0].target.event_timer) == (1, 1000)
     kept = DevicePdos((), (tpdo(1, "6041/16", transmission=1, event=1000),))
-    plan = make_plan(NODE, kept, objects(), Wanted(("statusword",), ()), Policy(communication=False))
-    assert (plan.pdos[0].change, plan.pdos[0].target.event_timer) == (Change.KEEP, 1000)
+    plan = make_plan(NODE, kept, objects(), PdoRequirements(("statusword",), ()), Policy(communication=False))
+    assert (plan.pdos[0].change, plan.pdos[0].target.event_timer) == (PdoChange.KEEP, 1000)
 
 
 def test_what_must_be_synchronous_and_is_not_is_impossible() -> None:
-    wanted = Wanted(
+    wanted = PdoRequirements(
         synchronous_inputs=frozenset({"position"}), synchronous_outputs=frozenset({"target_torque"})
     )
     assert make_plan(NODE, EMPTY, objects(), wanted).impossible == ()
@@ -467,24 +478,32 @@ def test_what_must_be_synchronous_and_is_not_is_impossible() -> None:
 def test_a_tpdo_sent_at_sync_only_on_change_is_not_taken_for_periodic() -> None:
     device = DevicePdos((), (tpdo(1, "6041/16", transmission=0),))
     plan = make_plan(
-        NODE, device, objects(), Wanted(("statusword",), ()), Policy(remap=False, communication=False)
+        NODE,
+        device,
+        objects(),
+        PdoRequirements(("statusword",), ()),
+        Policy(remap=False, communication=False),
     )
-    assert plan.inputs == {"statusword": Source.EVENT_PDO}
+    assert plan.inputs == {"statusword": ValueTransport.EVENT_PDO}
 
 
 def test_a_tpdo_sent_only_on_request_is_no_source() -> None:
     device = DevicePdos((), (tpdo(1, "6041/16", transmission=253),))
     plan = make_plan(
-        NODE, device, objects(), Wanted(("statusword",), ()), Policy(remap=False, communication=False)
+        NODE,
+        device,
+        objects(),
+        PdoRequirements(("statusword",), ()),
+        Policy(remap=False, communication=False),
     )
-    assert plan.inputs == {"statusword": Source.SDO}
+    assert plan.inputs == {"statusword": ValueTransport.SDO}
 
 
 @pytest.mark.parametrize(("transmission", "period"), [(253, 0.1), (255, 0.0), (1, 0.0)])
 def test_only_a_tpdo_that_waits_for_a_remote_frame_is_asked_for(transmission: int, period: float) -> None:
     device = DevicePdos((), (tpdo(1, "6041/16", transmission=transmission),))
     policy = Policy(communication=False, requests={1: 0.1})
-    (pdo,) = make_plan(NODE, device, objects(), Wanted(("statusword",), ()), policy).pdos
+    (pdo,) = make_plan(NODE, device, objects(), PdoRequirements(("statusword",), ()), policy).pdos
     assert pdo.request == period
 
 
@@ -523,7 +542,7 @@ def test_the_plan_says_where_a_pdo_carries_an_object() -> None:
 
 
 def test_why_a_value_travels_by_sdo_is_told() -> None:
-    wanted = Wanted((), ("target_position", "target_torque"))
+    wanted = PdoRequirements((), ("target_position", "target_torque"))
     for plan, why in (
         (
             make_plan(NODE, EMPTY, objects(), wanted, Policy(refused=frozenset({0x6071}))),
@@ -629,7 +648,7 @@ def test_planning_twice_changes_nothing_more() -> None:
         tuple(pdo.target for pdo in first.pdos if not pdo.receive),
     )
     second = make_plan(NODE, after, objects())
-    assert {pdo.change for pdo in second.pdos} == {Change.KEEP}
+    assert {pdo.change for pdo in second.pdos} == {PdoChange.KEEP}
     assert not second.remapped
     assert replace(second, pdos=()) == replace(first, pdos=())
 

@@ -7,8 +7,8 @@ import pytest
 from axisbus.bus.pdo.mapping import DevicePdos, axis_objects
 from axisbus.bus.pdo.plan import Policy, make_plan
 from axisbus.bus.pdo.plantext import describe
-from axisbus.cia301.pdo import MappedObject, Pdo
-from axisbus.cia402.port import Source
+from axisbus.cia301.pdo import MappedObject, PdoConfiguration
+from axisbus.cia402.port import ValueTransport
 from axisbus.eds import Eds, load
 from axisbus.eds.dictionary import Dictionary
 from axisbus.errors import EdsError
@@ -26,7 +26,7 @@ def number(file: Eds, index: int, subindex: int) -> int | None:
     return value if isinstance(value, int) else None
 
 
-def pdos(file: Eds, communication: int, mapping: int) -> tuple[Pdo, ...]:
+def pdos(file: Eds, communication: int, mapping: int) -> tuple[PdoConfiguration, ...]:
     """The PDOs as the file's defaults describe them."""
     found = []
     for offset in range(8):
@@ -36,7 +36,7 @@ def pdos(file: Eds, communication: int, mapping: int) -> tuple[Pdo, ...]:
         count = number(file, mapping + offset, 0) or 0
         entries = [number(file, mapping + offset, sub) for sub in range(1, min(count, 64) + 1)]
         found.append(
-            Pdo(
+            PdoConfiguration(
                 offset + 1,
                 cob_id & 0x7FF,
                 not cob_id & 1 << 31,
@@ -79,12 +79,14 @@ def test_every_drive_gets_a_plan() -> None:
             for sources, receive in sides:
                 carried = {name for pdo in plan.active if pdo.receive is receive for name in pdo.values}
                 by_sources = {
-                    name for name, how in sources.items() if how in (Source.SYNC_PDO, Source.EVENT_PDO)
+                    name
+                    for name, how in sources.items()
+                    if how in (ValueTransport.SYNC_PDO, ValueTransport.EVENT_PDO)
                 }
                 assert carried - {None} == by_sources, where
             if policy.remap:
                 total += 1
                 how = {plan.outputs["controlword"], plan.inputs["statusword"]}
-                by_pdo += Source.SDO not in how
+                by_pdo += ValueTransport.SDO not in how
     assert total > 100
     assert by_pdo > 0.9 * total  # the rest has no PDO at all, or none that may hold the words

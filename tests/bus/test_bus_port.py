@@ -11,13 +11,13 @@ import can
 import pytest
 
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo import freshness
 from axisbus.bus.pdo.mapping import DevicePdos
-from axisbus.bus.pdo.plan import Policy, Wanted, make_plan
+from axisbus.bus.pdo.plan import PdoRequirements, Policy, make_plan
 from axisbus.bus.port import CanPort
 from axisbus.cia301.nmt import NmtState
-from axisbus.cia402.port import Outputs, Sample, SdoReply, SdoRequest, Source
+from axisbus.cia402.port import Outputs, Sample, SdoReply, SdoRequest, ValueTransport
 from axisbus.errors import BootError
 from kit.bus.peer import FakeBus, Slave, eventually
 from kit.bus.plan import EMPTY, GENERIC, NO_TORQUE, objects, rpdo, tpdo
@@ -56,8 +56,8 @@ def slave(fake: FakeBus) -> Slave:
 
 
 @pytest.fixture
-def node(channel: Channel, slave: Slave) -> Iterator[Node]:
-    with Node(channel, NODE) as node:
+def node(channel: Channel, slave: Slave) -> Iterator[CanopenNode]:
+    with CanopenNode(channel, NODE) as node:
         yield node
 
 
@@ -65,10 +65,12 @@ Maker = Callable[..., CanPort]
 
 
 @pytest.fixture
-def make(node: Node) -> Iterator[Maker]:
+def make(node: CanopenNode) -> Iterator[Maker]:
     ports: list[CanPort] = []
 
-    def build(device: DevicePdos, wanted: Wanted | None = None, axis: int = 1, **policy: object) -> CanPort:
+    def build(
+        device: DevicePdos, wanted: PdoRequirements | None = None, axis: int = 1, **policy: object
+    ) -> CanPort:
         rules = Policy(**{"remap": False, **policy})  # type: ignore[arg-type]
         plan = make_plan(NODE, device, objects(0x6062, axis=axis), wanted, rules, axis)
         port = CanPort(node, plan, scan_period=PERIOD)
@@ -81,7 +83,7 @@ def make(node: Node) -> Iterator[Maker]:
         port.close()
 
 
-def arrived(node: Node, fake: FakeBus, can_id: int, data: bytes | str) -> None:
+def arrived(node: CanopenNode, fake: FakeBus, can_id: int, data: bytes | str) -> None:
     """Have a frame arrive, and wait until the receive thread has passed it on."""
     before = node.channel.counters.received
     fake.inject(can_id, data)
@@ -103,7 +105,7 @@ def test_priming_reads_what_no_frame_has_brought(make: Maker) -> None:
     assert values(port) == (0x0231, 1, -112, -3, -4, None)
 
 
-def test_a_frame_becomes_samples_with_its_stamp(make: Maker, node: Node, fake: FakeBus) -> None:
+def test_a_frame_becomes_samples_with_its_stamp(make: Maker, node: CanopenNode, fake: FakeBus) -> None:
     port = make(WHOLE)
     before = time.monotonic()
     arrived(node, fake, 0x185, struct.pack("<Hbi", 0x0637, -1, -5000))
@@ -117,14 +119,14 @@ def test_a_frame_becomes_samples_with_its_stamp(make: Maker, node: Node, fake: F
     assert values(port) == (0x0637, -1, -5000, -3, -4, None)
 
 
-def test_the_newest_of_several_frames_counts(make: Maker, node: Node, fake: FakeBus) -> None:
+def test_the_newest_of_several_frames_counts(make: Maker, node: CanopenNode, fake: FakeBus) -> None:
     port = make(WHOLE)
     for number in range(5):
         arrived(node, fake, 0x285, struct.pack("<ih", number, -number))
     assert values(port)[3:5] == (4, -4)
 
 
-def test_a_short_frame_is_counted_and_a_long_one_cut(make: Maker, node: Node, fake: FakeBus) -> None:
+def test_a_short_frame_is_counted_and_a_long_one_cut(make: Maker, node: CanopenNode, fake: FakeBus) -> None:
     port = make(WHOLE)
     arrived(node, fake, 0x285, struct.pack("<ih", 7, 8))
     arrived(node, fake, 0x285, b"\xff\xff\xff")
@@ -134,7 +136,7 @@ def test_a_short_frame_is_counted_and_a_long_one_cut(make: Maker, node: Node, fa
     assert values(port)[3:5] == (9, 10)
 
 
-def test_bits_and_dummies_in_a_tpdo_are_stepped_over(make: Maker, node: Node, fake: FakeBus) -> None:
+def test_bits_and_dummies_in_a_tpdo_are_stepped_over(make: Maker, node: CanopenNode, fake: FakeBus) -> None:
     port = make(DevicePdos((), (tpdo(1, "2000/4 6041/16 0005/4 6064/32", 1),)))
     raw = 0xF | 0x0637 << 4 | 0x9 << 20 | (-2 & 0xFFFFFFFF) << 24
     arrived(node, fake, 0x185, raw.to_bytes(7, "little"))
@@ -142,7 +144,7 @@ def test_bits_and_dummies_in_a_tpdo_are_stepped_over(make: Maker, node: Node, fa
     assert values(port)[2] == -2
 
 
-def test_emergencies_and_the_nmt_state_come_along(make: Maker, node: Node, fake: FakeBus) -> None:
+def test_emergencies_and_the_nmt_state_come_along(make: Maker, node: CanopenNode, fake: FakeBus) -> None:
     port = make(WHOLE)
     assert port.read(0.0).nmt == -1
     arrived(node, fake, 0x085, "11 86 20")
@@ -156,7 +158,7 @@ def test_emergencies_and_the_nmt_state_come_along(make: Maker, node: Node, fake:
     assert (seen.operational, seen.nmt) == (False, 127)
 
 
-def test_an_overdue_heartbeat_is_not_operational(make: Maker, node: Node, fake: FakeBus) -> None:
+def test_an_overdue_heartbeat_is_not_operational(make: Maker, node: CanopenNode, fake: FakeBus) -> None:
     port = make(WHOLE)
     node.nmt.watch(0.3)
     arrived(node, fake, 0x705, "05")
@@ -164,7 +166,7 @@ def test_an_overdue_heartbeat_is_not_operational(make: Maker, node: Node, fake: 
     assert not port.read(time.monotonic() + 0.4).operational
 
 
-def rebooted(make: Maker, node: Node, fake: FakeBus, *then: str) -> CanPort:
+def rebooted(make: Maker, node: CanopenNode, fake: FakeBus, *then: str) -> CanPort:
     """A port whose node has been commanded, and has then sent a boot-up message and these heartbeats."""
     port = make(WHOLE)
     port.write(Outputs(controlword=0x0F, target_position=1))
@@ -175,7 +177,7 @@ def rebooted(make: Maker, node: Node, fake: FakeBus, *then: str) -> CanPort:
 
 
 def test_after_a_boot_up_message_only_what_has_come_since_is_told_and_the_node_is_not_operational(
-    make: Maker, node: Node, fake: FakeBus
+    make: Maker, node: CanopenNode, fake: FakeBus
 ) -> None:
     port = rebooted(make, node, fake, "05")
     assert values(port) == (None,) * 6
@@ -186,7 +188,7 @@ def test_after_a_boot_up_message_only_what_has_come_since_is_told_and_the_node_i
 
 
 def test_after_a_boot_up_message_a_node_gets_nothing_but_a_stop(
-    make: Maker, node: Node, fake: FakeBus
+    make: Maker, node: CanopenNode, fake: FakeBus
 ) -> None:
     """Its mapping may be lost: what enables, configures or moves it would be misread. A stop goes by every path."""
     port = rebooted(make, node, fake, "05")
@@ -204,7 +206,7 @@ def test_after_a_boot_up_message_a_node_gets_nothing_but_a_stop(
 
 
 def test_after_a_boot_up_message_the_stop_goes_by_sdo_and_the_drive_can_be_looked_at(
-    make: Maker, node: Node, fake: FakeBus, slave: Slave
+    make: Maker, node: CanopenNode, fake: FakeBus, slave: Slave
 ) -> None:
     port = rebooted(make, node, fake)
     port.write(
@@ -224,7 +226,7 @@ def test_after_a_boot_up_message_the_stop_goes_by_sdo_and_the_drive_can_be_looke
     assert replies[3] == SdoReply(3, None, 0x0504_0000)
 
 
-def test_a_stop_by_sdo_waits_for_no_other_transfer(make: Maker, node: Node, slave: Slave) -> None:
+def test_a_stop_by_sdo_waits_for_no_other_transfer(make: Maker, node: CanopenNode, slave: Slave) -> None:
     port = make(WHOLE)
     slave.hold = True  # it answers nothing
     port.write(Outputs(sdo=tuple(SdoRequest(number, 0x6081, 0, None) for number in range(50))))
@@ -243,7 +245,7 @@ def test_a_stop_by_sdo_waits_for_no_other_transfer(make: Maker, node: Node, slav
     ],
 )
 def test_an_energised_drive_just_after_a_boot_up_message_is_a_second_device_under_its_node_id(
-    make: Maker, node: Node, fake: FakeBus, words: tuple[int, ...], after: float, told: bool
+    make: Maker, node: CanopenNode, fake: FakeBus, words: tuple[int, ...], after: float, told: bool
 ) -> None:
     port = rebooted(make, node, fake)
     node.nmt.bootup_stamp -= after
@@ -260,7 +262,7 @@ def test_an_energised_drive_just_after_a_boot_up_message_is_a_second_device_unde
 # -- a bus-off, as a driver tells it by its state
 
 
-def go_off_and_come_back(port: CanPort, node: Node, fake: FakeBus) -> None:
+def go_off_and_come_back(port: CanPort, node: CanopenNode, fake: FakeBus) -> None:
     """A bus-off between two looks: shorter than a cycle, and told all the same."""
     fake.says = can.BusState.ERROR
     eventually(lambda: node.channel.off)
@@ -279,7 +281,7 @@ def serves(port: CanPort) -> tuple[bool, list[tuple[int, bytes]]]:
 
 
 def test_a_node_that_is_still_operational_after_a_bus_off_serves_again(
-    make: Maker, node: Node, fake: FakeBus
+    make: Maker, node: CanopenNode, fake: FakeBus
 ) -> None:
     arrived(node, fake, 0x705, "05")
     port = make(WHOLE)
@@ -293,11 +295,13 @@ def test_a_node_that_is_still_operational_after_a_bus_off_serves_again(
 
 @pytest.mark.parametrize("short", [False, True], ids=["several RPDOs", "one RPDO"])
 def test_one_that_may_have_restarted_unheard_gets_only_a_stop_whatever_it_says_later(
-    make: Maker, node: Node, fake: FakeBus, slave: Slave, short: bool
+    make: Maker, node: CanopenNode, fake: FakeBus, slave: Slave, short: bool
 ) -> None:
     arrived(node, fake, 0x705, "05")
     port = (
-        make(ONE_RPDO, Wanted(("statusword",), ("controlword", "target_position"))) if short else make(WHOLE)
+        make(ONE_RPDO, PdoRequirements(("statusword",), ("controlword", "target_position")))
+        if short
+        else make(WHOLE)
     )
     assert (port._only_image is not None) is short
     assert serves(port)[1]
@@ -314,7 +318,7 @@ def test_one_that_may_have_restarted_unheard_gets_only_a_stop_whatever_it_says_l
 
 
 def test_one_that_is_only_assumed_to_be_operational_is_in_doubt_too(
-    make: Maker, node: Node, fake: FakeBus
+    make: Maker, node: CanopenNode, fake: FakeBus
 ) -> None:
     node.nmt.assume(NmtState.OPERATIONAL)
     port = make(WHOLE)
@@ -354,7 +358,7 @@ def rpdos(port: CanPort, outputs: Outputs = WISH) -> list[int]:
     return [can_id for can_id, _ in port.take_frames()]
 
 
-def test_an_event_driven_rpdo_goes_out_when_it_changes(make: Maker, node: Node, fake: FakeBus) -> None:
+def test_an_event_driven_rpdo_goes_out_when_it_changes(make: Maker, node: CanopenNode, fake: FakeBus) -> None:
     arrived(node, fake, 0x705, "05")
     port = make(EVENT_DRIVEN, sync=False)
     assert rpdos(port) == [0x205]
@@ -364,7 +368,7 @@ def test_an_event_driven_rpdo_goes_out_when_it_changes(make: Maker, node: Node, 
 
 
 def test_one_that_was_dropped_goes_out_later_though_nothing_has_changed(
-    make: Maker, node: Node, fake: FakeBus
+    make: Maker, node: CanopenNode, fake: FakeBus
 ) -> None:
     arrived(node, fake, 0x705, "05")
     port = make(EVENT_DRIVEN, sync=False)
@@ -374,7 +378,9 @@ def test_one_that_was_dropped_goes_out_later_though_nothing_has_changed(
     assert rpdos(port) == [0x205]
 
 
-def test_a_node_that_comes_back_to_operational_gets_them_anew(make: Maker, node: Node, fake: FakeBus) -> None:
+def test_a_node_that_comes_back_to_operational_gets_them_anew(
+    make: Maker, node: CanopenNode, fake: FakeBus
+) -> None:
     """In any other state it takes none, so what was sent then does not count."""
     arrived(node, fake, 0x705, "7F")
     port = make(EVENT_DRIVEN, sync=False)
@@ -414,16 +420,17 @@ def test_the_quick_stop_has_no_value_that_was_never_sent(make: Maker) -> None:
 
 def test_without_a_pdo_values_are_polled(make: Maker, slave: Slave) -> None:
     port = make(DevicePdos((), (tpdo(1, "6041/16", 1),)))
-    assert port.capabilities.inputs["position"] is Source.SDO
+    assert port.capabilities.inputs["position"] is ValueTransport.SDO
     slave.objects[0x6064, 0] = struct.pack("<i", 4321)
     now = time.monotonic()
     port.read(now)
     eventually(lambda: port.read(now).position.value == 4321)  # type: ignore[union-attr]
 
 
-def test_polls_keep_their_period(make: Maker, node: Node, fake: FakeBus) -> None:
+def test_polls_keep_their_period(make: Maker, node: CanopenNode, fake: FakeBus) -> None:
     port = make(
-        DevicePdos((), (tpdo(1, "6041/16 6061/8", 1),)), Wanted(("statusword", "mode", "position"), ())
+        DevicePdos((), (tpdo(1, "6041/16 6061/8", 1),)),
+        PdoRequirements(("statusword", "mode", "position"), ()),
     )
     asked = [bytes.fromhex("40 64 60 00 00 00 00 00")]
     fake.sent.clear()
@@ -452,10 +459,10 @@ def test_a_standing_axis_with_a_silent_tpdo_has_fresh_positions(make: Maker, sla
 
 
 def test_a_polled_value_does_not_replace_a_newer_frame(
-    make: Maker, node: Node, slave: Slave, fake: FakeBus
+    make: Maker, node: CanopenNode, slave: Slave, fake: FakeBus
 ) -> None:
     """The answer waited in the drive while a TPDO with a newer value overtook it."""
-    port = make(DevicePdos((), (tpdo(1, "6041/16"),)), Wanted(("statusword",), ()), sync=False)
+    port = make(DevicePdos((), (tpdo(1, "6041/16"),)), PdoRequirements(("statusword",), ()), sync=False)
     slave.hold = True
     port.read(time.monotonic())
     eventually(lambda: slave.held)
@@ -559,7 +566,9 @@ def test_sdo_requests_are_answered_in_the_inputs(make: Maker, slave: Slave) -> N
     assert replies == [SdoReply(1, -112, None), SdoReply(2, None, 0x0609_0031)]
 
 
-def test_a_cancelled_request_is_not_answered(make: Maker, slave: Slave, node: Node, fake: FakeBus) -> None:
+def test_a_cancelled_request_is_not_answered(
+    make: Maker, slave: Slave, node: CanopenNode, fake: FakeBus
+) -> None:
     port = make(WHOLE)
     slave.hold = True
     port.write(Outputs(sdo=(SdoRequest(1, 0x6064, 0, None), SdoRequest(2, 0x6081, 0, 5))))
@@ -573,11 +582,11 @@ def test_a_cancelled_request_is_not_answered(make: Maker, slave: Slave, node: No
 
 
 def test_an_sdo_write_to_a_mapped_object_is_not_undone_by_the_next_rpdo(
-    make: Maker, slave: Slave, node: Node
+    make: Maker, slave: Slave, node: CanopenNode
 ) -> None:
     """Many drives map the profile velocity beside the target position."""
     device = DevicePdos((rpdo(1, "6040/16 6060/8", 1), rpdo(2, "607A/32 6081/32", 1)), ())
-    port = make(device, Wanted((), ("controlword", "mode", "target_position")))
+    port = make(device, PdoRequirements((), ("controlword", "mode", "target_position")))
     port.write(Outputs(target_position=1))
     assert port.take_frames() == [(0x305, struct.pack("<iI", 1, 900))]
     port.write(Outputs(target_position=2, sdo=(SdoRequest(1, 0x6081, 0, 1234),)))
@@ -594,10 +603,12 @@ def test_an_sdo_write_to_a_mapped_object_is_not_undone_by_the_next_rpdo(
 
 
 FIXED = DevicePdos((rpdo(1, "6040/16", 1),), (tpdo(1, "6041/16 6064/32", 1),))
-PP = Wanted(("statusword", "position"), ("controlword", "mode", "target_position"))
+PP = PdoRequirements(("statusword", "position"), ("controlword", "mode", "target_position"))
 
 
-def test_a_value_without_rpdo_is_written_when_it_changes(make: Maker, slave: Slave, node: Node) -> None:
+def test_a_value_without_rpdo_is_written_when_it_changes(
+    make: Maker, slave: Slave, node: CanopenNode
+) -> None:
     port = make(FIXED, PP)
     for _ in range(3):
         port.write(Outputs(mode=1, target_position=5))
@@ -606,7 +617,7 @@ def test_a_value_without_rpdo_is_written_when_it_changes(make: Maker, slave: Sla
 
 
 def test_a_motion_waits_for_its_target_that_travels_by_sdo(
-    make: Maker, slave: Slave, node: Node, fake: FakeBus
+    make: Maker, slave: Slave, node: CanopenNode, fake: FakeBus
 ) -> None:
     """The edge in the RPDO would be much faster than the target by SDO."""
     port = make(FIXED, PP)
@@ -623,7 +634,7 @@ def test_a_motion_waits_for_its_target_that_travels_by_sdo(
 
 
 def test_under_halt_the_edge_waits_for_the_target_and_the_halt_itself_does_not(
-    make: Maker, slave: Slave, node: Node, fake: FakeBus
+    make: Maker, slave: Slave, node: CanopenNode, fake: FakeBus
 ) -> None:
     """Else the drive takes its old target for the new one, and goes there when the halt ends."""
     port = make(FIXED, PP)
@@ -644,7 +655,7 @@ def test_under_halt_the_edge_waits_for_the_target_and_the_halt_itself_does_not(
 
 
 @pytest.mark.parametrize("word", [0x0002, 0x0000, 0x0006, 0x0007, 0x010F])
-def test_a_stop_never_waits_for_a_target(make: Maker, slave: Slave, node: Node, word: int) -> None:
+def test_a_stop_never_waits_for_a_target(make: Maker, slave: Slave, node: CanopenNode, word: int) -> None:
     port = make(FIXED, PP)
     port.write(Outputs(controlword=0x0F))
     port.take_frames()
@@ -654,7 +665,9 @@ def test_a_stop_never_waits_for_a_target(make: Maker, slave: Slave, node: Node, 
     node.worker.close()
 
 
-def test_a_refused_value_is_tried_again_but_not_in_every_cycle(make: Maker, slave: Slave, node: Node) -> None:
+def test_a_refused_value_is_tried_again_but_not_in_every_cycle(
+    make: Maker, slave: Slave, node: CanopenNode
+) -> None:
     port = make(FIXED, PP)
     slave.abort_on[0x6060, 0] = 0x0609_0030
     for _ in range(20):
@@ -673,7 +686,9 @@ def test_a_refused_value_is_tried_again_but_not_in_every_cycle(make: Maker, slav
 NO_PDO = DevicePdos((), (tpdo(1, "6041/16 6064/32", 1),))
 
 
-def test_a_controlword_without_rpdo_goes_behind_its_target(make: Maker, slave: Slave, node: Node) -> None:
+def test_a_controlword_without_rpdo_goes_behind_its_target(
+    make: Maker, slave: Slave, node: CanopenNode
+) -> None:
     port = make(NO_PDO, PP)
     port.write(Outputs(controlword=0x1F, target_position=5))
     assert port.take_frames() == []
@@ -684,7 +699,9 @@ def test_a_controlword_without_rpdo_goes_behind_its_target(make: Maker, slave: S
     assert len(slave.writes) == 2  # nothing changed
 
 
-def test_a_quick_stop_without_rpdo_goes_before_everything(make: Maker, slave: Slave, node: Node) -> None:
+def test_a_quick_stop_without_rpdo_goes_before_everything(
+    make: Maker, slave: Slave, node: CanopenNode
+) -> None:
     port = make(NO_PDO, PP)
     node.sdo.timeout = 60.0
     slave.hold = True
@@ -697,7 +714,7 @@ def test_a_quick_stop_without_rpdo_goes_before_everything(make: Maker, slave: Sl
     eventually(lambda: node.worker.idle)
 
 
-def test_a_refused_controlword_does_not_delay_the_stop(make: Maker, slave: Slave, node: Node) -> None:
+def test_a_refused_controlword_does_not_delay_the_stop(make: Maker, slave: Slave, node: CanopenNode) -> None:
     port = make(NO_PDO, PP)
     slave.abort_on[0x6040, 0] = 0x0800_0022
     port.write(Outputs(controlword=0x0F))
@@ -714,10 +731,10 @@ def test_a_refused_controlword_does_not_delay_the_stop(make: Maker, slave: Slave
 # -- the second axis
 
 
-def test_the_second_axis_has_its_own_objects(make: Maker, slave: Slave, node: Node) -> None:
+def test_the_second_axis_has_its_own_objects(make: Maker, slave: Slave, node: CanopenNode) -> None:
     slave.objects.update({(0x6881, 0): bytes(4), (0x6841, 0): b"\x40\x02", (0x2000, 0): b"\x09"})
     device = DevicePdos((rpdo(5, "6840/16", 1, cob_id=0x27F),), (tpdo(5, "6841/16", 1, cob_id=0x47F),))
-    port = make(device, Wanted(("statusword",), ("controlword",)), axis=2)
+    port = make(device, PdoRequirements(("statusword",), ("controlword",)), axis=2)
     assert values(port)[0] == 0x0240
     port.write(Outputs(controlword=0x06, sdo=(SdoRequest(1, 0x6081, 0, 5), SdoRequest(2, 0x2000, 0, None))))
     assert port.take_frames() == [(0x27F, b"\x06\x00")]
@@ -733,12 +750,12 @@ def test_the_second_axis_has_its_own_objects(make: Maker, slave: Slave, node: No
 
 def test_what_the_port_can_do_is_told(make: Maker) -> None:
     told = make(GENERIC, NO_TORQUE).capabilities
-    assert set(told.inputs.values()) == {Source.SYNC_PDO}
-    assert told.outputs == dict.fromkeys(NO_TORQUE.outputs, Source.SYNC_PDO)
-    assert make(EMPTY).capabilities.outputs["controlword"] is Source.SDO
+    assert set(told.inputs.values()) == {ValueTransport.SYNC_PDO}
+    assert told.outputs == dict.fromkeys(NO_TORQUE.outputs, ValueTransport.SYNC_PDO)
+    assert make(EMPTY).capabilities.outputs["controlword"] is ValueTransport.SDO
 
 
-def test_a_closed_port_hears_nothing(make: Maker, node: Node, fake: FakeBus) -> None:
+def test_a_closed_port_hears_nothing(make: Maker, node: CanopenNode, fake: FakeBus) -> None:
     port = make(WHOLE)
     port.close()
     arrived(node, fake, 0x185, struct.pack("<Hbi", 0x0637, 1, 1))

@@ -9,7 +9,7 @@ import can
 import pytest
 
 from axisbus.bus.link import candump, frame_files
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.errors import UserError
 
 
@@ -18,24 +18,27 @@ from axisbus.errors import UserError
     [
         (
             "(1436509052.249713) vcan0 044#2A366C2BBA",
-            Frame(1436509052.249713, 0x044, bytes.fromhex("2A366C2BBA")),
+            CanFrame(1436509052.249713, 0x044, bytes.fromhex("2A366C2BBA")),
         ),
-        ("(1436509052.249713) can0 705#00 R", Frame(1436509052.249713, 0x705, b"\0")),
-        ("(1.000000) can0 705#R", Frame(1.0, 0x705, remote=True)),
-        ("(1.000000) can0 705#R1", Frame(1.0, 0x705, remote=True)),
-        ("(1.000000) can0 00000181#01", Frame(1.0, 0x181, b"\1", extended=True)),
+        ("(1436509052.249713) can0 705#00 R", CanFrame(1436509052.249713, 0x705, b"\0")),
+        ("(1.000000) can0 705#R", CanFrame(1.0, 0x705, remote=True)),
+        ("(1.000000) can0 705#R1", CanFrame(1.0, 0x705, remote=True)),
+        ("(1.000000) can0 00000181#01", CanFrame(1.0, 0x181, b"\1", extended=True)),
         (
             "(1.000000) can0 20000004#0008000000000000",
-            Frame(1.0, 4, bytes.fromhex("0008000000000000"), error=True),
+            CanFrame(1.0, 4, bytes.fromhex("0008000000000000"), error=True),
         ),
-        ("  can0  181   [8]  37 06 01 00 80 00 00 00", Frame(0.0, 0x181, bytes.fromhex("3706010080000000"))),
-        (" (001.500000)  can0  080   [0]", Frame(1.5, 0x080)),
-        (" (1436509052.249713)  can0  RX - -  705   [1]  05", Frame(1436509052.249713, 0x705, b"\5")),
-        ("  can0  705   [1]  remote request", Frame(0.0, 0x705, remote=True)),
-        ("  vcan0  181   [3]  41 42 43   'ABC'", Frame(0.0, 0x181, b"ABC")),
+        (
+            "  can0  181   [8]  37 06 01 00 80 00 00 00",
+            CanFrame(0.0, 0x181, bytes.fromhex("3706010080000000")),
+        ),
+        (" (001.500000)  can0  080   [0]", CanFrame(1.5, 0x080)),
+        (" (1436509052.249713)  can0  RX - -  705   [1]  05", CanFrame(1436509052.249713, 0x705, b"\5")),
+        ("  can0  705   [1]  remote request", CanFrame(0.0, 0x705, remote=True)),
+        ("  vcan0  181   [3]  41 42 43   'ABC'", CanFrame(0.0, 0x181, b"ABC")),
         (
             "  can0  20000080   [8]  00 00 00 00 00 00 00 00   ERRORFRAME",
-            Frame(0.0, 0x80, bytes(8), error=True),
+            CanFrame(0.0, 0x80, bytes(8), error=True),
         ),
     ],
 )
@@ -74,7 +77,7 @@ def test_every_format_gives_the_same_frames(tmp_path, suffix):
     with can.Logger(path) as writer:
         for message in MESSAGES:
             writer(message)
-    skipped = frame_files.Skipped()
+    skipped = frame_files.SkippedLines()
     frames = list(frame_files.read(path, skipped))
     assert [(frame.can_id, frame.data, frame.extended) for frame in frames] == [
         (0x705, b"\0", False),
@@ -88,7 +91,7 @@ def test_every_format_gives_the_same_frames(tmp_path, suffix):
 def test_a_torn_last_line_is_counted_not_fatal(tmp_path):
     path = tmp_path / "run.log"
     path.write_text("(1.0) can0 705#00\n(1.1) can0 705#0")
-    skipped = frame_files.Skipped()
+    skipped = frame_files.SkippedLines()
     assert len(list(frame_files.read(path, skipped))) == 1
     assert (skipped.count, skipped.first) == (1, "2: (1.1) can0 705#0")
 
@@ -111,7 +114,7 @@ def test_a_file_that_is_no_recording_is_one_clear_sentence(tmp_path, name, conte
     if content is not None:
         (tmp_path / name).write_bytes(content)
     with pytest.raises(UserError, match=words):
-        list(frame_files.read(tmp_path / name, frame_files.Skipped()))
+        list(frame_files.read(tmp_path / name, frame_files.SkippedLines()))
 
 
 def test_a_size_in_a_blf_that_is_larger_than_the_file_takes_no_memory(tmp_path):
@@ -125,7 +128,7 @@ def test_a_size_in_a_blf_that_is_larger_than_the_file_takes_no_memory(tmp_path):
     path.write_bytes(data[:at] + (0x7FFF_FFFF).to_bytes(4, "little") + data[at + 4 :])
     tracemalloc.start()
     with contextlib.suppress(UserError):
-        list(frame_files.read(path, frame_files.Skipped()))
+        list(frame_files.read(path, frame_files.SkippedLines()))
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 10_000_000
@@ -136,7 +139,7 @@ ASC_FRAMES = "   0.010000 1  081             Rx   d 1 10\n   0.020000 2  701    
 
 
 def read(path, channel=None):
-    skipped = frame_files.Skipped()
+    skipped = frame_files.SkippedLines()
     return list(frame_files.read(path, skipped, channel)), skipped
 
 

@@ -12,7 +12,7 @@ from canopen.objectdictionary.eds import import_eds
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.node.remote import canopen_dictionary, remote_node
 from axisbus.eds import Eds, canopen_text, load, loads
 from axisbus.errors import StateError
@@ -29,19 +29,19 @@ def slave(fake: FakeBus) -> Slave:
 
 
 @pytest.fixture
-def node(channel: Channel, slave: Slave) -> Iterator[Node]:
-    with Node(channel, 5, EDS) as node:
+def node(channel: Channel, slave: Slave) -> Iterator[CanopenNode]:
+    with CanopenNode(channel, 5, EDS) as node:
         yield node
 
 
-def test_objects_are_read_and_written_by_canopens_names(node: Node, slave: Slave) -> None:
+def test_objects_are_read_and_written_by_canopens_names(node: CanopenNode, slave: Slave) -> None:
     remote = remote_node(node)
     assert remote.sdo[0x607A].raw == -1
     remote.sdo[0x6081].raw = 500
     assert slave.objects[0x6081, 0] == (500).to_bytes(4, "little")
 
 
-def test_its_failures_are_canopens(node: Node, slave: Slave) -> None:
+def test_its_failures_are_canopens(node: CanopenNode, slave: Slave) -> None:
     remote = remote_node(node)
     with pytest.raises(SdoAbortedError) as caught:
         remote.sdo.upload(0x60FE, 1)
@@ -55,7 +55,7 @@ def test_its_failures_are_canopens(node: Node, slave: Slave) -> None:
 
 
 def test_nmt_commands_go_out_and_short_emergencies_harm_nothing(
-    node: Node, slave: Slave, fake: FakeBus
+    node: CanopenNode, slave: Slave, fake: FakeBus
 ) -> None:
     remote = remote_node(node)
     remote.nmt.state = "OPERATIONAL"

@@ -7,14 +7,14 @@ import struct
 import pytest
 
 from axisbus.bus.pdo.mapping import DevicePdos, MapEntry
-from axisbus.bus.pdo.plan import Policy, Wanted, make_plan
+from axisbus.bus.pdo.plan import PdoRequirements, Policy, make_plan
 from axisbus.bus.pdo.rpdo import RpdoImage, arrange
 from axisbus.errors import StateError
 from kit.bus.plan import GENERIC, NO_TORQUE, mapped, objects, rpdo
 
 
 def images(
-    device: DevicePdos, wanted: Wanted | None = None, more: dict[int, MapEntry] | None = None
+    device: DevicePdos, wanted: PdoRequirements | None = None, more: dict[int, MapEntry] | None = None
 ) -> list[RpdoImage]:
     plan = make_plan(5, device, objects() | (more or {}), wanted or NO_TORQUE, Policy(remap=False))
     made = [RpdoImage(pdo) for pdo in plan.active if pdo.receive]
@@ -164,7 +164,7 @@ def test_bits_of_a_mapping_are_packed_exactly() -> None:
     """A 4-bit object between the values: no neighbour is overwritten."""
     image = images(
         DevicePdos((rpdo(1, "6040/16 2000/4 607A/32 2001/4"),), ()),
-        Wanted((), ("controlword", "target_position")),
+        PdoRequirements((), ("controlword", "target_position")),
     )[0]
     image.put(0x2000, 0, 0xA)
     image.put(0x2001, 0, 0x5)

@@ -11,7 +11,7 @@ from dataclasses import replace
 import pytest
 
 from axisbus.bus.pdo.mapping import DevicePdos
-from axisbus.bus.pdo.plan import Plan, Policy, make_plan
+from axisbus.bus.pdo.plan import PdoPlan, Policy, make_plan
 from axisbus.bus.pdo.rpdo import Frame, RpdoImage, arrange
 from axisbus.bus.pdo.rpdo_schedule import REPEAT, RpdoPace
 from kit.bus.plan import NO_TORQUE, objects, rpdo
@@ -24,7 +24,7 @@ ON_ARRIVAL = Policy(remap=False, sync=False)
 WITH_SYNC = Policy(remap=False)
 
 
-def plan_of(mappings: tuple[str, ...], policy: Policy, deadline: dict[int, int] | None = None) -> Plan:
+def plan_of(mappings: tuple[str, ...], policy: Policy, deadline: dict[int, int] | None = None) -> PdoPlan:
     """RPDOs 1, 2, ... with these mappings; ``deadline``: 14xxh:05 in ms by number."""
     pdos = [
         replace(rpdo(number, text, 255), event_timer=(deadline or {}).get(number, 0))
@@ -36,7 +36,7 @@ def plan_of(mappings: tuple[str, ...], policy: Policy, deadline: dict[int, int] 
     return make_plan(5, DevicePdos(tuple(pdos), ()), objects(), NO_TORQUE, policy)
 
 
-def images_of(plan: Plan) -> list[RpdoImage]:
+def images_of(plan: PdoPlan) -> list[RpdoImage]:
     images = [RpdoImage(pdo) for pdo in plan.active if pdo.receive]
     for image in images:
         for entry, _ in image.unknown:

@@ -13,7 +13,7 @@ import pytest
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.sdo import client
 from axisbus.bus.sdo.client import SdoClient
-from axisbus.bus.sdo.transfer import Line
+from axisbus.bus.sdo.transfer import SdoConnection
 from axisbus.errors import AdapterError, AxisbusError, Interrupted, SdoAbort, SdoError, SdoTimeout, StateError
 from kit.bus.peer import FakeBus, Frame, Slave, eventually
 
@@ -381,7 +381,7 @@ def test_an_answer_behind_the_end_of_a_transfer_is_counted_at_once_as_one_that_n
 def test_what_a_transfer_has_left_is_dropped_and_counted_when_the_next_one_begins(
     channel: Channel, fake: FakeBus
 ) -> None:
-    line = Line(channel, NODE)
+    line = SdoConnection(channel, NODE)
     line.open()
     for _ in range(2):
         fake.inject(0x585, "4B 41 60 00 37 06 00 00")

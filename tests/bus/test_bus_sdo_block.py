@@ -15,7 +15,7 @@ from axisbus.bus.sdo import transfer
 from axisbus.bus.sdo.channels import SdoChannel, open_channel, read_client, set_server
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301.datatypes import DataType
-from axisbus.cia301.sdo import Way
+from axisbus.cia301.sdo import SdoTransferType
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
 from axisbus.errors import ArgumentError, Interrupted, SdoError, SdoTimeout
 from axisbus.sim.device import Device
@@ -126,7 +126,7 @@ def test_segments_leave_in_groups_of_four_with_room_for_the_scan_s_frames_betwee
     seen: list[int] = []
     pausing(monkeypatch, lambda: seen.append(len(fake.frames(0x605)) - 1))  # less the one that begins
     data = DATA[: 7 * segments]
-    sdo.download(FILE, 0, data, way=Way.BLOCK)
+    sdo.download(FILE, 0, data, way=SdoTransferType.BLOCK)
     assert stand_in.content == data
     assert seen == pauses
 
@@ -136,7 +136,7 @@ def test_a_transfer_that_is_not_wanted_any_more_ends_between_two_groups(
 ) -> None:
     pausing(monkeypatch, sdo.cancel)
     with pytest.raises(Interrupted):
-        sdo.download(FILE, 0, DATA, way=Way.BLOCK)
+        sdo.download(FILE, 0, DATA, way=SdoTransferType.BLOCK)
     assert len(fake.frames(0x605)) == 1 + 4 + 1
     assert fake.frames(0x605)[-1].hex() == GENERAL_ABORT
 
@@ -153,10 +153,17 @@ def test_a_node_without_blocks_is_asked_for_them_once(
 
 @pytest.mark.parametrize(
     ("way", "lost"),
-    [(Way.NORMAL, 1), (Way.NORMAL, 60), (Way.BLOCK, 2), (Way.BLOCK, 3), (Way.BLOCK, 129), (Way.BLOCK, 130)],
+    [
+        (SdoTransferType.NORMAL, 1),
+        (SdoTransferType.NORMAL, 60),
+        (SdoTransferType.BLOCK, 2),
+        (SdoTransferType.BLOCK, 3),
+        (SdoTransferType.BLOCK, 129),
+        (SdoTransferType.BLOCK, 130),
+    ],
 )
 def test_a_lost_frame_costs_time_and_nothing_else(
-    hasty: SdoClient, stand_in: StandIn, way: Way, lost: int
+    hasty: SdoClient, stand_in: StandIn, way: SdoTransferType, lost: int
 ) -> None:
     dials = stand_in.device.dials
     dials.sdo_lost = {lost}
@@ -185,7 +192,7 @@ def test_a_server_that_never_confirms_a_segment_is_an_sdo_error(channel: Channel
     fake.peers.append(peer)
     client = SdoClient(channel, NODE, timeout=5.0, tries=1)
     with pytest.raises(SdoError, match="failed in 1 attempt") as caught:
-        client.download(FILE, 0, DATA, way=Way.BLOCK)
+        client.download(FILE, 0, DATA, way=SdoTransferType.BLOCK)
     assert "no segment arrived" in caught.value.observed
     assert fake.frames(0x605)[-1].hex() == "8000210003000405"
 
@@ -223,7 +230,7 @@ def test_progress_counts_bytes(sdo: SdoClient) -> None:
     sdo.download(FILE, 0, DATA, progress=lambda done, all_: seen.append((done, all_)))
     assert seen == [(0, 3000), (889, 3000), (1778, 3000), (2667, 3000), (3000, 3000)]
     seen.clear()
-    sdo.upload(FILE, way=Way.NORMAL, progress=lambda done, all_: seen.append((done, all_)))
+    sdo.upload(FILE, way=SdoTransferType.NORMAL, progress=lambda done, all_: seen.append((done, all_)))
     assert seen[:3] == [(0, 3000), (7, 3000), (14, 3000)]
     assert seen[-1] == (3000, 3000)
 

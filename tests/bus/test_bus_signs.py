@@ -14,7 +14,7 @@ from axisbus.bus.link.bitrate_change import ChangedOver, Opening, _commands
 from axisbus.bus.node import nmt_commands
 from axisbus.bus.node.events import BAD, NodeEventKind, NodeEvents
 from axisbus.bus.node.nmt import Confirmation
-from axisbus.bus.node.nmt_commands import Way
+from axisbus.bus.node.nmt_commands import NmtConfirmation
 from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeConsumer, TimeProducer
 from axisbus.cia301.dropped_frames import Drops
@@ -709,16 +709,16 @@ class Named:
 @pytest.mark.parametrize(
     ("numbers", "answers", "way"),
     [
-        ({0x1017: 500}, None, Way(Confirmation.HEARTBEAT, None, 0.5)),
-        ({0x1017: 0}, STOPPED, Way(Confirmation.GUARDING, STOPPED)),
-        ({}, OPERATIONAL, Way(Confirmation.GUARDING, OPERATIONAL)),
+        ({0x1017: 500}, None, NmtConfirmation(Confirmation.HEARTBEAT, None, 0.5)),
+        ({0x1017: 0}, STOPPED, NmtConfirmation(Confirmation.GUARDING, STOPPED)),
+        ({}, OPERATIONAL, NmtConfirmation(Confirmation.GUARDING, OPERATIONAL)),
         (
             {0x100C: 100, 0x100D: 3},
             OPERATIONAL,
-            Way(Confirmation.SDO, None),
+            NmtConfirmation(Confirmation.SDO, None),
         ),  # a request would arm its life guarding
-        ({0x100C: 100, 0x100D: 0}, OPERATIONAL, Way(Confirmation.GUARDING, OPERATIONAL)),
-        ({}, None, Way(Confirmation.SDO, None)),
+        ({0x100C: 100, 0x100D: 0}, OPERATIONAL, NmtConfirmation(Confirmation.GUARDING, OPERATIONAL)),
+        ({}, None, NmtConfirmation(Confirmation.SDO, None)),
     ],
 )
 def test_how_a_silent_node_can_show_its_state(clock, numbers, answers, way):
@@ -729,12 +729,12 @@ def test_how_a_silent_node_can_show_its_state(clock, numbers, answers, way):
 def test_one_that_is_heard_already_is_not_listened_for(clock):
     node = Named(clock, 6, {0x1017: 200})
     node.nmt.reports, node.nmt.state = 1, OPERATIONAL
-    assert nmt_commands.ways([node]) == {6: Way(Confirmation.HEARTBEAT, OPERATIONAL, 0.2)}
+    assert nmt_commands.ways([node]) == {6: NmtConfirmation(Confirmation.HEARTBEAT, OPERATIONAL, 0.2)}
     assert clock.now == 0.0
     assert nmt_commands.ways([]) == {}
 
 
-def outcome(node: Named, wanted: NmtCommand, way: Way, everybody: bool = False):
+def outcome(node: Named, wanted: NmtCommand, way: NmtConfirmation, everybody: bool = False):
     [found] = nmt_commands.command(node.channel, [node], wanted, {node.node_id: way}, everybody=everybody)
     return found
 
@@ -743,7 +743,7 @@ def outcome(node: Named, wanted: NmtCommand, way: Way, everybody: bool = False):
 def test_a_heartbeat_is_awaited_two_and_a_half_periods_and_two_seconds_at_least(clock, period, patience):
     node = Named(clock)
     node.nmt.reports = 3
-    found = outcome(node, NmtCommand.START, Way(Confirmation.HEARTBEAT, None, period))
+    found = outcome(node, NmtCommand.START, NmtConfirmation(Confirmation.HEARTBEAT, None, period))
     assert node.nmt.waited == [(OPERATIONAL, pytest.approx(patience), 3)]
     assert (found.ok, found.state) == (False, None)
     assert node.sent == [(0, b"\1\5")]
@@ -754,11 +754,13 @@ def test_a_heartbeat_is_awaited_two_and_a_half_periods_and_two_seconds_at_least(
 
 def test_an_outcome_in_words(clock):
     node = Named(clock, answers=OPERATIONAL)
-    found = outcome(node, NmtCommand.START, Way(Confirmation.GUARDING, STOPPED), everybody=True)
+    found = outcome(node, NmtCommand.START, NmtConfirmation(Confirmation.GUARDING, STOPPED), everybody=True)
     assert (found.ok, found.state, found.seconds) == (True, OPERATIONAL, 0.0)
     assert found.text == "operational (was stopped), confirmed by its answer to node guarding after 0.00 s"
     assert node.sent == [(0, b"\1\0")]
-    still = outcome(Named(clock, answers=STOPPED), NmtCommand.START, Way(Confirmation.GUARDING, None))
+    still = outcome(
+        Named(clock, answers=STOPPED), NmtCommand.START, NmtConfirmation(Confirmation.GUARDING, None)
+    )
     assert not still.ok
     assert still.text.startswith("NOT confirmed: it still says stopped 2.0 s after the command")
 
@@ -777,7 +779,7 @@ def test_an_outcome_in_words(clock):
 def test_where_nothing_else_shows_it_the_sdo_server_does(clock, wanted, from_, until, ok, seconds):
     node = Named(clock)
     node.serves_from, node.serves_until = from_, until
-    found = outcome(node, wanted, Way(Confirmation.SDO, None))
+    found = outcome(node, wanted, NmtConfirmation(Confirmation.SDO, None))
     assert found.ok is ok
     assert bool(node.nmt.assumed) is ok
     assert found.seconds == pytest.approx(seconds, abs=0.03)
@@ -786,8 +788,8 @@ def test_where_nothing_else_shows_it_the_sdo_server_does(clock, wanted, from_, u
 @pytest.mark.parametrize("wanted", [NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION])
 def test_a_reset_is_confirmed_by_a_boot_up_within_five_seconds(clock, wanted):
     node = Named(clock)
-    found = outcome(node, wanted, Way(Confirmation.HEARTBEAT, OPERATIONAL, 0.5))
-    assert (found.ok, found.way) == (False, Way(Confirmation.BOOT_UP, OPERATIONAL, 0.5))
+    found = outcome(node, wanted, NmtConfirmation(Confirmation.HEARTBEAT, OPERATIONAL, 0.5))
+    assert (found.ok, found.way) == (False, NmtConfirmation(Confirmation.BOOT_UP, OPERATIONAL, 0.5))
     assert found.seconds == pytest.approx(5.0, abs=0.03)
     again = Named(clock)
 
@@ -797,7 +799,7 @@ def test_a_reset_is_confirmed_by_a_boot_up_within_five_seconds(clock, wanted):
         again.nmt.state = NmtState.PRE_OPERATIONAL
 
     again.channel.send = restart
-    assert outcome(again, wanted, Way(Confirmation.SDO, None)).ok
+    assert outcome(again, wanted, NmtConfirmation(Confirmation.SDO, None)).ok
 
 
 # Change-over of the bit rate, and lines of candump.

@@ -12,11 +12,11 @@ import pytest
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.discover import scan
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo.configure import set_pdo
 from axisbus.bus.pdo.plan import Policy
 from axisbus.cia301.nmt import NmtCommand
-from axisbus.cia402.port import Outputs, Source
+from axisbus.cia402.port import Outputs, ValueTransport
 from axisbus.eds import load
 from kit.bus.master import EDS, Master
 from kit.can_line import line
@@ -30,11 +30,11 @@ _stand_ins: list[Any] = []
 
 
 @pytest.fixture
-def nodes() -> Iterator[list[Node]]:
+def nodes() -> Iterator[list[CanopenNode]]:
     """Two stand-ins on a channel of their own, listened to since before they boot."""
     name = f"stand-ins {next(_channels)}"
     with Channel.open(*line(name)) as channel, ExitStack() as stack:
-        made = [stack.enter_context(Node(channel, node_id, load(EDS))) for node_id in NODES]
+        made = [stack.enter_context(CanopenNode(channel, node_id, load(EDS))) for node_id in NODES]
         devices = [sim_build.device_from_eds(load(EDS), node_id) for node_id in NODES]
         with sim_network.StandIns(line(name)[1], devices, interface=line(name)[0]) as stand_ins:
             _stand_ins.append(stand_ins)
@@ -44,11 +44,11 @@ def nodes() -> Iterator[list[Node]]:
 
 
 @pytest.fixture
-def channel(nodes: list[Node]) -> Channel:
+def channel(nodes: list[CanopenNode]) -> Channel:
     return nodes[0].channel
 
 
-def test_the_stand_ins_are_found(channel: Channel, nodes: list[Node]) -> None:
+def test_the_stand_ins_are_found(channel: Channel, nodes: list[CanopenNode]) -> None:
     found = scan(channel, ids=range(1, 11), listen=0.3)
     assert [node.node_id for node in found] == list(NODES)
     assert found[0].kind.endswith("(CiA 402)")
@@ -57,12 +57,12 @@ def test_the_stand_ins_are_found(channel: Channel, nodes: list[Node]) -> None:
 
 @pytest.mark.parametrize("sync", [True, False])
 def test_from_boot_up_to_operation_enabled_and_a_quick_stop(
-    channel: Channel, nodes: list[Node], sync: bool
+    channel: Channel, nodes: list[CanopenNode], sync: bool
 ) -> None:
     master = Master(channel, nodes, Policy(sync=sync))
     for port in master.ports:
         told = port.capabilities
-        wanted = Source.SYNC_PDO if sync else Source.EVENT_PDO
+        wanted = ValueTransport.SYNC_PDO if sync else ValueTransport.EVENT_PDO
         assert {told.inputs[name] for name in ("statusword", "mode", "position")} == {wanted}
         assert {told.outputs[name] for name in ("controlword", "mode", "target_position")} == {wanted}
     master.until(0x40, 0x4F, Outputs())
@@ -79,13 +79,15 @@ def test_from_boot_up_to_operation_enabled_and_a_quick_stop(
     channel.check()
 
 
-def test_a_drive_whose_mapping_is_used_as_it_is(channel: Channel, nodes: list[Node]) -> None:
+def test_a_drive_whose_mapping_is_used_as_it_is(channel: Channel, nodes: list[CanopenNode]) -> None:
     master = Master(channel, nodes[:1], Policy(remap=False))
     assert not any(pdo.change.name == "MAPPING" for pdo in master.ports[0].plan.pdos)
     master.until(0x21, 0x6F, Outputs(controlword=0x06))
 
 
-def test_a_drive_that_resets_is_unknown_until_it_is_booted_again(channel: Channel, nodes: list[Node]) -> None:
+def test_a_drive_that_resets_is_unknown_until_it_is_booted_again(
+    channel: Channel, nodes: list[CanopenNode]
+) -> None:
     master = Master(channel, nodes[:1], Policy())
     port = master.ports[0]
     master.until(0x40, 0x4F, Outputs())
@@ -95,7 +97,7 @@ def test_a_drive_that_resets_is_unknown_until_it_is_booted_again(channel: Channe
     assert (seen.operational, seen.statusword) == (False, None)
 
 
-def test_sdo_and_pdo_side_by_side(channel: Channel, nodes: list[Node]) -> None:
+def test_sdo_and_pdo_side_by_side(channel: Channel, nodes: list[CanopenNode]) -> None:
     """User threads read while the scan runs: nothing is mixed up."""
     master = Master(channel, nodes, Policy())
     values = [nodes[0].sdo.read("6502h") for _ in range(20)]
@@ -104,7 +106,9 @@ def test_sdo_and_pdo_side_by_side(channel: Channel, nodes: list[Node]) -> None:
 
 
 @pytest.mark.parametrize("kind", [252, 253])
-def test_a_drive_that_speaks_only_when_asked_is_asked(channel: Channel, nodes: list[Node], kind: int) -> None:
+def test_a_drive_that_speaks_only_when_asked_is_asked(
+    channel: Channel, nodes: list[CanopenNode], kind: int
+) -> None:
     """The statusword comes by remote frames every 20 ms, and the drive is taken to operation enabled with it."""
     node = nodes[0]
     _stand_ins[-1].nodes[0].device.dials.rtr = True
@@ -112,7 +116,7 @@ def test_a_drive_that_speaks_only_when_asked_is_asked(channel: Channel, nodes: l
     set_pdo(node.sdo, False, 1, transmission_type=kind, rtr=True)
     policy = Policy(remap=False, fixed=frozenset({(False, 1)}), requests={1: 0.02})
     master = Master(channel, [node], policy)
-    assert master.ports[0].capabilities.inputs["statusword"] is Source.EVENT_PDO
+    assert master.ports[0].capabilities.inputs["statusword"] is ValueTransport.EVENT_PDO
     master.until(0x21, 0x6F, Outputs(controlword=0x06))
     master.until(0x23, 0x6F, Outputs(controlword=0x07))
     master.until(0x27, 0x6F, Outputs(controlword=0x0F, mode=1))

@@ -18,7 +18,7 @@ import pytest
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.lss import LssMaster
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo.configure import set_pdo
 from axisbus.bus.pdo.plan import Policy
 from axisbus.bus.timeofday import TimeProducer
@@ -69,7 +69,7 @@ def session() -> Iterator[list[can.Message]]:
         notifier = can.Notifier(ear, [recording], timeout=0.05)
         stack.callback(notifier.stop)
         channel = stack.enter_context(Channel.open("virtual", name))
-        node = stack.enter_context(Node(channel, NODE, load(EDS)))
+        node = stack.enter_context(CanopenNode(channel, NODE, load(EDS)))
         device = device_from_eds(load(EDS), NODE)
         device.dials.rtr = True
         stack.enter_context(StandIns(name, [device]))
@@ -79,7 +79,7 @@ def session() -> Iterator[list[can.Message]]:
         yield list(recording.messages)
 
 
-def play(channel: Channel, node: Node, device: Device) -> None:
+def play(channel: Channel, node: CanopenNode, device: Device) -> None:
     LssMaster(channel).inquire(None)
     node.identity()  # expedited and segmented uploads
     with pytest.raises(SdoAbort):

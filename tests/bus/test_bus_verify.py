@@ -10,8 +10,8 @@ import pytest
 from axisbus import eds
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.from_device import as_file, skeleton, stored_eds
-from axisbus.bus.node.node import Node
-from axisbus.bus.node.verify import Kind, verify
+from axisbus.bus.node.node import CanopenNode
+from axisbus.bus.node.verify import VerifiedAspect, verify
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds import writer
 from axisbus.sim.build import device_from_eds
@@ -32,7 +32,7 @@ def live():
         stand_ins = StandIns(name, [device_from_eds(eds.loads(text.encode(), "live.eds"), 5)])
         stand_ins.start()
         channel = Channel.open("virtual", name)
-        node = Node(channel, 5, dictionary)
+        node = CanopenNode(channel, 5, dictionary)
         opened.extend((node, channel, stand_ins))
         return node.sdo
 
@@ -77,7 +77,7 @@ def test_an_object_that_the_device_lacks_is_named_with_its_line(live):
     )
     dictionary = eds.loads(text.encode(), "more.eds")
     (difference,) = found(verify(live(), dictionary)).values()
-    assert (difference.kind, difference.index) == (Kind.EXISTENCE, 0x2FFF)
+    assert (difference.kind, difference.index) == (VerifiedAspect.EXISTENCE, 0x2FFF)
     assert difference.line == text[: text.index("[2FFF]")].count("\n") + 1
     assert "is not in the device" in difference.message
 
@@ -85,7 +85,7 @@ def test_an_object_that_the_device_lacks_is_named_with_its_line(live):
 def test_another_size_shows_in_the_bytes_that_come(live):
     dictionary = eds.loads(changed("6081", "DataType=0x0007", "DataType=0x0006").encode(), "size.eds")
     (difference,) = found(verify(live(), dictionary)).values()
-    assert (difference.kind, difference.index) == (Kind.TYPE, 0x6081)
+    assert (difference.kind, difference.index) == (VerifiedAspect.TYPE, 0x6081)
     assert "UNSIGNED16 (2 bytes) in the EDS, the device sends 4 bytes" in difference.message
 
 
@@ -96,9 +96,9 @@ def test_another_identity_is_an_error_and_another_setting_a_note(live):
     sdo = live(changed("1018sub2", "DefaultValue=", "DefaultValue=0x78\n;", device))
     result = verify(sdo, eds.loads(other.encode(), "other.eds"))
     (difference,) = found(result).values()
-    assert (difference.kind, difference.index, difference.subindex) == (Kind.IDENTITY, 0x1018, 2)
+    assert (difference.kind, difference.index, difference.subindex) == (VerifiedAspect.IDENTITY, 0x1018, 2)
     notes = [each for each in result.differences if each.severity.value == "note"]
-    assert [(each.kind, each.index) for each in notes] == [(Kind.DEFAULT, 0x6081)]
+    assert [(each.kind, each.index) for each in notes] == [(VerifiedAspect.DEFAULT, 0x6081)]
     assert "is 0x10E1" in notes[0].message
 
 
@@ -106,10 +106,10 @@ def test_what_cannot_be_read_and_what_can_after_all(live):
     device = changed("6081", "AccessType=rw", "AccessType=wo")
     result = verify(live(device), eds.loads(GENERIC.encode(), "a.eds"))
     (difference,) = found(result).values()
-    assert (difference.kind, difference.severity.value) == (Kind.ACCESS, "error")
+    assert (difference.kind, difference.severity.value) == (VerifiedAspect.ACCESS, "error")
     result = verify(live(), eds.loads(device.encode(), "b.eds"))
     (difference,) = found(result).values()
-    assert (difference.kind, difference.severity.value) == (Kind.ACCESS, "warning")
+    assert (difference.kind, difference.severity.value) == (VerifiedAspect.ACCESS, "warning")
 
 
 def test_nothing_is_written(live, monkeypatch):

@@ -10,7 +10,7 @@ import pytest
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.sdo.client import SdoClient
-from axisbus.bus.sdo.worker import QUEUE_LIMIT, Job, SdoWorker
+from axisbus.bus.sdo.worker import QUEUE_LIMIT, SdoJob, SdoWorker
 from axisbus.errors import BusError, Interrupted
 from kit.bus.peer import FakeBus, Slave, eventually
 
@@ -46,8 +46,8 @@ class Ends:
     def __init__(self) -> None:
         self.all: list[tuple[object, int | None, int | None]] = []
 
-    def job(self, key: object, index: int, value: int | None = None) -> Job:
-        return Job(key, index, 0, value, lambda got, code: self.all.append((key, got, code)))
+    def job(self, key: object, index: int, value: int | None = None) -> SdoJob:
+        return SdoJob(key, index, 0, value, lambda got, code: self.all.append((key, got, code)))
 
 
 def test_jobs_are_carried_out_in_their_order(worker: SdoWorker, slave: Slave) -> None:
@@ -308,7 +308,7 @@ def test_who_hears_the_end_of_a_job_may_close_the_worker(worker: SdoWorker, chan
         worker.close()
         closed.set()
 
-    worker.submit(Job(1, 0x6064, 0, None, close))
+    worker.submit(SdoJob(1, 0x6064, 0, None, close))
     assert closed.wait(5)
     channel.check()
 
@@ -324,7 +324,7 @@ def test_a_callback_that_raises_is_known_to_the_channel(worker: SdoWorker, chann
     def broken(value: int | None, code: int | None) -> None:
         raise ValueError("a fault of ours")
 
-    worker.submit(Job(1, 0x6064, 0, None, broken))
+    worker.submit(SdoJob(1, 0x6064, 0, None, broken))
     eventually(lambda: channel.failure)
     with pytest.raises(BusError, match="SDO worker of node 5"):
         channel.check()

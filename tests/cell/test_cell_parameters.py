@@ -13,7 +13,7 @@ from axisbus.cell.axis_description import Drive
 from axisbus.cell.parameters import axis_parameters
 from axisbus.cell.writes import axis_writes, node_writes
 from axisbus.cia402.modes import ModeOfOperation as Mode
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import ValueTransport
 from axisbus.drives.make import Make
 from axisbus.eds import builtin
 from axisbus.motion.parameters import AxisParameters, DemandUse, Handshake, HoldsLoad
@@ -347,12 +347,12 @@ def test_a_following_error_that_is_off_ends_the_comparison_with_6062h_and_allows
 
 def test_boot_says_what_counts_of_6062h() -> None:
     """One line for each use, and one where 6062h does not travel."""
-    by_pdo = Source.SYNC_PDO
+    by_pdo = ValueTransport.SYNC_PDO
     usual = replace(parameters("x"), objects=frozenset({0x6062}))
     assert demand_text(usual, by_pdo).startswith(
         "6062h is used once it was seen to lead the axis; until then in csp"
     )
-    assert demand_text(usual, Source.NONE).startswith("6062h does not travel: in csp")
+    assert demand_text(usual, ValueTransport.NONE).startswith("6062h does not travel: in csp")
     ignored = replace(usual, demand=DemandUse.IGNORE, compares_demand=False, drive_following_error=2000)
     told = demand_text(ignored, by_pdo)
     assert told.startswith('6062h is not used (demand = "ignore")')

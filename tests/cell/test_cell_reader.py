@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 from axisbus.cell import reader
-from axisbus.cell.problem import Problem
+from axisbus.cell.problem import CellProblem
 from axisbus.errors import ConfigError
 from kit import cells
 from kit.cells.slips import MINIMAL, SLIPS
 
 
-def read(text: str) -> tuple[reader.CellConfig, list[Problem]]:
+def read(text: str) -> tuple[reader.CellConfig, list[CellProblem]]:
     cell, problems = reader.loads(text)
     assert cell is not None, problems
     return cell, problems

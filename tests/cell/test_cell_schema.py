@@ -150,10 +150,10 @@ single = st.one_of(texts, numbers, st.booleans(), st.dates(), st.times(), st.dat
 anything = st.one_of(single, st.lists(single, max_size=3), st.dictionaries(texts, single, max_size=2))
 
 
-def taken(read: value_readers.Reader, value: Any) -> bool:
+def taken(read: value_readers.ValueReader, value: Any) -> bool:
     try:
         read(value)
-    except value_readers.Unfit:
+    except value_readers.InvalidValue:
         return False
     return True
 

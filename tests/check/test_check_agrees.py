@@ -18,7 +18,7 @@ from axisbus.errors import AxisbusError, StaleError, UserError
 from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit import cells
 from kit.campaign.cells.files import motor_of
 from kit.corpus import CORPUS
@@ -56,7 +56,7 @@ COMMANDS = {
     "hm on the spot": ("hm", "method = 35\n", lambda x: x.home(35)),
     "hm of the maker": ("hm", "method = -1\n", lambda x: x.home(-1)),
     "hm with a search": ("hm", f"method = 17\n{SPEEDS}", lambda x: x.home(17, timeout=2.0)),
-    "csp": ("csp", "", lambda x: x.follow(Trapezoid(here(x), here(x) + 100.0, 500.0, 2000.0))),
+    "csp": ("csp", "", lambda x: x.follow(TrapezoidalTrajectory(here(x), here(x) + 100.0, 500.0, 2000.0))),
 }
 
 

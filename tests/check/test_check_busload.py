@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from axisbus.cell import reader
 from axisbus.check import traffic
 from axisbus.check.load_meter import Meter, actual_bits
-from axisbus.cia301.frame import Frame, plain_bits, worst_bits
+from axisbus.cia301.frame import CanFrame, plain_bits, worst_bits
 from axisbus.core.files import load_dictionaries
 
 CELL = Path(__file__).parents[2] / "examples" / "cell.toml"
@@ -36,7 +36,7 @@ def _stuff_by_text(bits: str) -> str:
     return bits
 
 
-def _length(frame: Frame) -> int:
+def _length(frame: CanFrame) -> int:
     control = f"{len(frame.data):04b}"
     if frame.extended:
         number = f"{frame.can_id:029b}"
@@ -50,14 +50,14 @@ def _length(frame: Frame) -> int:
 
 @given(st.integers(0, 0x7FF), st.binary(max_size=8))
 def test_a_frame_has_the_bits_that_it_has(can_id, data):
-    frame = Frame(0.0, can_id, data)
+    frame = CanFrame(0.0, can_id, data)
     assert actual_bits(frame) == _length(frame)
     assert plain_bits(len(data)) <= actual_bits(frame) <= worst_bits(len(data))
 
 
 @given(st.integers(0, 0x1FFFFFFF), st.binary(max_size=8))
 def test_so_has_one_with_a_long_identifier(can_id, data):
-    frame = Frame(0.0, can_id, data, extended=True)
+    frame = CanFrame(0.0, can_id, data, extended=True)
     assert actual_bits(frame) == _length(frame)
     assert plain_bits(len(data), True) <= actual_bits(frame) <= worst_bits(len(data), True)
 
@@ -73,14 +73,14 @@ def test_the_longest_frame_there_is_has_29_bits_of_identifier():
 
 def test_the_meter_adds_up_by_node_and_kind_and_finds_the_fullest_window():
     meter = Meter(bitrate=10_000)
-    burst = [Frame(5.0 + n * 0.01, 0x181, bytes(range(8))) for n in range(5)]
-    frames = [Frame(0.0, 0x080), *burst, Frame(10.0, 0x080)]
+    burst = [CanFrame(5.0 + n * 0.01, 0x181, bytes(range(8))) for n in range(5)]
+    frames = [CanFrame(0.0, 0x080), *burst, CanFrame(10.0, 0x080)]
     for frame in frames:
         meter.add(frame, "SYNC" if frame.can_id == 0x080 else "TPDO", None if frame.can_id == 0x080 else 1)
-    meter.add(Frame(6.0, 4, error=True), "error frame", None)
+    meter.add(CanFrame(6.0, 4, error=True), "error frame", None)
     for errors in (0x80, 0x88):  # the counters in it are no other kind
         data = bytes((0, 0x20, 0, 0, 0, 0, errors, 0))
-        meter.add(Frame(6.1, 0x204, data, error=True), "error frame", None)
+        meter.add(CanFrame(6.1, 0x204, data, error=True), "error frame", None)
     found = meter.result()
     assert found is not None
     assert (found.seconds, found.total.frames, found.error_frames) == (10.0, 7, 3)
@@ -95,7 +95,7 @@ def test_the_meter_adds_up_by_node_and_kind_and_finds_the_fullest_window():
 def test_no_time_has_no_load():
     meter = Meter(bitrate=10_000)
     assert meter.result() is None
-    meter.add(Frame(1.0, 0x080), "SYNC", None)
+    meter.add(CanFrame(1.0, 0x080), "SYNC", None)
     assert meter.result() is None
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from axisbus.cell import reader
 from axisbus.cell.parameters import axis_parameters
-from axisbus.cell.problem import Problem, errors
+from axisbus.cell.problem import CellProblem, errors
 from axisbus.check import devices
 from axisbus.check.run import check, check_cell
 from axisbus.eds.model import Severity
@@ -55,7 +55,7 @@ VALUES = st.one_of(
 )
 
 
-def examine(text: str) -> list[Problem]:
+def examine(text: str) -> list[CellProblem]:
     """Check a text as a cell; every problem must have its place and a message, every error a remedy.
 
     A cell without errors must be good for parameters of each of its axes.

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.cell.problem import Problem
+from axisbus.cell.problem import CellProblem
 from axisbus.check.run import check
 from axisbus.eds.builtin import resolve
 from axisbus.eds.model import Severity
@@ -19,7 +19,7 @@ RATED = "rated_torque = 10.0\nmax_torque = 8.0\nmax_acceleration = 1000.0"
 
 def found(
     folder: Path, table: str = ALL, *, axis: str = RATED, eds: str = GENERIC, **changes: str
-) -> list[Problem]:
+) -> list[CellProblem]:
     """The errors and warnings of a cell that are about feed-forward."""
     path = folder / "cell.toml"
     more = f"[axes.x.feed_forward]\n{table}" + changes.pop("more", "")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.cell.problem import Problem
+from axisbus.cell.problem import CellProblem
 from axisbus.check.run import check
 from kit.cell import cell_text
 from kit.gantry.pair import AXIS, HOMING
@@ -14,7 +14,7 @@ GANTRY = '[gantries.b]\naxes = ["x", "y"]\nmax_skew = 9.0\n'
 
 def found(
     tmp_path, *changes: tuple[str, str], more: str = GANTRY + HOMING, names: str = "xyz"
-) -> list[Problem]:
+) -> list[CellProblem]:
     """The errors and warnings of a cell with these changes that it has not without a pair; each change must hit something."""
     text = cell_text(names, axis=AXIS, more=more)
     for before, after in changes:
@@ -28,7 +28,7 @@ def found(
     return [problem for problem in serious if problem.message not in usual]
 
 
-def one(tmp_path, severity: str, *changes: tuple[str, str], **how: str) -> Problem:
+def one(tmp_path, severity: str, *changes: tuple[str, str], **how: str) -> CellProblem:
     """The only problem of that cell."""
     (problem,) = found(tmp_path, *changes, **how)
     assert problem.severity.value == severity

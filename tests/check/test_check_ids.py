@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from axisbus.cell import tables
-from axisbus.cell.problem import Problem, shared
+from axisbus.cell.problem import CellProblem, shared
 from axisbus.check.ids.table import READER, UNREADABLE, checks, id_of, ids
 from axisbus.check.run import CHECKS, check
 from axisbus.eds.model import Severity
@@ -75,11 +75,11 @@ def test_every_finding_of_a_cell_has_the_id_of_its_check(tmp_path: Path) -> None
     assert all(each.with_rule.splitlines()[0].endswith(f" [{each.rule}]") for each in found)
 
 
-def note(message: str, line: int, observed: str = "", remedy: str = "") -> Problem:
-    return Problem(Severity.NOTE, "cell.toml", line, message, observed, remedy, rule="C001")
+def note(message: str, line: int, observed: str = "", remedy: str = "") -> CellProblem:
+    return CellProblem(Severity.NOTE, "cell.toml", line, message, observed, remedy, rule="C001")
 
 
-def texts(*problems: Problem) -> list[str]:
+def texts(*problems: CellProblem) -> list[str]:
     return [each.problem.with_rule for each in shared(problems)]
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.cell.problem import Problem
+from axisbus.cell.problem import CellProblem
 from axisbus.check.run import check
 from axisbus.eds.model import Severity
 from axisbus.errors import StateError
@@ -17,7 +17,9 @@ from kit.sim.interpolated import CSP, HM, IP, PP, USUAL, write_eds
 GROUP = '[groups.x1]\naxes = ["x"]\n'
 
 
-def told(folder: Path, modes: int = USUAL, axis: str = "", more: str = "", **changes: str) -> list[Problem]:
+def told(
+    folder: Path, modes: int = USUAL, axis: str = "", more: str = "", **changes: str
+) -> list[CellProblem]:
     """What is said of its modes."""
     name = write_eds(folder, modes)
     path = folder / "cell.toml"

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from axisbus.cell import reader
-from axisbus.cell.problem import Problem
+from axisbus.cell.problem import CellProblem
 from axisbus.check.cycle_schedule import timetable
 from axisbus.check.run import check
 from axisbus.check.traffic import streams
@@ -18,19 +18,19 @@ MODULE = '[nodes.5]\neds = "builtin:generic-cia401"\n'
 LAMP = 'node = 5\nobject = "6200h:01"\nbit = 3\nsafe = 0\n'
 
 
-def found(folder: Path, io: str, node: str = "", **changes: str) -> list[Problem]:
+def found(folder: Path, io: str, node: str = "", **changes: str) -> list[CellProblem]:
     path = folder / "cell.toml"
     path.write_text(cell_text("x", more=f"{MODULE}{node}{io}", **changes), encoding="utf-8")
     return [problem for problem in check(path) if "io." in problem.message or "[io" in problem.message]
 
 
-def only(folder: Path, io: str, **changes: str) -> Problem:
+def only(folder: Path, io: str, **changes: str) -> CellProblem:
     problems = [problem for problem in found(folder, io, **changes) if problem.severity.value == "error"]
     assert len(problems) == 1, problems
     return problems[0]
 
 
-def lamp(folder: Path, before: str, after: str) -> Problem:
+def lamp(folder: Path, before: str, after: str) -> CellProblem:
     assert before in LAMP
     return only(folder, f"[io.lamp]\n{LAMP.replace(before, after)}")
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from axisbus.cell import reader
-from axisbus.check.cycle_schedule import Slot, Timetable, shortest, timetable
+from axisbus.check.cycle_schedule import CycleSlot, Timetable, shortest, timetable
 from axisbus.check.scan_period_advice import changes
 from axisbus.core.files import load_dictionaries
 from kit.cell import cell_text
@@ -111,7 +111,7 @@ def test_a_remote_request_takes_the_wire_as_well(tmp_path):
 
 def test_identifiers_of_29_bits_give_way_to_those_of_11_that_begin_alike():
     ids = [0x181, 0x181 << 18, (0x181 << 18) + 1, 0x182]
-    slots = [Slot(can_id, "TPDO", 1, "TPDO1", (), 8) for can_id in reversed(ids)]
+    slots = [CycleSlot(can_id, "TPDO", 1, "TPDO1", (), 8) for can_id in reversed(ids)]
     assert [slot.can_id for slot in sorted(slots, key=lambda slot: slot.rank)] == ids
     assert slots[-1].bits < slots[-2].bits
 

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.cia301.frame import Frame
-from axisbus.cia301.master_detection import Cast, Sign, Signs, sign_of, words
+from axisbus.cia301.frame import CanFrame
+from axisbus.cia301.master_detection import ExpectedMasters, MasterDetector, Sign, sign_of, words
 
-CAST = Cast(frozenset({1, 5}), frozenset({127}))
+CAST = ExpectedMasters(frozenset({1, 5}), frozenset({127}))
 # From where to where, and whether frames with a byte of 05h there are a master's.
 TABLE = [
     (0x000, 0x000, Sign.NMT),
@@ -40,30 +40,30 @@ TABLE = [
 @pytest.mark.parametrize(("first", "last", "sign"), TABLE)
 def test_each_cob_id(first: int, last: int, sign: Sign | None) -> None:
     for can_id in range(first, last + 1):
-        found = sign_of(Frame(0.0, can_id, b"\x05"), CAST)
+        found = sign_of(CanFrame(0.0, can_id, b"\x05"), CAST)
         assert (found and found[0]) == sign, f"{can_id:03X}h"
 
 
 def test_a_boot_up_message_is_no_heartbeat_and_the_toggle_bit_is_no_state() -> None:
-    assert sign_of(Frame(0.0, 0x77F, b"\0"), CAST) is None
-    assert sign_of(Frame(0.0, 0x77F, b"\x80"), CAST) is None
-    assert sign_of(Frame(0.0, 0x77F, b"\x85"), CAST) == (Sign.HEARTBEAT, 127)
-    assert sign_of(Frame(0.0, 0x77F, b""), CAST) is None
+    assert sign_of(CanFrame(0.0, 0x77F, b"\0"), CAST) is None
+    assert sign_of(CanFrame(0.0, 0x77F, b"\x80"), CAST) is None
+    assert sign_of(CanFrame(0.0, 0x77F, b"\x85"), CAST) == (Sign.HEARTBEAT, 127)
+    assert sign_of(CanFrame(0.0, 0x77F, b""), CAST) is None
 
 
 def test_only_guarding_is_a_sign_among_remote_frames() -> None:
-    signs = {can_id: sign_of(Frame(0.0, can_id, remote=True), CAST) for can_id in range(0x800)}
+    signs = {can_id: sign_of(CanFrame(0.0, can_id, remote=True), CAST) for can_id in range(0x800)}
     assert {can_id for can_id, found in signs.items() if found} == set(range(0x701, 0x780))
 
 
 def test_where_the_cells_own_devices_send_there_is_no_sign() -> None:
-    cast = Cast(frozenset({1}), frozenset({127}), excused=frozenset({0x201}))
-    assert sign_of(Frame(0.0, 0x201, b"\0"), cast) is None
-    assert sign_of(Frame(0.0, 0x301, b"\0"), cast) == (Sign.RPDO, 1)
+    cast = ExpectedMasters(frozenset({1}), frozenset({127}), excused=frozenset({0x201}))
+    assert sign_of(CanFrame(0.0, 0x201, b"\0"), cast) is None
+    assert sign_of(CanFrame(0.0, 0x301, b"\0"), cast) == (Sign.RPDO, 1)
 
 
 FRAMES = st.builds(
-    Frame,
+    CanFrame,
     st.floats(0, 10),
     st.integers(0, 0x1FFF_FFFF) | st.integers(0, 0x7FF),
     st.binary(max_size=8),
@@ -74,8 +74,8 @@ FRAMES = st.builds(
 
 
 @given(st.lists(FRAMES, max_size=40))
-def test_whatever_comes_is_counted_once_and_can_be_told(frames: list[Frame]) -> None:
-    signs = Signs(CAST)
+def test_whatever_comes_is_counted_once_and_can_be_told(frames: list[CanFrame]) -> None:
+    signs = MasterDetector(CAST)
     for frame in sorted(frames):
         signs.note(frame)
     found = [frame for frame in frames if sign_of(frame, CAST)]
@@ -85,7 +85,7 @@ def test_whatever_comes_is_counted_once_and_can_be_told(frames: list[Frame]) -> 
 
 
 def test_the_period_is_that_of_the_frames() -> None:
-    signs = Signs(CAST)
+    signs = MasterDetector(CAST)
     for tick in range(11):
-        signs.note(Frame(3.0 + tick * 0.01, 0x80))
+        signs.note(CanFrame(3.0 + tick * 0.01, 0x80))
     assert words(signs.heard) == ["SYNC (080h): 11, every 10.0 ms"]

@@ -11,15 +11,15 @@ from collections.abc import Callable
 import pytest
 
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.cia301.sdo import Way
+from axisbus.cia301.sdo import SdoTransferType
 from axisbus.cia302 import types as b
 from axisbus.cia302.bootup import boot_up
-from axisbus.cia302.program import FlashStatus, Mark, Program, Stage, Version
+from axisbus.cia302.program import FlashStatus, NodeProgram, ProgramStage, ProgramVersion, Version
 from kit.boot_slave import IDENTITY, MISSING, SETTINGS, Slave
 
 # By hand: 2026-03-01 is day 15400 after 1984-01-01, noon is 43200000 ms; 2025-11-20 08:15 is day 15299 and 29700000 ms.
 NEW, OLD = (15_400, 43_200_000), (15_299, 29_700_000)
-MARK = Mark(Version(*NEW))
+MARK = ProgramVersion(Version(*NEW))
 DATA = bytes(range(200)) * 5
 REFUSED = 0x0800_0022
 
@@ -60,8 +60,8 @@ class Loader(Slave):
             self.away_until, self.restarts_at = self.restarts_at + self.restart_time, None
             self.version = self.takes
         if self.dead or self.now < self.away_until:
-            return b.Silence(request.deadline)
-        if isinstance(request, b.Transfer):
+            return b.NoReply(request.deadline)
+        if isinstance(request, b.ProgramDownload):
             return self.load(request)
         return super().answer(request)
 
@@ -81,7 +81,7 @@ class Loader(Slave):
             return super().write(address, value)
         assert value in (0, 1, 3)
         if value in self.control_refused:
-            return b.Refused(self.control_refused[value], 0.002)
+            return b.SdoAbortReply(self.control_refused[value], 0.002)
         if value == 3:
             assert self.control in (0, 3), "cleared while it runs"
             self.memory, self.version, self.busy_until = b"", (0, 0), self.now + self.clear_time
@@ -92,7 +92,7 @@ class Loader(Slave):
         self.control = value
         return b.Got(None, 0.002)
 
-    def load(self, request: b.Transfer) -> b.Answer:
+    def load(self, request: b.ProgramDownload) -> b.Answer:
         assert (request.index, request.subindex) == (0x1F50, 1)
         assert (self.control, self.memory) == (3, b""), "transferred into memory that was not cleared"
         assert self.now >= self.busy_until, "transferred while it is cleared"
@@ -107,15 +107,15 @@ class Loader(Slave):
     def orders(self) -> list[object]:
         """What was done to its program, in order, repetitions included."""
         return [
-            "data" if isinstance(each, b.Transfer) else each.value
+            "data" if isinstance(each, b.ProgramDownload) else each.value
             for each in self.asked
-            if isinstance(each, b.Transfer) or (isinstance(each, b.Write) and each.index == 0x1F51)
+            if isinstance(each, b.ProgramDownload) or (isinstance(each, b.BootWrite) and each.index == 0x1F51)
         ]
 
 
-def boot(loader: Loader, **changes: object) -> b.Outcome:
-    program = Program(**{"mark": MARK, "data": DATA, "allowed": True, "deadline": 20.0, **changes})
-    return loader.run(b.Plan(5, identity=IDENTITY, settings=SETTINGS, heartbeat=0.1, program=program))
+def boot(loader: Loader, **changes: object) -> b.BootOutcome:
+    program = NodeProgram(**{"mark": MARK, "data": DATA, "allowed": True, "deadline": 20.0, **changes})
+    return loader.run(b.BootPlan(5, identity=IDENTITY, settings=SETTINGS, heartbeat=0.1, program=program))
 
 
 def untouched(loader: Loader) -> bool:
@@ -156,7 +156,7 @@ def test_what_a_memory_says(value, busy, words):
 
 def test_without_an_expected_program_nobody_asks_for_it():
     loader = Loader()
-    outcome = loader.run(b.Plan(5, identity=IDENTITY))
+    outcome = loader.run(b.BootPlan(5, identity=IDENTITY))
     assert outcome.ok
     assert outcome.program is None
     assert not [each for each in loader.asked if isinstance(each, b.Read) and each.index >= 0x1F00]
@@ -187,7 +187,7 @@ def test_it_is_looked_at_after_the_identity_and_before_anything_is_written():
 def test_letter_g_a_node_that_does_not_say_which_program_it_has(subindex):
     loader = Loader()
     loader.spoils = lambda request, answer: (
-        b.Refused(MISSING, 0.002)
+        b.SdoAbortReply(MISSING, 0.002)
         if isinstance(request, b.Read) and (request.index, request.subindex) == (0x1F52, subindex)
         else answer
     )
@@ -248,7 +248,7 @@ def test_a_node_that_falls_silent_before_anything_was_done_has_no_letter():
     loader = Loader()
 
     def spoil(request: b.Request, answer: b.Answer) -> b.Answer:
-        return b.Silence(0.5) if isinstance(request, b.Read) and request.index == 0x1F52 else answer
+        return b.NoReply(0.5) if isinstance(request, b.Read) and request.index == 0x1F52 else answer
 
     loader.spoils = spoil
     outcome = boot(loader)
@@ -265,7 +265,7 @@ def test_a_program_is_stopped_cleared_transferred_started_and_then_the_node_conf
     assert outcome.ok
     assert loader.orders() == [0, 3, "data", 1]
     assert loader.memory == DATA
-    assert (outcome.program.found, outcome.program.now) == (Mark(Version(*OLD)), MARK)
+    assert (outcome.program.found, outcome.program.now) == (ProgramVersion(Version(*OLD)), MARK)
     assert outcome.program.loaded == len(DATA)
     assert outcome.program.replaced
     assert "program replaced: 2025-11-20 08:15:00 by 2026-03-01 12:00:00" in outcome.done
@@ -301,18 +301,18 @@ def test_a_node_without_1f57_is_not_waited_for():
 def test_the_transfer_has_the_plans_deadline_for_each_answer_and_goes_by_size():
     loader = Loader()
     boot(loader, deadline=45.0)
-    (transfer,) = [each for each in loader.asked if isinstance(each, b.Transfer)]
-    assert (transfer.deadline, transfer.tries, transfer.way) == (45.0, 1, Way.AUTO)
+    (transfer,) = [each for each in loader.asked if isinstance(each, b.ProgramDownload)]
+    assert (transfer.deadline, transfer.tries, transfer.way) == (45.0, 1, SdoTransferType.AUTO)
 
 
 def test_a_transfer_that_broke_down_is_repeated_only_after_stop_and_clear_and_last_without_blocks():
     loader = Loader()
-    loader.data_answers = [b.Silence(20.0), b.Silence(20.0)]
+    loader.data_answers = [b.NoReply(20.0), b.NoReply(20.0)]
     outcome = boot(loader)
     assert outcome.ok
     assert loader.orders() == [0, 3, "data"] * 3 + [1]
-    ways = [each.way for each in loader.asked if isinstance(each, b.Transfer)]
-    assert ways == [Way.AUTO, Way.AUTO, Way.NORMAL]
+    ways = [each.way for each in loader.asked if isinstance(each, b.ProgramDownload)]
+    assert ways == [SdoTransferType.AUTO, SdoTransferType.AUTO, SdoTransferType.NORMAL]
     assert outcome.retries == 2
 
 
@@ -329,33 +329,35 @@ def test_letter_n_a_new_program_that_brings_a_revision_which_is_not_expected():
     assert outcome.program.replaced
 
 
-def revised(loader: Loader, identity: dict) -> b.Outcome:
+def revised(loader: Loader, identity: dict) -> b.BootOutcome:
     """Boot it with a program that makes it another revision."""
     take = loader.load
 
-    def load(request: b.Transfer) -> b.Answer:
+    def load(request: b.ProgramDownload) -> b.Answer:
         loader.objects[0x1018, 3] = 0x20000
         return take(request)
 
     loader.load = load  # type: ignore[method-assign]
-    program = Program(MARK, DATA, True, 20.0)
-    return loader.run(b.Plan(5, identity=identity, heartbeat=0.1, program=program))
+    program = NodeProgram(MARK, DATA, True, 20.0)
+    return loader.run(b.BootPlan(5, identity=identity, heartbeat=0.1, program=program))
 
 
 # -- known by its identification -----------------------------------------------------------------------------------------
 
 
-def known(loader: Loader, identification: int | None, after: int = 0xCAFE, **changes: object) -> b.Outcome:
+def known(
+    loader: Loader, identification: int | None, after: int = 0xCAFE, **changes: object
+) -> b.BootOutcome:
     """Boot a node that says this identification, and another one after a download."""
     loader.identification = identification
     take = loader.load
 
-    def load(request: b.Transfer) -> b.Answer:
+    def load(request: b.ProgramDownload) -> b.Answer:
         loader.identification = after
         return take(request)
 
     loader.load = load  # type: ignore[method-assign]
-    return boot(loader, **{"mark": Mark(identification=0xCAFE), **changes})
+    return boot(loader, **{"mark": ProgramVersion(identification=0xCAFE), **changes})
 
 
 def test_a_program_may_be_known_by_its_identification_alone():
@@ -393,7 +395,7 @@ def test_letter_i_a_program_of_another_identification_came():
 
 
 def test_where_both_are_expected_both_must_be_right():
-    both = Mark(Version(*OLD), 0xCAFE)
+    both = ProgramVersion(Version(*OLD), 0xCAFE)
     assert known(Loader(), 0xCAFE, mark=both).ok
     outcome = known(Loader(), 0xBEEF, mark=both, allowed=False)
     assert (outcome.letter, outcome.address) == (b.Letter.H, (0x1F56, 1))
@@ -403,14 +405,16 @@ def test_where_both_are_expected_both_must_be_right():
 # -- letter I ------------------------------------------------------------------------------------------------------------
 
 
-def failed(outcome: b.Outcome, stage: Stage, address: tuple[int, int]) -> b.Outcome:
+def failed(outcome: b.BootOutcome, stage: ProgramStage, address: tuple[int, int]) -> b.BootOutcome:
     assert (outcome.ok, outcome.letter, outcome.step) == (False, b.Letter.I, "program")
     assert (outcome.program.stage, outcome.address) == (stage, address)
     return outcome
 
 
 @pytest.mark.parametrize(
-    ("order", "stage"), [(0, Stage.STOP), (3, Stage.CLEAR), (1, Stage.START)], ids=["stop", "clear", "start"]
+    ("order", "stage"),
+    [(0, ProgramStage.STOP), (3, ProgramStage.CLEAR), (1, ProgramStage.START)],
+    ids=["stop", "clear", "start"],
 )
 def test_letter_i_an_order_that_is_refused(order, stage):
     loader = Loader()
@@ -431,26 +435,26 @@ def test_a_refused_order_is_none_where_it_has_nothing_left_to_do():
 
 def test_letter_i_the_data_are_refused_and_are_not_sent_again():
     loader = Loader()
-    loader.data_answers = [b.Refused(0x0607_0012, 1.0)]
-    assert failed(boot(loader), Stage.TRANSFER, (0x1F50, 1)).abort == 0x0607_0012
+    loader.data_answers = [b.SdoAbortReply(0x0607_0012, 1.0)]
+    assert failed(boot(loader), ProgramStage.TRANSFER, (0x1F50, 1)).abort == 0x0607_0012
     assert loader.orders() == [0, 3, "data"]
 
 
 def test_letter_i_the_transfer_breaks_down_each_time():
     loader = Loader()
-    loader.data_answers = [b.Silence(20.0)] * 3
-    assert failed(boot(loader), Stage.TRANSFER, (0x1F50, 1)).tries == 3
+    loader.data_answers = [b.NoReply(20.0)] * 3
+    assert failed(boot(loader), ProgramStage.TRANSFER, (0x1F50, 1)).tries == 3
 
 
 def test_letter_i_a_node_that_dies_in_mid_transfer_is_told_as_that():
     loader = Loader()
 
     def spoil(request: b.Request, answer: b.Answer) -> b.Answer:
-        loader.dead = loader.dead or isinstance(request, b.Transfer)
-        return b.Silence(20.0) if loader.dead and not isinstance(request, b.Pause) else answer
+        loader.dead = loader.dead or isinstance(request, b.ProgramDownload)
+        return b.NoReply(20.0) if loader.dead and not isinstance(request, b.Pause) else answer
 
     loader.spoils = spoil
-    outcome = failed(boot(loader), Stage.TRANSFER, (0x1F50, 1))
+    outcome = failed(boot(loader), ProgramStage.TRANSFER, (0x1F50, 1))
     assert outcome.abort is None
     assert loader.orders() == [0, 3, "data"]
 
@@ -458,7 +462,7 @@ def test_letter_i_a_node_that_dies_in_mid_transfer_is_told_as_that():
 def test_letter_i_an_adapter_that_fails_in_mid_transfer():
     loader = Loader()
     loader.data_answers = [b.Failed(0.1)]
-    failed(boot(loader), Stage.TRANSFER, (0x1F50, 1))
+    failed(boot(loader), ProgramStage.TRANSFER, (0x1F50, 1))
     assert loader.orders() == [0, 3, "data"]
 
 
@@ -466,7 +470,7 @@ def test_letter_i_an_adapter_that_fails_in_mid_transfer():
 def test_letter_i_the_memory_says_an_error(value, words):
     loader = Loader()
     loader.after = value
-    outcome = failed(boot(loader), Stage.FLASH, (0x1F57, 1))
+    outcome = failed(boot(loader), ProgramStage.FLASH, (0x1F57, 1))
     assert words in outcome.got
     assert outcome.expected == "error 0: no error"
     assert outcome.program.flash == (value,)
@@ -479,7 +483,9 @@ def test_an_error_that_the_memory_says_of_the_cleared_program_is_none():
     assert boot(loader).ok
 
 
-@pytest.mark.parametrize(("part", "stage"), [("clear_time", Stage.CLEAR), ("flash_time", Stage.FLASH)])
+@pytest.mark.parametrize(
+    ("part", "stage"), [("clear_time", ProgramStage.CLEAR), ("flash_time", ProgramStage.FLASH)]
+)
 def test_letter_i_a_memory_that_does_not_come_to_rest(part, stage):
     loader = Loader()
     setattr(loader, part, 1000.0)
@@ -491,20 +497,20 @@ def test_letter_i_a_memory_that_does_not_come_to_rest(part, stage):
 def test_letter_i_a_node_that_does_not_come_back():
     loader = Loader()
     loader.restart_time = 1000.0
-    outcome = failed(boot(loader), Stage.START, (0x1F51, 1))
+    outcome = failed(boot(loader), ProgramStage.START, (0x1F51, 1))
     assert 20.0 < outcome.elapsed < 40.0
 
 
 def test_letter_i_a_node_that_restarts_late_and_does_not_come_back():
     loader = Loader()
     loader.restart_delay, loader.restart_time = 1.0, 1000.0
-    failed(boot(loader), Stage.RETURN, (0x1F52, 1))
+    failed(boot(loader), ProgramStage.RETURN, (0x1F52, 1))
 
 
 def test_letter_i_a_program_of_another_date():
     loader = Loader()
     loader.takes = (15_401, 43_200_000)
-    outcome = failed(boot(loader), Stage.RETURN, (0x1F52, 1))
+    outcome = failed(boot(loader), ProgramStage.RETURN, (0x1F52, 1))
     assert (outcome.expected, outcome.got) == ("2026-03-01 12:00:00", "2026-03-02 12:00:00")
     assert outcome.program.now.version == (15_401, 43_200_000)
     assert not outcome.program.replaced
@@ -513,13 +519,13 @@ def test_letter_i_a_program_of_another_date():
 def test_letter_i_a_program_of_another_time():
     loader = Loader()
     loader.takes = (15_400, 0)
-    assert failed(boot(loader), Stage.RETURN, (0x1F52, 2)).got == "2026-03-01 00:00:00"
+    assert failed(boot(loader), ProgramStage.RETURN, (0x1F52, 2)).got == "2026-03-01 00:00:00"
 
 
 def test_letter_i_a_program_that_does_not_say_its_date():
     loader = Loader()
     loader.takes = None
-    assert failed(boot(loader), Stage.RETURN, (0x1F52, 1)).abort == MISSING
+    assert failed(boot(loader), ProgramStage.RETURN, (0x1F52, 1)).abort == MISSING
 
 
 # -- lost answers --------------------------------------------------------------------------------------------------------
@@ -543,7 +549,7 @@ def test_any_single_answer_may_be_lost(lost, arrives):
             return made(request)
         if arrives:
             made(request)
-        return b.Silence(request.deadline)
+        return b.NoReply(request.deadline)
 
     loader._made = lossy  # type: ignore[method-assign]
     outcome = boot(loader)
@@ -559,7 +565,7 @@ def test_with_a_tenth_of_the_answers_lost_two_hundred_nodes_get_their_program():
         def spoil(request: b.Request, answer: b.Answer, chance: random.Random = chance) -> b.Answer:
             if isinstance(request, (b.Local, b.Pause, b.Listen)) or chance.random() >= 0.1:
                 return answer
-            return b.Silence(request.deadline)
+            return b.NoReply(request.deadline)
 
         loader.spoils = spoil
         outcome = boot(loader)
@@ -593,7 +599,7 @@ REPRODUCED = {
     "E": (lambda: spoilt(o1017_0=200, beats=False), {}),
     "F": (unguarded, {}),
     "G": (lambda: spoilt(version=None), {}),
-    "H": (Loader, {"program": Program(MARK, DATA)}),
+    "H": (Loader, {"program": NodeProgram(MARK, DATA)}),
     "I": (lambda: spoilt(control_refused={3: REFUSED}), {}),
     "J": (lambda: spoilt(refuses={(0x6065, 0): REFUSED}), {}),
     "K": (lambda: spoilt(beats=False), {}),
@@ -607,8 +613,8 @@ REPRODUCED = {
 def test_each_letter_of_the_standard_is_reproduced():
     assert set(REPRODUCED) == {letter.name for letter in b.Letter}
     for letter, (node, changes) in REPRODUCED.items():
-        facts = {"program": Program(MARK, DATA, True, 20.0), **changes}
-        plan = b.Plan(5, identity=IDENTITY, settings=SETTINGS, heartbeat=0.1, **facts)
+        facts = {"program": NodeProgram(MARK, DATA, True, 20.0), **changes}
+        plan = b.BootPlan(5, identity=IDENTITY, settings=SETTINGS, heartbeat=0.1, **facts)
         if letter == "A":  # such a node is not asked for anything
             with pytest.raises(StopIteration) as end:
                 next(boot_up(plan))

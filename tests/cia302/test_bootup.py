@@ -31,9 +31,9 @@ STANDARD = {
 }
 
 
-def plan(**changes: object) -> b.Plan:
+def plan(**changes: object) -> b.BootPlan:
     made = {"identity": IDENTITY, "settings": SETTINGS, "heartbeat": 0.1, **changes}
-    return b.Plan(5, **made)  # type: ignore[arg-type]
+    return b.BootPlan(5, **made)  # type: ignore[arg-type]
 
 
 def test_the_letters_are_those_of_the_standard():
@@ -144,7 +144,7 @@ def test_a_node_whose_life_time_runs_is_not_asked_by_guarding_before_somebody_go
     outcome = slave.run(plan())
     assert outcome.ok
     assert outcome.control is b.ErrorControl.GUARDING
-    assert not [each for each in slave.asked if isinstance(each, b.Guard)]
+    assert not [each for each in slave.asked if isinstance(each, b.GuardRequest)]
 
 
 def test_letter_j_a_refused_object_with_its_abort_code():
@@ -259,7 +259,7 @@ def test_a_restart_whose_boot_up_message_was_lost_is_found_by_asking():
     obey = slave.obey
 
     def deaf(command: NmtCommand) -> b.Answer:
-        return b.Silence(2.0) if command is NmtCommand.RESET_NODE else obey(command)
+        return b.NoReply(2.0) if command is NmtCommand.RESET_NODE else obey(command)
 
     slave.obey = deaf  # type: ignore[method-assign]
     assert slave.run(plan(restore=True)).ok
@@ -281,7 +281,7 @@ def test_a_failure_of_the_applications_own_part_ends_it_without_a_letter():
     answer = slave.answer
     slave.answer = lambda request: (  # type: ignore[method-assign]
         b.Failed(0.2)
-        if isinstance(request, b.Local) and request.phase is b.Phase.COMPLETE
+        if isinstance(request, b.Local) and request.phase is b.BootPhase.COMPLETE
         else answer(request)
     )
     outcome = slave.run(plan())
@@ -316,7 +316,7 @@ def test_every_request_may_lose_its_first_answer():
     def once(request: b.Request) -> b.Answer:
         if not isinstance(request, b.Local) and last != [request]:
             last[:] = [request]
-            return b.Silence(0.5)
+            return b.NoReply(0.5)
         return answer(request)
 
     slave.answer = once  # type: ignore[method-assign]

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus.cia305 import master
-from axisbus.cia305.dialogue import Pace
+from axisbus.cia305.dialogue import AdaptiveLssTimeout
 from axisbus.cia305.exclude import GIVEN_UP
 from axisbus.cia305.fastscan import FastScan
-from axisbus.cia305.scan_result import Check, Known, Scanned
+from axisbus.cia305.scan_result import Check, KnownIdentity, Scanned
 from axisbus.cia305.services import LssAddress
 from axisbus.cia305.tree import DEPTH, ROOT, of
 from kit.lss_line import AnswersAnything, AnswersOn, AnswersOnSelected, AnswersResets, HandSlave, Line, Sticky
@@ -24,8 +24,8 @@ KINDS = (HandSlave, AnswersOn, AnswersOnSelected, AnswersAnything, AnswersResets
 Numbers = tuple[int, int, int, int]
 
 
-def scan(line: Line, known: Known | None = None) -> Scanned:
-    result: Scanned = line.run(FastScan(Pace(), known).run())
+def scan(line: Line, known: KnownIdentity | None = None) -> Scanned:
+    result: Scanned = line.run(FastScan(AdaptiveLssTimeout(), known).run())
     return result
 
 
@@ -112,7 +112,7 @@ def test_a_cell_of_sixteen_drives_of_one_make_that_all_answer_on_is_found_in_und
 
 @pytest.mark.parametrize("stack", STACKS)
 def test_any_single_frame_may_be_lost(stack: type[HandSlave]) -> None:
-    known = Known(vendor_id=5, product_code=6, revision_number=7)
+    known = KnownIdentity(vendor_id=5, product_code=6, revision_number=7)
 
     def line_without(number: int) -> Line:
         return Line(
@@ -199,11 +199,11 @@ def test_two_that_answer_on_with_one_identity_are_twins() -> None:
 
 def test_others_than_the_known_ones_are_mentioned_and_left() -> None:
     stubborn, wanted, other = AnswersOn(7, 8, 1, 4), HandSlave(7, 8, 1, 9), HandSlave(0x22, 8, 1, 1)
-    found = scan(Line(stubborn, wanted, other), Known(vendor_id=7))
+    found = scan(Line(stubborn, wanted, other), KnownIdentity(vendor_id=7))
     assert ids(found) == [(7, 8, 1, 4), (7, 8, 1, 9)]
     assert found.others
     assert other.state == "waiting"
-    alone = scan(Line(AnswersOn(7, 8, 1, 4), HandSlave(7, 8, 1, 9)), Known(vendor_id=7))
+    alone = scan(Line(AnswersOn(7, 8, 1, 4), HandSlave(7, 8, 1, 9)), KnownIdentity(vendor_id=7))
     assert not alone.others
 
 
@@ -239,7 +239,7 @@ def test_a_slave_that_contradicts_itself_is_told_by_the_range_that_it_is_in() ->
 
 def test_the_most_that_are_wanted_are_not_exceeded() -> None:
     line = Line(*(AnswersOn(1, 2, 3, serial) for serial in range(4)))
-    found: Scanned = line.run(FastScan(Pace(), most=2).run())
+    found: Scanned = line.run(FastScan(AdaptiveLssTimeout(), most=2).run())
     assert len(found.slaves) == 2
 
 
@@ -248,7 +248,7 @@ def test_such_a_slave_is_given_a_node_id_by_the_address_that_was_found(stack: ty
     slave, other = stack(1, 2, 3, 4), stack(1, 2, 3, 5)
     line = Line(slave, other)
     for each, node_id in zip(scan(line).slaves, (11, 12), strict=True):
-        line.run(master.set_node_id(Pace(), each.address, node_id, store=True))
+        line.run(master.set_node_id(AdaptiveLssTimeout(), each.address, node_id, store=True))
     assert (slave.active, other.active, slave.stored, other.stored) == (11, 12, [11], [12])
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from axisbus.cia305 import services
-from axisbus.cia305.services import LssAddress, Service, State
+from axisbus.cia305.services import LssAddress, LssService, LssState
 from axisbus.errors import ArgumentError
 
 ADDRESS = LssAddress(0x11223344, 0x55667788, 0x99AABBCC, 0xDDEEFF00)
@@ -14,8 +14,8 @@ ADDRESS = LssAddress(0x11223344, 0x55667788, 0x99AABBCC, 0xDDEEFF00)
 @pytest.mark.parametrize(
     ("frame", "digits"),
     [
-        (services.switch_global(State.WAITING), "04 00 00 00 00 00 00 00"),
-        (services.switch_global(State.CONFIGURATION), "04 01 00 00 00 00 00 00"),
+        (services.switch_global(LssState.WAITING), "04 00 00 00 00 00 00 00"),
+        (services.switch_global(LssState.CONFIGURATION), "04 01 00 00 00 00 00 00"),
         (services.configure_node_id(5), "11 05 00 00 00 00 00 00"),
         (services.configure_node_id(255), "11 FF 00 00 00 00 00 00"),
         (services.configure_bit_timing(2), "13 00 02 00 00 00 00 00"),
@@ -24,8 +24,8 @@ ADDRESS = LssAddress(0x11223344, 0x55667788, 0x99AABBCC, 0xDDEEFF00)
         (services.activate_bit_timing(65.535), "15 FF FF 00 00 00 00 00"),
         (services.store_configuration(), "17 00 00 00 00 00 00 00"),
         (services.identify_non_configured(), "4C 00 00 00 00 00 00 00"),
-        (services.inquire(Service.INQUIRE_VENDOR_ID), "5A 00 00 00 00 00 00 00"),
-        (services.inquire(Service.INQUIRE_NODE_ID), "5E 00 00 00 00 00 00 00"),
+        (services.inquire(LssService.INQUIRE_VENDOR_ID), "5A 00 00 00 00 00 00 00"),
+        (services.inquire(LssService.INQUIRE_NODE_ID), "5E 00 00 00 00 00 00 00"),
         (services.fastscan(0, 0x80, 0, 0), "51 00 00 00 00 80 00 00"),
         (services.fastscan(0x11223344, 31, 3, 0), "51 44 33 22 11 1F 03 00"),
     ],
@@ -98,21 +98,21 @@ def test_a_number_beyond_32_bits_is_no_address() -> None:
 @pytest.mark.parametrize(
     ("service", "code", "specific", "words"),
     [
-        (Service.CONFIGURE_NODE_ID, 1, 0, "out of range"),
-        (Service.CONFIGURE_BIT_TIMING, 1, 0, "does not support this bit rate"),
-        (Service.STORE_CONFIGURATION, 1, 0, "cannot store"),
-        (Service.STORE_CONFIGURATION, 2, 0, "could not write to its memory"),
-        (Service.STORE_CONFIGURATION, 255, 0x42, "maker's own error 66 (0x42)"),
-        (Service.CONFIGURE_NODE_ID, 77, 0, "error 77, which CiA 305 reserves"),
+        (LssService.CONFIGURE_NODE_ID, 1, 0, "out of range"),
+        (LssService.CONFIGURE_BIT_TIMING, 1, 0, "does not support this bit rate"),
+        (LssService.STORE_CONFIGURATION, 1, 0, "cannot store"),
+        (LssService.STORE_CONFIGURATION, 2, 0, "could not write to its memory"),
+        (LssService.STORE_CONFIGURATION, 255, 0x42, "maker's own error 66 (0x42)"),
+        (LssService.CONFIGURE_NODE_ID, 77, 0, "error 77, which CiA 305 reserves"),
     ],
 )
-def test_error_codes_in_words(service: Service, code: int, specific: int, words: str) -> None:
+def test_error_codes_in_words(service: LssService, code: int, specific: int, words: str) -> None:
     text, remedy = services.refusal(service, code, specific)
     assert words in text
     assert remedy
 
 
 def test_names_of_services_are_the_standards() -> None:
-    assert Service.CONFIGURE_NODE_ID.text == "configure node-ID"
-    assert Service.INQUIRE_VENDOR_ID.text == "inquire vendor-ID"
-    assert Service.STORE_CONFIGURATION.text == "store configuration"
+    assert LssService.CONFIGURE_NODE_ID.text == "configure node-ID"
+    assert LssService.INQUIRE_VENDOR_ID.text == "inquire vendor-ID"
+    assert LssService.STORE_CONFIGURATION.text == "store configuration"

@@ -10,17 +10,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.cia305.dialogue import Pace, Timing
+from axisbus.cia305.dialogue import AdaptiveLssTimeout, LssTiming
 from axisbus.cia305.fastscan import FastScan
-from axisbus.cia305.scan_result import Check, Known, Scanned
+from axisbus.cia305.scan_result import Check, KnownIdentity, Scanned
 from axisbus.errors import ArgumentError, LssError, LssTimeout
 from kit.lss_line import HandSlave, Line, Sticky
 
 ONES = 0xFFFF_FFFF
 
 
-def scan(line: Line, known: Known | None = None, timing: Timing | None = None) -> Scanned:
-    result: Scanned = line.run(FastScan(Pace(timing), known).run())
+def scan(line: Line, known: KnownIdentity | None = None, timing: LssTiming | None = None) -> Scanned:
+    result: Scanned = line.run(FastScan(AdaptiveLssTimeout(timing), known).run())
     return result
 
 
@@ -124,7 +124,7 @@ def test_one_frame_in_twenty_lost_at_random(seed: int) -> None:
 def test_the_wait_adapts_to_a_slow_slave(delay: float) -> None:
     slave = HandSlave(0x1234, 5, 6, 7)
     slave.delay = delay
-    pace = Pace()
+    pace = AdaptiveLssTimeout()
     line = Line(slave)
     found = line.run(FastScan(pace).run())
     assert ids(found) == [slave.id]
@@ -153,11 +153,11 @@ def test_a_slow_slave_beside_a_quick_one() -> None:
 def test_a_slave_slower_than_the_first_wait_needs_a_higher_floor() -> None:
     slave = HandSlave(1, 2, 3, 4)
     slave.delay = 0.6
-    assert ids(scan(Line(slave), timing=Timing(floor=0.8))) == [slave.id]
+    assert ids(scan(Line(slave), timing=LssTiming(floor=0.8))) == [slave.id]
 
 
 def test_the_floor_is_kept_and_can_be_raised() -> None:
-    pace = Pace(Timing(floor=0.1))
+    pace = AdaptiveLssTimeout(LssTiming(floor=0.1))
     scan_line = Line(HandSlave(1, 2, 3, 4))
     scan_line.run(FastScan(pace).run())
     assert pace.slowest is not None
@@ -168,21 +168,21 @@ def test_the_floor_is_kept_and_can_be_raised() -> None:
 @pytest.mark.parametrize("floor", [0.0, -1.0, float("nan"), 3.0])
 def test_a_floor_that_makes_no_sense_is_refused(floor: float) -> None:
     with pytest.raises(ArgumentError, match="time-out"):
-        Timing(floor=floor)
+        LssTiming(floor=floor)
 
 
 def test_known_numbers_spare_their_bits() -> None:
     slave = HandSlave(ONES, ONES, ONES, 4)
     free, told = Line(slave), Line(slave)
     scan(free)
-    found = scan(told, Known(vendor_id=ONES, product_code=ONES, revision_number=ONES))
+    found = scan(told, KnownIdentity(vendor_id=ONES, product_code=ONES, revision_number=ONES))
     assert ids(found) == [slave.id]
     assert len(free.sent) - len(told.sent) > 3 * 60  # each one-bit costs a silent request and an answered one
 
 
 def test_others_than_the_known_ones_are_mentioned_and_left() -> None:
     wanted, other = HandSlave(0xC0B00, 8, 1, 1), HandSlave(0x22, 8, 1, 1)
-    found = scan(Line(wanted, other), Known(vendor_id=0xC0B00))
+    found = scan(Line(wanted, other), KnownIdentity(vendor_id=0xC0B00))
     assert ids(found) == [wanted.id]
     assert found.others
     assert other.state == "waiting"

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from axisbus.cia402.ip_as_csp import InterpolatedPort, seen_by_motion
-from axisbus.cia402.port import Capabilities, Inputs, Outputs, Sample, Source
+from axisbus.cia402.ip_as_csp import InterpolatedPort, as_csp_capable
+from axisbus.cia402.port import Capabilities, Inputs, Outputs, Sample, ValueTransport
 
 ENABLED, ACTIVE = 0x0237, 0x1237
 ON, BIT_4, HALT = 0x0F, 0x10, 0x100
@@ -13,8 +13,8 @@ PP, HM, IP, CSP = 1, 6, 7, 8
 class Drive:
     """The port below: what it shows is set, what it gets is kept."""
 
-    def __init__(self, source: Source = Source.SYNC_PDO) -> None:
-        outputs = {"controlword": Source.SYNC_PDO, "target_position": Source.SYNC_PDO}
+    def __init__(self, source: ValueTransport = ValueTransport.SYNC_PDO) -> None:
+        outputs = {"controlword": ValueTransport.SYNC_PDO, "target_position": ValueTransport.SYNC_PDO}
         self.capabilities = Capabilities({}, {**outputs, "interpolation_target": source}, True, {})
         self.word, self.mode = ENABLED, IP
         self.got = Outputs()
@@ -144,9 +144,9 @@ def test_a_stop_has_no_bit_4() -> None:
 def test_only_where_set_points_travel_is_a_port_seen_so() -> None:
     plain = Drive()
     plain.capabilities.outputs.pop("interpolation_target")
-    seen = seen_by_motion({"x": Drive(), "y": plain})
+    seen = as_csp_capable({"x": Drive(), "y": plain})
     assert isinstance(seen["x"], InterpolatedPort)
     assert seen["y"] is plain
     assert "interpolation_target" not in seen["x"].capabilities.outputs
-    late = InterpolatedPort(Drive(Source.EVENT_PDO))
-    assert late.capabilities.outputs["target_position"] is Source.EVENT_PDO
+    late = InterpolatedPort(Drive(ValueTransport.EVENT_PDO))
+    assert late.capabilities.outputs["target_position"] is ValueTransport.EVENT_PDO

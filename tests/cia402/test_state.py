@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from axisbus.cia402.controlword import words
-from axisbus.cia402.state import TARGETS, TRANSITIONS, State, decode, plan
+from axisbus.cia402.state import TARGETS, TRANSITIONS, PowerState, decode, plan
 
 HERE = Path(__file__).parent
 
@@ -29,7 +29,7 @@ def test_every_word_decodes_and_ignores_the_other_bits():
 
 @pytest.mark.parametrize("row", table("planner.csv"), ids=lambda row: f"{row['seen']} -> {row['wanted']}")
 def test_planner_gives_the_word_of_the_figure(row):
-    command = plan(State(row["seen"]), State(row["wanted"]))
+    command = plan(PowerState(row["seen"]), PowerState(row["wanted"]))
     assert (f"{command.word:02X}" if command else "") == row["word"]
 
 
@@ -40,14 +40,14 @@ def test_planner_reaches_every_target_and_never_passes_operation_enabled():
         for t in TRANSITIONS
         if t.command is not None and t.number not in (8, 9)
     }
-    startable = [s for s in State if s not in (State.FAULT, State.UNKNOWN)]
+    startable = [s for s in PowerState if s not in (PowerState.FAULT, PowerState.UNKNOWN)]
     for start, target in product(startable, TARGETS):
-        if target is State.QUICK_STOP_ACTIVE and start not in (State.OPERATION_ENABLED, target):
+        if target is PowerState.QUICK_STOP_ACTIVE and start not in (PowerState.OPERATION_ENABLED, target):
             continue
         state, passed = start, []
-        if state is State.NOT_READY_TO_SWITCH_ON:
-            state = State.SWITCH_ON_DISABLED  # transition 1, by itself
-        if state is State.FAULT_REACTION_ACTIVE:
+        if state is PowerState.NOT_READY_TO_SWITCH_ON:
+            state = PowerState.SWITCH_ON_DISABLED  # transition 1, by itself
+        if state is PowerState.FAULT_REACTION_ACTIVE:
             continue  # ends in fault, which needs a reset
         while state is not target:
             command = plan(state, target)
@@ -55,18 +55,18 @@ def test_planner_reaches_every_target_and_never_passes_operation_enabled():
             state = obey[state, command]
             passed.append(state)
             assert len(passed) < 6
-        assert State.OPERATION_ENABLED not in passed[:-1], (start, target)
+        assert PowerState.OPERATION_ENABLED not in passed[:-1], (start, target)
 
 
 def test_no_plan_resets_a_fault_or_coasts():
-    assert all(plan(State.FAULT, target) is None for target in TARGETS)
-    assert plan(State.OPERATION_ENABLED, State.SWITCH_ON_DISABLED).word != 0
+    assert all(plan(PowerState.FAULT, target) is None for target in TARGETS)
+    assert plan(PowerState.OPERATION_ENABLED, PowerState.SWITCH_ON_DISABLED).word != 0
 
 
-@pytest.mark.parametrize("wrong", [State.FAULT, State.NOT_READY_TO_SWITCH_ON, State.UNKNOWN])
+@pytest.mark.parametrize("wrong", [PowerState.FAULT, PowerState.NOT_READY_TO_SWITCH_ON, PowerState.UNKNOWN])
 def test_asking_for_a_state_that_is_the_drives_own_is_refused(wrong):
     with pytest.raises(ValueError, match="no drive can be asked"):
-        plan(State.OPERATION_ENABLED, wrong)
+        plan(PowerState.OPERATION_ENABLED, wrong)
 
 
 @pytest.mark.parametrize(

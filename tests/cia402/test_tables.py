@@ -7,11 +7,11 @@ import pytest
 
 from axisbus.cia402 import controlword, homing, modes, objects, options, port, statusword
 from axisbus.cia402.axes import axis_of, first_axis, indices_of, own_index
-from axisbus.cia402.controlword import Command, words
+from axisbus.cia402.controlword import PowerCommand, words
 from axisbus.cia402.device_type import device_kind
 from axisbus.cia402.modes import FACTS, ModeOfOperation
 from axisbus.cia402.objects import order
-from axisbus.cia402.state import ENERGISED, TARGETS, TRANSITIONS, State
+from axisbus.cia402.state import ENERGISED, TARGETS, TRANSITIONS, PowerState
 from axisbus.cpu_starvation import DRIVES, Starvation
 
 HERE = Path(__file__).parent
@@ -120,7 +120,7 @@ def test_the_bits_of_the_controlword():
 
 
 def test_the_commands_of_the_power_stage():
-    assert {command.name: command.word for command in Command} == {
+    assert {command.name: command.word for command in PowerCommand} == {
         "SHUTDOWN": 0x06,
         "SWITCH_ON": 0x07,
         "ENABLE_OPERATION": 0x0F,
@@ -245,8 +245,12 @@ def test_only_methods_35_and_37_find_home_where_the_axis_stands():
 
 def test_the_transitions_of_the_figure():
     """The numbers and arrows of CiA 402-2's figure, typed off a second time."""
-    ns, sod, rtso = State.NOT_READY_TO_SWITCH_ON, State.SWITCH_ON_DISABLED, State.READY_TO_SWITCH_ON
-    so, oe, qs = State.SWITCHED_ON, State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE
+    ns, sod, rtso = (
+        PowerState.NOT_READY_TO_SWITCH_ON,
+        PowerState.SWITCH_ON_DISABLED,
+        PowerState.READY_TO_SWITCH_ON,
+    )
+    so, oe, qs = PowerState.SWITCHED_ON, PowerState.OPERATION_ENABLED, PowerState.QUICK_STOP_ACTIVE
     assert [(t.number, t.source, t.target) for t in TRANSITIONS] == [
         *(
             (0, None, ns),
@@ -258,10 +262,13 @@ def test_the_transitions_of_the_figure():
             (6, so, rtso),
         ),
         *((7, rtso, sod), (8, oe, rtso), (9, oe, sod), (10, so, sod), (11, oe, qs), (12, qs, sod)),
-        *((13, None, State.FAULT_REACTION_ACTIVE), (14, State.FAULT_REACTION_ACTIVE, State.FAULT)),
-        *((15, State.FAULT, sod), (16, qs, oe)),
+        *(
+            (13, None, PowerState.FAULT_REACTION_ACTIVE),
+            (14, PowerState.FAULT_REACTION_ACTIVE, PowerState.FAULT),
+        ),
+        *((15, PowerState.FAULT, sod), (16, qs, oe)),
     ]
-    assert {oe, qs, State.FAULT_REACTION_ACTIVE} == ENERGISED
+    assert {oe, qs, PowerState.FAULT_REACTION_ACTIVE} == ENERGISED
     assert {sod, rtso, so, oe, qs} == TARGETS
 
 

@@ -10,10 +10,10 @@ import pytest
 
 from axisbus.bus.link import adapter
 from axisbus.check.load_cell import checked
-from axisbus.core.simulated_nodes import StandIn
+from axisbus.core.simulated_nodes import SimulatedNode
 from axisbus.errors import LimitError, StateError
 from axisbus.machine.axis import Axis
-from axisbus.machine.dry_run import Rehearsal
+from axisbus.machine.dry_run import DryRun
 from kit import commands
 
 BUS = ("-i", "virtual", "-c", "nobody")
@@ -329,7 +329,7 @@ def test_with_one_axis_in_fault_none_is_enabled(monkeypatch, capsys, tmp_path):
         seen = []
         enable = Axis.enable
         monkeypatch.setattr(Axis, "enable", lambda axis: seen.append(axis.name) or enable(axis))
-        StandIn(stand_ins.devices[1], stand_ins.lock).fault(0x4310)
+        SimulatedNode(stand_ins.devices[1], stand_ins.lock).fault(0x4310)
         for command in (("move", cell, "x=10", "y=10"), ("home", cell)):
             code, _, err = axisbus(*command)
             assert (code, seen) == (1, [])
@@ -341,7 +341,7 @@ def test_with_one_axis_in_fault_none_is_enabled(monkeypatch, capsys, tmp_path):
 
 
 def test_an_axis_is_judged_by_where_it_is_seen():
-    rehearsal = Rehearsal(checked(commands.CELL))
+    rehearsal = DryRun(checked(commands.CELL))
     x, here = rehearsal["x"], rehearsal["x"].snapshot
     assert x.move_relative(300.0).done  # it may be at -180, and is not homed
     x.home()
@@ -366,7 +366,7 @@ def test_a_drive_without_the_objects_is_not_enabled_for_them(tmp_path):
     )
     from axisbus.cell import reader
 
-    rehearsal = Rehearsal(reader.load(cell))
+    rehearsal = DryRun(reader.load(cell))
     rehearsal["x"].home()
     with pytest.raises(StateError, match="cannot run"):
         rehearsal["x"].move_absolute(1.0)

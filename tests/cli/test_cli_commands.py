@@ -10,7 +10,7 @@ import click
 import pytest
 
 from axisbus.bus.link.controller import ControllerEvent
-from axisbus.bus.link.errorframe import Condition, ErrorCounters
+from axisbus.bus.link.errorframe import CanErrorState, ErrorCounters
 from axisbus.cli.main import COMMANDS, cli
 from axisbus.cli.shared.common import run
 from axisbus.machine.machine import Machine
@@ -145,8 +145,8 @@ def test_monitor_shows_state_and_position(axisbus):
 
 
 def test_monitor_tells_what_the_can_controller_does_once(axisbus, monkeypatch):
-    off = ControllerEvent(1.0, "socketcan:can0", Condition.OFF, ErrorCounters(248, 3))
-    back = ControllerEvent(2.0, "socketcan:can0", Condition.ACTIVE, None, restarted=True)
+    off = ControllerEvent(1.0, "socketcan:can0", CanErrorState.OFF, ErrorCounters(248, 3))
+    back = ControllerEvent(2.0, "socketcan:can0", CanErrorState.ACTIVE, None, restarted=True)
     monkeypatch.setattr(Machine, "bus_events", [off, back])
     _, out, _ = axisbus("monitor", CELL, "--count", 2, "--every", 0.01)
     told = [line.strip() for line in out.splitlines() if "CAN controller" in line]

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from axisbus import Plant
+from axisbus import SimulationControl
 from axisbus.bus.link import ownership
-from axisbus.bus.link.claims import CellKeys, claim
+from axisbus.bus.link.claims import CellFileId, claim
 from axisbus.cell import reader
 from axisbus.errors import ScanError
 from axisbus.machine.machine import Machine
@@ -196,7 +196,7 @@ def test_a_machine_that_hangs_is_told_as_not_reached(axisbus, tmp_path):
 
 def test_where_nothing_answers_under_a_claim_no_axis_is_told_as_stopped(axisbus, tmp_path):
     file = own_cell(tmp_path, "x")
-    with claim(None, CellKeys.of(file), exclusive=False, door=False):
+    with claim(None, CellFileId.of(file), exclusive=False, door=False):
         code, out, _ = axisbus("stop", file)
     assert (code, "NOT REACHED" in out) == (3, True)
 
@@ -204,7 +204,7 @@ def test_where_nothing_answers_under_a_claim_no_axis_is_told_as_stopped(axisbus,
 @needs_root
 def test_a_machine_of_another_user_is_named_and_not_told_as_stopped(axisbus, tmp_path):
     file = own_cell(tmp_path, "x")
-    with as_user(lambda: claim(None, CellKeys.of(file), exclusive=False, door=True)) as stranger:
+    with as_user(lambda: claim(None, CellFileId.of(file), exclusive=False, door=True)) as stranger:
         code, out, err = axisbus("stop", file)
         assert code == 3
         assert "x: NOT REACHED" in out
@@ -218,7 +218,7 @@ def test_a_machine_of_another_user_is_named_and_not_told_as_stopped(axisbus, tmp
 @needs_root
 def test_the_claim_of_another_user_keeps_nobody_from_his_own_machine(axisbus, moving, file):
     machine, _ = moving
-    with as_user(lambda: claim(None, CellKeys.of(file), exclusive=False, door=True)):
+    with as_user(lambda: claim(None, CellFileId.of(file), exclusive=False, door=True)):
         code, out, _ = axisbus("stop", file)
     assert (code, "x: stands" in out) == (0, True)
     assert turns(machine) == pytest.approx(0.0, abs=0.1)
@@ -236,7 +236,7 @@ def bus(tmp_path):
     with subprocess.Popen(list(map(str, command)), stdout=subprocess.PIPE, text=True) as sim:
         while not sim.stdout.readline().startswith("or take"):
             assert sim.poll() is None
-        with Plant(control) as plant:
+        with SimulationControl(control) as plant:
             yield mine, plant
         sim.kill()
 

@@ -12,7 +12,7 @@ import pytest
 
 from axisbus.bus.gim6010.run_with_cleanup import run_guarded
 from axisbus.bus.link.channel import Channel
-from axisbus.drives.gim6010.calibration.kinds import Kind
+from axisbus.drives.gim6010.calibration.kinds import CalibrationKind
 from axisbus.drives.gim6010.calibration.procedure_run import Calibration
 from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.module import Module
@@ -86,7 +86,7 @@ def test_a_signal_ends_it_by_idle(axisbus, number, code):
 
 
 def guarded(one, tell):
-    found = Calibration(5, Kind.ENCODER)
+    found = Calibration(5, CalibrationKind.ENCODER)
     with ExitStack() as stack:
         name = stack.enter_context(modules_on_bus(one))
         channel = Channel.open("virtual", name)

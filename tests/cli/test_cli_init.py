@@ -11,14 +11,14 @@ import tomllib
 import pytest
 
 from axisbus import eds
-from axisbus.bus.node.discover import Found
+from axisbus.bus.node.discover import DiscoveredNode
 from axisbus.bus.node.node import NodeIdentity
 from axisbus.check.run import check
 from axisbus.cia301.nmt import NmtState
 from axisbus.drives.make import GENERIC as GENERIC_MAKE
 from axisbus.eds import builtin
 from axisbus.scaffold.draft import BusFound, NodeFound, draft
-from axisbus.scaffold.match import Known, Match, collect, match
+from axisbus.scaffold.match import CandidateFile, FileMatch, collect, match
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
 from kit import commands
@@ -196,8 +196,10 @@ def test_bad_input_is_one_clear_sentence(axisbus, arguments, code, words):
 
 
 def test_whatever_a_device_and_a_channel_are_called_the_file_is_toml():
-    node = Found(7, True, None, NodeIdentity(0x20192, VENDOR, PRODUCT, 1, None, 'Dr"ive\n[bus]\x00\\ü'))
-    found = NodeFound(node, Match((), exact=False, note="none"), ('a"b\\c.eds',), (), GENERIC_MAKE)
+    node = DiscoveredNode(
+        7, True, None, NodeIdentity(0x20192, VENDOR, PRODUCT, 1, None, 'Dr"ive\n[bus]\x00\\ü')
+    )
+    found = NodeFound(node, FileMatch((), exact=False, note="none"), ('a"b\\c.eds',), (), GENERIC_MAKE)
     made = draft(BusFound('so"cket\n', "\\.\\COM1", 125_000, {"fd": False, "name": "a'b"}), [found])
     cell = tomllib.loads(made.text)
     assert cell["bus"]["interface"] == 'so"cket\n'
@@ -207,7 +209,9 @@ def test_whatever_a_device_and_a_channel_are_called_the_file_is_toml():
 
 
 def test_a_stopped_node_is_left_out_and_named():
-    found = NodeFound(Found(9, False, NmtState.STOPPED), Match((), exact=False), (), (), GENERIC_MAKE)
+    found = NodeFound(
+        DiscoveredNode(9, False, NmtState.STOPPED), FileMatch((), exact=False), (), (), GENERIC_MAKE
+    )
     made = draft(BusFound("socketcan", "can0", 125_000), [found])
     assert made.missing == ("node 9 answers no SDO (it says that it is stopped): it is left out",)
     assert tomllib.loads(made.text).keys() == {"bus"}
@@ -217,7 +221,7 @@ def test_a_stopped_node_is_left_out_and_named():
 
 
 def _known(name, **identity):
-    return Known(name, eds.loads(drive_text(**identity).encode(), name))
+    return CandidateFile(name, eds.loads(drive_text(**identity).encode(), name))
 
 
 def test_the_file_of_the_same_revision_is_taken_before_others():
@@ -233,7 +237,7 @@ def test_a_file_of_another_revision_is_taken_with_a_word_and_of_two_none():
     assert one.note == "the device has revision 0x3"
     files = [
         _known("a.eds", revision=1),
-        Known("b.eds", eds.loads(two_axes(drive_text(2)).encode(), "b.eds")),
+        CandidateFile("b.eds", eds.loads(two_axes(drive_text(2)).encode(), "b.eds")),
     ]
     two = match(files, 7, VENDOR, PRODUCT, 3)
     assert two.chosen is None

@@ -9,47 +9,49 @@ import sys
 
 import pytest
 
-from axisbus.cli.shared.keys import Key, Keyboard, Keys, keyboard
+from axisbus.cli.shared.keys import Keyboard, TerminalKey, TerminalKeyReader, keyboard
 from axisbus.errors import StateError
 
 
 @pytest.mark.parametrize(
     ("data", "key"),
     [
-        (b"\x1b[C", Key.FORWARD),
-        (b"\x1bOA", Key.FORWARD),
-        (b"\x1b[D", Key.BACK),
-        (b"\x1b[B", Key.BACK),
-        (b" ", Key.HALT),
-        (b"q", Key.QUIT),
-        (b"\x04", Key.QUIT),
+        (b"\x1b[C", TerminalKey.FORWARD),
+        (b"\x1bOA", TerminalKey.FORWARD),
+        (b"\x1b[D", TerminalKey.BACK),
+        (b"\x1b[B", TerminalKey.BACK),
+        (b" ", TerminalKey.HALT),
+        (b"q", TerminalKey.QUIT),
+        (b"\x04", TerminalKey.QUIT),
         (b"x", None),
         (b"\x1b[5~", None),
         (b"", None),
     ],
 )
 def test_a_key_is_what_its_bytes_say(data, key):
-    assert Keys().feed(data) is key
+    assert TerminalKeyReader().feed(data) is key
 
 
 def test_of_many_at_once_the_last_one_counts():
-    assert Keys().feed(b"\x1b[C\x1b[C\x1b[D") is Key.BACK
+    assert TerminalKeyReader().feed(b"\x1b[C\x1b[C\x1b[D") is TerminalKey.BACK
 
 
-@pytest.mark.parametrize(("data", "key"), [(b" \x1b[C", Key.HALT), (b"\x1b[C q\x1b[C", Key.QUIT)])
+@pytest.mark.parametrize(
+    ("data", "key"), [(b" \x1b[C", TerminalKey.HALT), (b"\x1b[C q\x1b[C", TerminalKey.QUIT)]
+)
 def test_nothing_outdoes_a_halt_but_quit(data, key):
-    assert Keys().feed(data) is key
+    assert TerminalKeyReader().feed(data) is key
 
 
 def test_a_key_that_comes_in_parts_is_one_key():
-    keys = Keys()
-    assert [keys.feed(bytes([each])) for each in b"\x1b[C"] == [None, None, Key.FORWARD]
+    keys = TerminalKeyReader()
+    assert [keys.feed(bytes([each])) for each in b"\x1b[C"] == [None, None, TerminalKey.FORWARD]
 
 
 def test_a_part_that_goes_on_otherwise_is_no_key_and_what_follows_counts():
-    keys = Keys()
+    keys = TerminalKeyReader()
     assert keys.feed(b"\x1b") is None
-    assert keys.feed(b"q") is Key.QUIT
+    assert keys.feed(b"q") is TerminalKey.QUIT
 
 
 @pytest.fixture
@@ -64,12 +66,12 @@ def ends():
 def test_a_keyboard_waits_no_longer_than_it_is_told_and_then_gives_none(ends):
     assert Keyboard(ends[0]).read(0.01) is None
     os.write(ends[1], b"\x1b[D")
-    assert Keyboard(ends[0]).read(5.0) is Key.BACK
+    assert Keyboard(ends[0]).read(5.0) is TerminalKey.BACK
 
 
 def test_a_terminal_that_is_gone_quits(ends):
     os.close(ends[1])
-    assert Keyboard(ends[0]).read(5.0) is Key.QUIT
+    assert Keyboard(ends[0]).read(5.0) is TerminalKey.QUIT
 
 
 def test_without_a_terminal_there_are_no_keys(monkeypatch):

@@ -41,7 +41,7 @@ def row(axis: str, state: str = "Disabled", power: str = "switch on disabled") -
     }
 
 
-def shown(monkeypatch, width: int, height: int, looks: list[live.Seen]) -> Screen:
+def shown(monkeypatch, width: int, height: int, looks: list[live.MonitorUpdate]) -> Screen:
     """Return the terminal after these looks."""
     screen = Screen(width, height)
 
@@ -56,11 +56,15 @@ def shown(monkeypatch, width: int, height: int, looks: list[live.Seen]) -> Scree
     return screen
 
 
-def after_a_fault(axes: str, looks: int) -> list[live.Seen]:
+def after_a_fault(axes: str, looks: int) -> list[live.MonitorUpdate]:
     calm = [row(name) for name in axes]
     fault = [row("x", "ErrorStop", "fault"), *calm[1:]]
-    quiet = [live.Seen(fault, MACHINE, []) for _ in range(looks)]
-    return [live.Seen(calm, MACHINE, []), live.Seen(fault, MACHINE, [ERROR, *INCIDENT]), *quiet]
+    quiet = [live.MonitorUpdate(fault, MACHINE, []) for _ in range(looks)]
+    return [
+        live.MonitorUpdate(calm, MACHINE, []),
+        live.MonitorUpdate(fault, MACHINE, [ERROR, *INCIDENT]),
+        *quiet,
+    ]
 
 
 @pytest.mark.parametrize(("width", "height"), [(80, 24), (60, 24), (200, 50), (80, 12), (40, 8)])

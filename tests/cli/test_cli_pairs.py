@@ -12,7 +12,7 @@ from axisbus.cell import reader
 from axisbus.cli.shared.axes_and_pairs import as_pairs, sides_of
 from axisbus.cli.shared.error_text import in_commands
 from axisbus.errors import LimitError, SkewError, StateError
-from axisbus.machine.dry_run import Rehearsal
+from axisbus.machine.dry_run import DryRun
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit import commands
@@ -107,7 +107,7 @@ def test_all_axes_a_group_or_both_by_name_are_the_pair(cell):
 def test_a_rehearsal_judges_a_pair_by_where_it_is_seen(cell):
     text = cell.read_text("utf-8").replace("required = false", "required = true")
     cell.write_text(text, encoding="utf-8")
-    rehearsal = Rehearsal(reader.load(cell))
+    rehearsal = DryRun(reader.load(cell))
     beam = rehearsal.gantry("b")
     beam.move_relative(400.0)  # not homed: nobody knows
     with pytest.raises(Exception, match="not homed"):

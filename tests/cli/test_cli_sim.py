@@ -10,7 +10,7 @@ import tomllib
 
 import pytest
 
-from axisbus import Plant
+from axisbus import SimulationControl
 from axisbus.cli.sim.client_cell_file import with_bus
 from axisbus.errors import AdapterError, UserError
 from kit import commands
@@ -127,7 +127,7 @@ def test_faults_come_as_they_are_planned_and_a_test_sees_the_plant(axisbus, tmp_
     try:
         while not (line := sim.stdout.readline()).startswith("or take"):
             assert line
-        with Plant(control) as plant:
+        with SimulationControl(control) as plant:
             assert plant.nodes == (1, 2)
             began = plant.stand_in(1).drive().position
             code, _, err = axisbus("move", mine, "x=50", "--home", "--velocity", "30")
@@ -143,7 +143,7 @@ def test_faults_come_as_they_are_planned_and_a_test_sees_the_plant(axisbus, tmp_
         sim.kill()
         sim.communicate()
     with pytest.raises(AdapterError, match="no simulated drives are served"):
-        Plant(control)
+        SimulationControl(control)
 
 
 def test_only_the_bus_is_replaced():

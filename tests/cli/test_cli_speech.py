@@ -12,7 +12,7 @@ import pytest
 from axisbus.cli.shared.error_text import in_commands
 from axisbus.errors import AdapterError, AxisbusError, StateError
 from axisbus.motion.stop.lost import ANEW, start_and_reset
-from axisbus.web.view.error_text import in_buttons
+from axisbus.web.view.error_text import in_page_terms
 from kit import commands
 
 SOURCE = commands.ROOT / "src" / "axisbus"
@@ -62,9 +62,9 @@ def test_no_remedy_speaks_of_calls(monkeypatch):
 def test_the_page_speaks_of_its_buttons():
     found = [text for _, text in texts() if "axis." in text]
     assert len(found) > 10
-    assert not [said for text in found if re.search(r"axis\.\w+", said := in_buttons(text))]
+    assert not [said for text in found if re.search(r"axis\.\w+", said := in_page_terms(text))]
     assert (
-        in_buttons("let it cool down; then reset it: axis.reset()")
+        in_page_terms("let it cool down; then reset it: axis.reset()")
         == "let it cool down; then reset it: Reset"
     )
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import pytest
 
 from axisbus.cli.shared import progress
-from axisbus.cli.shared.progress import Way
+from axisbus.cli.shared.progress import MoverProgress
 from axisbus.errors import StaleError
 from axisbus.machine.machine import Machine
 from kit import commands
@@ -57,11 +57,11 @@ class FakeHandle:
     ],
 )
 def test_the_words_for_a_way(axis, whole, text):
-    assert Way(axis, FakeHandle(), whole).text() == text
+    assert MoverProgress(axis, FakeHandle(), whole).text() == text
 
 
 def test_an_axis_that_is_there_shows_where():
-    assert Way(FakeAxis(90.0, 0.0, 0.001), FakeHandle(busy=False), 90.0).text() == "x 90.000 deg"
+    assert MoverProgress(FakeAxis(90.0, 0.0, 0.001), FakeHandle(busy=False), 90.0).text() == "x 90.000 deg"
 
 
 def test_a_move_on_a_terminal(monkeypatch, capsys):
@@ -99,7 +99,7 @@ def test_a_terminal_that_is_gone_does_not_end_a_motion(monkeypatch):
         x.home().wait()
         assert x.distance_to_go is None
         handle = x.move_absolute(20.0)
-        progress.follow(cell, [Way(x, handle)])
+        progress.follow(cell, [MoverProgress(x, handle)])
         assert handle.done
         assert x.distance_to_go == pytest.approx(0.0, abs=0.5)
 
@@ -114,5 +114,5 @@ def test_a_failure_is_raised_behind_the_line(monkeypatch, capsys):
         cell.sleep(0.3)
         cell.stand_in(1).fault(0x4310, 0)
         with pytest.raises(ExceptionGroup):
-            progress.follow(cell, [Way(x, handle)])
+            progress.follow(cell, [MoverProgress(x, handle)])
     assert capsys.readouterr().err.endswith("\r")

@@ -9,7 +9,7 @@ import pytest
 from axisbus.cell import reader
 from axisbus.cli.shared.completion import nodes_and_axes
 from axisbus.errors import StateError
-from axisbus.machine.dry_run import Rehearsal
+from axisbus.machine.dry_run import DryRun
 from kit import commands
 from kit.cell import cell_text
 from kit.virtual import virtual
@@ -99,7 +99,7 @@ def test_it_is_no_node_for_a_shell(cell):
 
 
 def test_a_rehearsal_knows_it(cell):
-    rehearsal = Rehearsal(reader.load(cell))
+    rehearsal = DryRun(reader.load(cell))
     assert rehearsal["v"].move_absolute(3.0).done
     with pytest.raises(StateError):
         rehearsal["w"]

@@ -96,7 +96,7 @@ def test_with_look_every_page_is_one_of_an_observer(monkeypatch, options, role):
             given.append(role)
             raise LookupError("enough")
 
-    monkeypatch.setattr("axisbus.web.server.Server", Fake)
+    monkeypatch.setattr("axisbus.web.server.PageServer", Fake)
     monkeypatch.setattr("axisbus.cli.web.machine_of", lambda *_args, **_more: nullcontext())
     monkeypatch.setattr("axisbus.cli.web.BesideAxes", lambda _: SimpleNamespace(lines=[]))
     with pytest.raises(LookupError, match="enough"):

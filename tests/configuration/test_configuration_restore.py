@@ -9,7 +9,7 @@ import pytest
 
 from axisbus.cia301.datatypes import encode, size_in_bytes
 from axisbus.configuration.dcf_backup import backup
-from axisbus.configuration.dcf_values import Selection, Why, require_within_limits, select
+from axisbus.configuration.dcf_values import Selection, SkipReason, require_within_limits, select
 from axisbus.configuration.restore import Restore, ValueEnd
 from axisbus.configuration.write_order import ordered
 from axisbus.drives.make import GENERIC, Make
@@ -166,7 +166,7 @@ def _why(selection: Selection):
 
 
 def test_nothing_that_acts_is_ever_for_the_device():
-    orders = {index for (index, _), why in _why(SELECTION).items() if why is Why.ORDER}
+    orders = {index for (index, _), why in _why(SELECTION).items() if why is SkipReason.ORDER}
     assert orders >= {
         0x1003,
         0x1010,
@@ -189,8 +189,10 @@ def test_nothing_that_acts_is_ever_for_the_device():
 def test_calibration_stays_unless_it_is_named():
     make = Make("maker", calibration_objects=((0x2001, None),))
     left = select(DCF, NODE, make)
-    assert _why(left)[0x2001, 0] is Why.CALIBRATION
-    assert "--include 2001:0" in next(each.text for each in left.skipped if each.why is Why.CALIBRATION)
+    assert _why(left)[0x2001, 0] is SkipReason.CALIBRATION
+    assert "--include 2001:0" in next(
+        each.text for each in left.skipped if each.why is SkipReason.CALIBRATION
+    )
     assert (0x2001, 0) in {each.key for each in select(DCF, NODE, make, include=[(0x2001, 0)]).items}
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.master_detection import Sign, sign_of
 from axisbus.core.files import load_dictionaries
 from axisbus.core.master_detection import cast_of
@@ -27,7 +27,7 @@ def test_masters_are_127_and_our_own_id(tmp_path: Path) -> None:
 def test_a_device_that_sends_where_another_ones_rpdo_is_is_no_master(tmp_path: Path) -> None:
     more = "[nodes.2.pdo.tpdo1]\ncob_id = 0x201\n"
     with_it, without = cell_of(tmp_path, more=more), cell_of(tmp_path)
-    frame = Frame(0.0, 0x201, b"\x0f\0")
+    frame = CanFrame(0.0, 0x201, b"\x0f\0")
     assert sign_of(frame, cast_of(without, load_dictionaries(without))) == (Sign.RPDO, 1)
     assert sign_of(frame, cast_of(with_it, load_dictionaries(with_it))) is None
 
@@ -55,8 +55,8 @@ current_limit = 10.0
 velocity_ramp = 40.0
 acceleration = 80.0
 """
-    beat, estimates = Frame(0.0, 0x601, bytes(8)), Frame(0.0, 0x609, bytes(8))
-    target, state = Frame(0.0, 0x60C, bytes(8)), Frame(0.0, 0x607, bytes(8))
+    beat, estimates = CanFrame(0.0, 0x601, bytes(8)), CanFrame(0.0, 0x609, bytes(8))
+    target, state = CanFrame(0.0, 0x60C, bytes(8)), CanFrame(0.0, 0x607, bytes(8))
     without = cell_of(tmp_path)
     assert sign_of(beat, cast_of(without, load_dictionaries(without))) == (Sign.SDO, 1)
     with_it = cell_of(tmp_path, more=more)
@@ -65,4 +65,4 @@ acceleration = 80.0
     assert sign_of(estimates, cast) is None
     assert sign_of(target, cast) == (Sign.MODULE, 48)
     assert sign_of(state, cast) == (Sign.MODULE, 48)
-    assert sign_of(Frame(0.0, 0x609, b"", remote=True), cast) is None  # a question commands nothing
+    assert sign_of(CanFrame(0.0, 0x609, b"", remote=True), cast) is None  # a question commands nothing

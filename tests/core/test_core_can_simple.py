@@ -24,7 +24,7 @@ from axisbus.core.simulated_nodes import devices as devices_of
 from axisbus.core.waiting import ThreadWaiter
 from axisbus.errors import AxisbusError
 from axisbus.machine.axis import Axis
-from axisbus.machine.command_dispatch import Commanding
+from axisbus.machine.command_dispatch import CommandDispatcher
 from axisbus.machine.groups import Group
 from axisbus.motion.axis.core import AxisCore
 from axisbus.sim.can_simple.module import Module
@@ -81,7 +81,7 @@ class Bus:
         self.scan = Scan(link.cycle, ports, cores, PERIOD, {"all": list(known)})
         waiter = ThreadWaiter()
         self.thread = ScanThread(self.scan, waiter, None)
-        commanding = Commanding(InProcess(self.scan, waiter, SimpleNamespace(nodes={}, link=None)))
+        commanding = CommandDispatcher(InProcess(self.scan, waiter, SimpleNamespace(nodes={}, link=None)))
         self.axes = {name: Axis(each, commanding) for name, each in known.items()}
         self.group = Group("all", self.axes, commanding)
         self.thread.start()

@@ -8,14 +8,14 @@ from types import SimpleNamespace
 
 import pytest
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.core.process import publisher
 from axisbus.core.process.clients import Clients
-from axisbus.core.process.publisher import Outlet
+from axisbus.core.process.publisher import Publisher
 from axisbus.errors import ScanError
 from axisbus.ipc import frames
 from axisbus.ipc.image import size_of
-from axisbus.ipc.messages import Condition, Cycles, Frames, Told
+from axisbus.ipc.messages import CommandEvents, CoreCondition, CycleImages, Frames
 from axisbus.motion.command_status import Status
 from axisbus.session import CommandEvent
 
@@ -43,7 +43,7 @@ def end(number):
 @pytest.fixture
 def scene():
     session, sent = Session(), []
-    clients = Clients(SimpleNamespace(session=session), Outlet(mmap.mmap(-1, size_of(0)), ()), None)
+    clients = Clients(SimpleNamespace(session=session), Publisher(mmap.mmap(-1, size_of(0)), ()), None)
     clients.admit(SimpleNamespace(send=sent.append), "a program")
     return SimpleNamespace(session=session, clients=clients, sent=sent)
 
@@ -56,8 +56,8 @@ def test_a_client_knows_that_the_scan_is_over_before_its_commands_end(scene, els
     assert scene.sent == []
     scene.clients.tell_condition()
     condition, told = scene.sent
-    assert condition == Condition("the link is down", True, True)
-    assert isinstance(told, Told)
+    assert condition == CoreCondition("the link is down", True, True)
+    assert isinstance(told, CommandEvents)
     assert [event.number for event in told.events] == [1, 2]
 
 
@@ -66,7 +66,7 @@ def test_what_ends_after_the_scan_is_told_as_well(scene):
     scene.clients.tell_condition()
     scene.session.hear(end(3))
     scene.clients.tell_condition()
-    assert [type(message) for message in scene.sent] == [Condition, Told]
+    assert [type(message) for message in scene.sent] == [CoreCondition, CommandEvents]
 
 
 def test_each_end_is_told_once_by_however_many_threads(scene):
@@ -76,9 +76,14 @@ def test_each_end_is_told_once_by_however_many_threads(scene):
         teller.start()
     for teller in tellers:
         teller.join()
-    told = [event.number for message in scene.sent if isinstance(message, Told) for event in message.events]
+    told = [
+        event.number
+        for message in scene.sent
+        if isinstance(message, CommandEvents)
+        for event in message.events
+    ]
     assert sorted(told) == list(range(200))
-    assert isinstance(scene.sent[0], Condition)
+    assert isinstance(scene.sent[0], CoreCondition)
 
 
 class Deaf:
@@ -98,7 +103,7 @@ class Deaf:
 def test_what_a_program_does_not_take_is_counted_by_program_and_told_to_it_once(monkeypatch):
     monkeypatch.setattr(publisher, "_MOST", 3)
     monkeypatch.setattr(frames, "_MOST", 5)
-    place = Outlet(mmap.mmap(-1, size_of(0)), ())
+    place = Publisher(mmap.mmap(-1, size_of(0)), ())
     clients = Clients(SimpleNamespace(session=Session()), place, None)
     slow, quick = Deaf(), Deaf()
     for stream, who in ((slow, "slow"), (quick, "quick")):
@@ -106,10 +111,10 @@ def test_what_a_program_does_not_take_is_counted_by_program_and_told_to_it_once(
     reader = place._readers[0]
     for cycle in range(100):
         place.after_cycle(cycle * 0.06, {})
-        reader.frames.hear(Frame(0.0, 0x181))
+        reader.frames.hear(CanFrame(0.0, 0x181))
         reader.flush_frames()
         quick.sent.clear()
-    told = [message for message in slow.sent if isinstance(message, Cycles)]
+    told = [message for message in slow.sent if isinstance(message, CycleImages)]
     kept = sum(len(message.images) for message in told)
     programs = clients.programs
     assert [(each.who, each.lost_cycles > 0, each.lost_frames > 0) for each in programs] == [
@@ -121,7 +126,7 @@ def test_what_a_program_does_not_take_is_counted_by_program_and_told_to_it_once(
     for cycle in range(100, 104):
         place.after_cycle(cycle * 0.06, {})
         reader.flush_frames()
-    after = [message for message in slow.sent if isinstance(message, Cycles)]
+    after = [message for message in slow.sent if isinstance(message, CycleImages)]
     assert sum(message.lost for message in after) == programs[0].lost_cycles
     waiting = len(reader._images)
     assert kept + programs[0].lost_cycles + sum(len(each.images) for each in after) + waiting == 104

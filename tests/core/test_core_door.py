@@ -11,18 +11,18 @@ from contextlib import contextmanager, suppress
 
 import pytest
 
-from axisbus.bus.link.claims import CellKeys, claim
+from axisbus.bus.link.claims import CellFileId, claim
 from axisbus.core.process import listener
-from axisbus.core.process.listener import Door, StopAnswer, StopRequest
+from axisbus.core.process.listener import ClientListener, StopAnswer, StopRequest
 from axisbus.errors import ScanError
-from axisbus.link import Stopped
+from axisbus.link import StopResult
 from kit.foreign import STRANGER, as_user, needs_root
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="claims are of Linux"),
     pytest.mark.timeout(60),
 ]
-STANDS = StopAnswer((Stopped("x", True, "stands"),), "a text")
+STANDS = StopAnswer((StopResult("x", True, "stands"),), "a text")
 
 
 @pytest.fixture
@@ -36,9 +36,9 @@ class Core:
     """What a core does at its door, without a machine: it answers each request to stop, and notes who has come."""
 
     def __init__(self, cell, answer=STANDS):
-        self.held = claim(None, CellKeys.of(cell), exclusive=False, door=True)
+        self.held = claim(None, CellFileId.of(cell), exclusive=False, door=True)
         self.listening = socket.socket(fileno=os.dup(self.held.fileno()))
-        self.door = Door(self.listening)
+        self.door = ClientListener(self.listening)
         self.answer = answer
         self.callers = []
         self.thread = threading.Thread(target=self._run, daemon=True)
@@ -103,7 +103,7 @@ def test_another_cell_file_of_the_same_text_is_another_machine(cell, tmp_path):
     other.write_text("", encoding="utf-8")
     with served(cell):
         assert listener.machines_of(str(other)) == []
-        assert listener.knock(str(other)) is None
+        assert listener.connect(str(other)) is None
 
 
 def test_the_oldest_machine_is_the_first_one(cell):
@@ -184,7 +184,7 @@ def test_a_request_to_stop_is_taken_while_others_come_again_and_again(cell):
 
 
 def test_a_core_that_does_not_answer_and_one_that_ends_are_not_taken_for_none(cell):
-    with claim(None, CellKeys.of(cell), exclusive=False, door=True):
+    with claim(None, CellFileId.of(cell), exclusive=False, door=True):
         (found,) = listener.machines_of(cell)
         with pytest.raises(ScanError) as caught:
             listener.ask_to_stop(found, StopRequest(), 0.2)
@@ -195,7 +195,7 @@ def test_a_core_that_does_not_answer_and_one_that_ends_are_not_taken_for_none(ce
 
 
 def test_a_core_whose_queue_is_full_is_not_taken_for_none(cell):
-    with claim(None, CellKeys.of(cell), exclusive=False, door=True):
+    with claim(None, CellFileId.of(cell), exclusive=False, door=True):
         (found,) = listener.machines_of(cell)
         waiting = []
         with suppress(BlockingIOError):
@@ -215,7 +215,7 @@ def test_a_core_whose_queue_is_full_is_not_taken_for_none(cell):
     "words", [b"", b"null\n", b"1.0\n", b"1.0\n[]\n", b"1.0\n{}\n", b'1.0\n[[["x", 1, "stands"]], ""]\n']
 )
 def test_an_answer_that_does_not_say_how_axes_were_left_is_no_success(cell, words):
-    with claim(None, CellKeys.of(cell), exclusive=False, door=True) as held:
+    with claim(None, CellFileId.of(cell), exclusive=False, door=True) as held:
         (found,) = listener.machines_of(cell)
         listening = socket.socket(fileno=os.dup(held.fileno()))
 
@@ -256,7 +256,7 @@ def test_a_machine_of_another_user_is_found_and_neither_joined_nor_believed(cell
         assert found.user == STRANGER
         assert not listener.is_trusted(found, cell)
         assert f"of user {STRANGER}" in listener.why_not(found, cell)
-        assert listener.knock(cell) is None
+        assert listener.connect(cell) is None
 
 
 @needs_root

@@ -14,7 +14,7 @@ from axisbus.core.process.trajectory_feeder import Feeder, Sampler
 from axisbus.errors import ArgumentError
 from axisbus.interrupt_guard import in_thread_of_ours
 from axisbus.motion.moves.remote_trajectory import Streamed
-from axisbus.motion.trajectory import Sampled, Trapezoid
+from axisbus.motion.trajectory import SampledTrajectory, TrapezoidalTrajectory
 
 STEP = 0.01
 
@@ -110,9 +110,9 @@ def test_the_head_is_sampled_at_the_call_and_no_more_of_it():
 
 
 def test_the_head_tells_what_the_trajectory_tells():
-    head = Sampler(Trapezoid(1.0, 9.0, 5.0, 50.0), STEP, "x").head(0.0)
+    head = Sampler(TrapezoidalTrajectory(1.0, 9.0, 5.0, 50.0), STEP, "x").head(0.0)
     assert (head.span, head.top_speed, head.top_acceleration) == ((1.0, 9.0), 5.0, 50.0)
-    head = Sampler(Sampled([1, 3, 2], 0.5), STEP, "x").head(9.0)
+    head = Sampler(SampledTrajectory([1, 3, 2], 0.5), STEP, "x").head(9.0)
     assert (head.span, head.top_speed, head.top_acceleration) == ((1.0, 3.0), 4.0, None)
     assert head.positions[-1] == 2
     assert len(head.positions) == 101

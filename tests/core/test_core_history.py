@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from axisbus.cell.reader import load
-from axisbus.core.process.persistence.plant_log import COLUMNS, History, history_path
+from axisbus.core.process.persistence.plant_log import COLUMNS, PlantLog, history_path
 from axisbus.errors import ConfigError
 from axisbus.machine.machine import Machine
 from kit.cell import cell_text
@@ -41,7 +41,7 @@ def test_a_history_is_replaced_by_the_next_one_and_made_where_there_is_none(cell
     path = history_path(load(cell))
     assert path.resolve() == tmp_path / "plant.csv"
     for _ in range(2):
-        with History(history_path(load(cell)), {}):
+        with PlantLog(history_path(load(cell)), {}):
             pass
         assert path.read_text("utf-8") == ",".join(COLUMNS) + "\n"
     path.write_bytes(b"")

@@ -8,28 +8,28 @@ import threading
 
 import pytest
 
-from axisbus.core.command_queue import AT_ONCE, MOST, Inbox, Waiting
+from axisbus.core.command_queue import AT_ONCE, MOST, CommandQueue, Waiting
 from axisbus.errors import StateError, Stopped
 from axisbus.machine.handle import Handle
 from axisbus.motion import commands as c
-from axisbus.motion.command_status import Ticket
+from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.group.commands import ForEach, GroupContinue, GroupSetOverride, MoveLinear, MovePath
 from axisbus.motion.group.path import NOWHERE
-from axisbus.motion.moves.profile import Profile
+from axisbus.motion.moves.profile import MoveProfile
 from kit.motion.rig import rig
 
-PROFILE = Profile(1000, 10_000, 10_000, 1000.0, 10_000.0)
+PROFILE = MoveProfile(1000, 10_000, 10_000, 1000.0, 10_000.0)
 TURN = c.MoveVelocity(PROFILE)
 JOG = c.MoveVelocity(PROFILE, life=0.2)
 ENDLESS = 10**6
 
 
 def move(value: int) -> c.Move:
-    return c.Move(c.Reference.RELATIVE, value, PROFILE)
+    return c.Move(c.TargetReference.RELATIVE, value, PROFILE)
 
 
-def given(inbox: Inbox, target, command) -> Waiting | None:
-    return inbox.put(Waiting(target, command, Ticket(f"{target}.{type(command).__name__}")))
+def given(inbox: CommandQueue, target, command) -> Waiting | None:
+    return inbox.put(Waiting(target, command, CommandStatus(f"{target}.{type(command).__name__}")))
 
 
 def commands(taken: list[Waiting]) -> list:
@@ -37,8 +37,8 @@ def commands(taken: list[Waiting]) -> list:
 
 
 def test_what_fits_into_one_cycle_is_taken_in_order_stops_among_it():
-    inbox = Inbox()
-    wanted = [("x", move(1)), ("x", c.Halt()), ("x", move(2)), ("y", c.Enable()), ("x", c.Stop())]
+    inbox = CommandQueue()
+    wanted = [("x", move(1)), ("x", c.Halt()), ("x", move(2)), ("y", c.EnableCommand()), ("x", c.Stop())]
     for target, command in wanted:
         given(inbox, target, command)
     assert commands(inbox.take()) == wanted
@@ -46,7 +46,7 @@ def test_what_fits_into_one_cycle_is_taken_in_order_stops_among_it():
 
 
 def test_what_is_too_much_for_one_cycle_waits_for_the_next_in_order():
-    inbox = Inbox()
+    inbox = CommandQueue()
     wanted = [("x", move(number)) for number in range(3 * AT_ONCE + 5)]
     for target, command in wanted:
         given(inbox, target, command)
@@ -57,7 +57,7 @@ def test_what_is_too_much_for_one_cycle_waits_for_the_next_in_order():
 
 @pytest.mark.parametrize("stop", [c.Halt(), c.Stop(), c.QuickStop(), c.Disable(), c.Disable(coast=True)])
 def test_a_stop_is_taken_at_once_and_ends_what_it_overtakes(stop):
-    inbox = Inbox()
+    inbox = CommandQueue()
     first = [given(inbox, "x", move(number)) for number in range(AT_ONCE)]
     overtaken = [given(inbox, "x", move(ENDLESS + number)) for number in range(100)]
     others = [given(inbox, "y", move(number)) for number in range(100)]
@@ -72,7 +72,7 @@ def test_a_stop_is_taken_at_once_and_ends_what_it_overtakes(stop):
 
 
 def test_a_stop_of_a_group_overtakes_what_concerns_any_of_its_axes_and_one_of_an_axis_the_group_s():
-    inbox = Inbox()
+    inbox = CommandQueue()
     for number in range(AT_ONCE):
         given(inbox, "z", move(number))
     line = given(inbox, ("x", "y"), MoveLinear({"x": 1.0, "y": 1.0}, 1.0, 1.0))
@@ -87,7 +87,7 @@ def test_a_stop_of_a_group_overtakes_what_concerns_any_of_its_axes_and_one_of_an
 
 
 def test_a_stop_leaves_an_override_that_waits():
-    inbox = Inbox()
+    inbox = CommandQueue()
     for number in range(AT_ONCE):
         given(inbox, "z", move(number))
     override = given(inbox, "g", GroupSetOverride(0.5))
@@ -97,10 +97,11 @@ def test_a_stop_leaves_an_override_that_waits():
 
 
 @pytest.mark.parametrize(
-    "command", [c.Enable(), c.Reset(), c.Halt(), c.Stop(), c.Release(), c.QuickStop(), c.Disable(), JOG]
+    "command",
+    [c.EnableCommand(), c.ResetCommand(), c.Halt(), c.Stop(), c.Release(), c.QuickStop(), c.Disable(), JOG],
 )
 def test_the_same_again_is_one_command_with_one_handle_while_it_waits(command):
-    inbox = Inbox()
+    inbox = CommandQueue()
     first = given(inbox, "x", command)
     given(inbox, "y", move(1))  # of another axis
     assert given(inbox, "x", command) is first
@@ -114,13 +115,13 @@ def test_the_same_again_is_one_command_with_one_handle_while_it_waits(command):
 
 @pytest.mark.parametrize("command", [move(5), TURN, c.SetPosition(5), c.Home(None)])
 def test_what_is_not_the_same_twice_stays_two_commands(command):
-    inbox = Inbox()
+    inbox = CommandQueue()
     assert given(inbox, "x", command) is not given(inbox, "x", command)
     assert len(inbox.take()) == 2
 
 
 def test_the_same_of_a_group_is_the_same_only_if_none_of_its_axes_was_told_anything_since():
-    inbox = Inbox()
+    inbox = CommandQueue()
     halts = ForEach({"x": c.Halt(), "y": c.Halt()})
     first = given(inbox, "g", halts)
     assert given(inbox, "g", ForEach({"x": c.Halt(), "y": c.Halt()})) is first
@@ -129,7 +130,7 @@ def test_the_same_of_a_group_is_the_same_only_if_none_of_its_axes_was_told_anyth
 
 
 def test_no_more_than_so_many_wait_but_a_stop_finds_room():
-    inbox = Inbox()
+    inbox = CommandQueue()
     for number in range(MOST):
         assert given(inbox, "x", move(number)) is not None
     assert given(inbox, "y", move(0)) is None
@@ -144,7 +145,7 @@ def test_no_more_than_so_many_wait_but_a_stop_finds_room():
 
 
 def test_a_closed_inbox_takes_nothing_and_gives_back_all_that_waits():
-    inbox = Inbox()
+    inbox = CommandQueue()
     waiting = [given(inbox, "x", move(number)) for number in range(AT_ONCE + 10)]
     taken = inbox.take()
     waiting.append(given(inbox, "x", move(-1)))
@@ -155,7 +156,7 @@ def test_a_closed_inbox_takes_nothing_and_gives_back_all_that_waits():
 
 
 def test_what_several_threads_give_is_taken_once_each_and_each_thread_s_in_its_order():
-    inbox = Inbox()
+    inbox = CommandQueue()
     taken: list[Waiting] = []
     done = threading.Event()
 
@@ -196,7 +197,7 @@ def test_a_command_too_many_ends_its_handle_at_once_with_the_reason():
 
 def alive() -> int:
     """How many handles and tickets there are, also those of other tests."""
-    return sum(type(one) in (Handle, Ticket) for one in gc.get_objects())
+    return sum(type(one) in (Handle, CommandStatus) for one in gc.get_objects())
 
 
 def test_a_flood_of_jogs_is_one_jog_and_keeps_nothing_in_memory():

@@ -8,7 +8,7 @@ from axisbus.cia301.nmt import NmtState
 from axisbus.errors import SecondMasterError
 from axisbus.motion.parameters import HoldsLoad
 from axisbus.motion.states import AxisState
-from axisbus.motion.stop.stop_sequence import Rung
+from axisbus.motion.stop.stop_sequence import StopLevel
 from kit.motion.rig import rig
 from kit.probe import ENABLED, OFF
 
@@ -44,10 +44,10 @@ def test_a_halt_that_is_under_way_becomes_a_quick_stop():
     made = turning(rig("x"))
     made.axis.halt()
     made.run(0.02)
-    assert made.core.ladder.rung is Rung.HALT
+    assert made.core.ladder.rung is StopLevel.HALT
     made.scan.intrude(error(), ["x"])
     made.run(0.02)
-    assert made.core.ladder.rung is Rung.QUICK_STOP
+    assert made.core.ladder.rung is StopLevel.QUICK_STOP
     made.run(1.0)
     assert isinstance(made.axis.error, SecondMasterError)
 

@@ -12,11 +12,11 @@ import time
 
 import pytest
 
-from axisbus.core.process.rpc_client import Calls
+from axisbus.core.process.rpc_client import RpcClient
 from axisbus.errors import OwnershipError, ScanError, StateError, Stopped
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.record.recorder import Recorder
 from kit.attacks import ATTACKS
 from kit.stories.own import enabled, own_cell, turns, under_way
@@ -80,7 +80,7 @@ def test_a_guest_sees_what_the_owner_sees_and_its_leaving_changes_nothing(machin
         lambda x: x.stop(),
         lambda x: x.release(),
         lambda x: x.set_position(0.0),
-        lambda x: x.follow(Trapezoid(0.0, 10.0, 10.0, 100.0)),
+        lambda x: x.follow(TrapezoidalTrajectory(0.0, 10.0, 10.0, 100.0)),
     ],
 )
 def test_a_guest_without_the_command_is_refused_and_the_motion_goes_on(machine, file, command):
@@ -315,14 +315,14 @@ def skipped_in_a_second(machine):
 
 
 def test_a_core_that_is_gone_as_soon_as_a_guest_comes_is_told(machine, file, monkeypatch):
-    start = Calls.start
+    start = RpcClient.start
 
-    def gone(calls: Calls) -> None:
+    def gone(calls: RpcClient) -> None:
         calls._gone()
         calls._stream._line.shutdown(socket.SHUT_RDWR)
         start(calls)
 
-    monkeypatch.setattr(Calls, "start", gone)
+    monkeypatch.setattr(RpcClient, "start", gone)
     with pytest.raises(ScanError, match="the machine was opened"):
         Machine.attach(file)
 

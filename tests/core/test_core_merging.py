@@ -1,7 +1,7 @@
 """Commands that a core takes for one: each of them is told what becomes of it, also when that was over before."""
 
 from axisbus.core.process import duplicate_commands
-from axisbus.core.process.duplicate_commands import Merging
+from axisbus.core.process.duplicate_commands import DuplicateCommands
 from axisbus.motion.command_status import Status
 from axisbus.session import CommandEvent
 
@@ -11,11 +11,11 @@ def event(number, status=Status.DONE):
 
 
 def test_a_command_by_itself_is_told_alone():
-    assert Merging().all_of(event(1)) == [event(1)]
+    assert DuplicateCommands().all_of(event(1)) == [event(1)]
 
 
 def test_what_is_one_with_it_is_told_the_same_until_it_has_ended():
-    made = Merging()
+    made = DuplicateCommands()
     assert made.join(2, 1) is None
     assert made.join(3, 1) is None
     running = event(1, Status.ACTIVE)
@@ -25,13 +25,13 @@ def test_what_is_one_with_it_is_told_the_same_until_it_has_ended():
 
 
 def test_one_that_comes_when_the_other_is_over_ends_as_that_did():
-    made = Merging()
+    made = DuplicateCommands()
     made.all_of(event(1, Status.ABORTED))
     assert made.join(7, 1) == event(7, Status.ABORTED)
 
 
 def test_only_the_last_ends_are_kept():
-    made = Merging()
+    made = DuplicateCommands()
     for number in range(duplicate_commands._REMEMBERED + 1):
         made.all_of(event(number))
     assert made.join(1000, 0) is None

@@ -17,7 +17,7 @@ from axisbus.errors import ArgumentError, ConfigError, DriveFault, ScanError, Sd
 from axisbus.machine.handle import wait
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.record.recorder import Recorder
 from kit.cell import SCALE, cell_text
 from kit.stopped import STOPPED
@@ -153,7 +153,7 @@ def test_a_trajectory_of_the_programs_own_is_followed_to_its_end(machine):
     handle.wait(1)
     assert max(reached) == pytest.approx(10.0, abs=0.5)
     assert x.position == pytest.approx(0.0, abs=0.2)
-    x.follow(Trapezoid(0.0, 3.0, 10.0, 50.0)).wait(10)
+    x.follow(TrapezoidalTrajectory(0.0, 3.0, 10.0, 50.0)).wait(10)
     assert x.position == pytest.approx(3.0, abs=0.1)
 
 

@@ -17,9 +17,9 @@ from axisbus.motion import commands as c
 from axisbus.motion.command_status import Status
 from axisbus.motion.moves.follow import PathClock
 from axisbus.motion.moves.homing import HomingJob
-from axisbus.motion.moves.profile import Profile
+from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Sampled, Trapezoid
+from axisbus.motion.trajectory import SampledTrajectory, TrapezoidalTrajectory
 from kit.motion.rig import PERIOD, dictionary_of, parameters, rig
 from kit.motion.watch import ENABLED, Watch
 
@@ -126,7 +126,7 @@ def test_after_a_delay_that_stops_the_axes_sync_waits_for_what_is_asked_now(late
 @pytest.mark.parametrize("late", [0.03, 0.1, 0.2])
 def test_a_delay_that_stops_nothing_leaves_out_no_target(late):
     r = rig().enabled()
-    handle = r.axis.follow(Trapezoid(0.0, 50.0, 90.0, 400.0))
+    handle = r.axis.follow(TrapezoidalTrajectory(0.0, 50.0, 90.0, 400.0))
     r.run(0.35)
     targets = []
     latch = r.ports["x"].latch
@@ -142,7 +142,7 @@ def test_a_delay_that_stops_nothing_leaves_out_no_target(late):
 
 def test_what_was_on_its_way_before_a_long_delay_does_not_move_the_axis_after_it():
     r = rig().enabled()
-    handle = r.axis.follow(Trapezoid(0.0, 200.0, 90.0, 400.0))
+    handle = r.axis.follow(TrapezoidalTrajectory(0.0, 200.0, 90.0, 400.0))
     r.run(0.35)
     r.cycle.dials.wait_late = 1.0
     r.run(0.01)
@@ -333,20 +333,20 @@ def test_an_ended_scan_has_stopped():
 @pytest.mark.parametrize(
     "command",
     [
-        c.Enable(),
+        c.EnableCommand(),
         c.Disable(True),
-        c.Reset(),
+        c.ResetCommand(),
         c.Halt(),
         c.Stop(),
         c.Release(),
         c.QuickStop(),
-        c.Move(c.Reference.ADDITIVE, 5, Profile(1, 2, 3, 4.0, 5.0, 6.0)),
-        c.MoveVelocity(Profile(-1, 2, 3, None, None), 0.2),
+        c.Move(c.TargetReference.ADDITIVE, 5, MoveProfile(1, 2, 3, 4.0, 5.0, 6.0)),
+        c.MoveVelocity(MoveProfile(-1, 2, 3, None, None), 0.2),
         c.TorqueControl(100, None, 2.0),
         c.Home(HomingJob(35, 1, 2, None, 3.0)),
         c.SetPosition(7),
-        c.FollowTrajectory(Trapezoid(0.0, 1.0, 2.0, 3.0)),
-        c.FollowTrajectory(Sampled((0.0, 1.0, 1.0), 0.1)),
+        c.FollowTrajectory(TrapezoidalTrajectory(0.0, 1.0, 2.0, 3.0)),
+        c.FollowTrajectory(SampledTrajectory((0.0, 1.0, 1.0), 0.1)),
         c.Shutdown("bye", True),
         c.PolicyStop("x failed"),
     ],

@@ -11,14 +11,14 @@ from contextlib import suppress
 
 import pytest
 
-from axisbus import Plant
+from axisbus import SimulationControl
 from axisbus.cell import reader
 from axisbus.core.files import load_dictionaries
 from axisbus.core.sim_server.control import ControlDoor
 from axisbus.core.sim_server.fault_value_readers import OF_AXIS, OF_NODE, PARTS
 from axisbus.core.sim_server.faults_file import load_faults
 from axisbus.core.sim_server.player import Player
-from axisbus.core.simulated_nodes import StandIn, devices
+from axisbus.core.simulated_nodes import SimulatedNode, devices
 from axisbus.errors import AdapterError, AxisbusError, ConfigError, StateError, UserError
 from axisbus.sim.fault_injection import NEVER
 from axisbus.sim.faults.plan import Dial
@@ -160,7 +160,9 @@ def test_the_conditions_look_at_the_drives_in_the_units_of_their_axes(cell, read
 def served(cell, tmp_path):
     lock = threading.RLock()
     made = devices(cell, load_dictionaries(cell))
-    door = ControlDoor(tmp_path / "control", {node: StandIn(device, lock) for node, device in made.items()})
+    door = ControlDoor(
+        tmp_path / "control", {node: SimulatedNode(device, lock) for node, device in made.items()}
+    )
     yield tmp_path / "control", made
     door.close()
     assert not (tmp_path / "control").exists()
@@ -169,7 +171,7 @@ def served(cell, tmp_path):
 def test_the_plant_is_seen_and_turned_by_several_at_once(served):
     path, made = served
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
-    with Plant(path) as one, Plant(path) as other:
+    with SimulationControl(path) as one, SimulationControl(path) as other:
         assert one.nodes == (1, 2)
         one.stand_in(2).drive().dials.blocked = True
         assert other.stand_in(2).drive().dials.blocked is True
@@ -185,7 +187,7 @@ def test_the_plant_is_seen_and_turned_by_several_at_once(served):
 
 def test_what_is_private_is_not_asked_for(served):
     path, _ = served
-    with Plant(path) as plant:
+    with SimulationControl(path) as plant:
         with pytest.raises(AttributeError):
             plant.stand_in(1).drive()._begin()
         with pytest.raises(StateError, match="private"):
@@ -194,7 +196,7 @@ def test_what_is_private_is_not_asked_for(served):
 
 def test_nonsense_ends_its_own_connection_alone(served):
     path, _ = served
-    with Plant(path) as plant:
+    with SimulationControl(path) as plant:
         for sent in (
             b"GET / HTTP/1.1\r\n\r\n",
             struct.pack("<I", 1 << 27),
@@ -218,7 +220,7 @@ def test_a_socket_that_was_left_is_replaced_and_nothing_else(cell, tmp_path):
     door = ControlDoor(left, {})
     with pytest.raises(UserError, match="cannot be made"):
         ControlDoor(left, {})
-    with Plant(left) as plant:
+    with SimulationControl(left) as plant:
         assert plant.nodes == ()
     door.close()
     (tmp_path / "file").write_text("mine")
@@ -229,5 +231,5 @@ def test_a_socket_that_was_left_is_replaced_and_nothing_else(cell, tmp_path):
         with pytest.raises(UserError, match="cannot be made"):
             ControlDoor(path, {})
     with pytest.raises(AdapterError, match="no simulated drives"):
-        Plant(tmp_path / "nobody")
+        SimulationControl(tmp_path / "nobody")
     assert os.umask(0o022) == 0o022

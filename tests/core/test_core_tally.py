@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import mmap
 
-from axisbus.cia301.frame import Carried
+from axisbus.cia301.frame import BusTraffic
 from axisbus.core.lateness import Cause, Lateness
 from axisbus.core.process import shared_counters
-from axisbus.core.process.shared_counters import Tally
+from axisbus.core.process.shared_counters import SharedCounters
 from axisbus.session import LatenessReport
 
 AXES, POINTS = 3, 2
@@ -18,16 +18,16 @@ def memory() -> mmap.mmap:
 
 
 def test_before_the_first_cycle_there_is_nothing():
-    reader = Tally(memory(), AXES, POINTS)
+    reader = SharedCounters(memory(), AXES, POINTS)
     assert reader.lateness == LatenessReport()
     assert reader.carried is None
 
 
 def test_what_was_counted_before_and_after_it_is_shared_is_read_by_others():
     shared = memory()
-    lateness, reader = Lateness(), Tally(shared, AXES, POINTS)
+    lateness, reader = Lateness(), SharedCounters(shared, AXES, POINTS)
     lateness.note(0.002)
-    Tally(shared, AXES, POINTS).take(lateness)
+    SharedCounters(shared, AXES, POINTS).take(lateness)
     lateness.note(0.001)
     lateness.skip(3, Cause.COLLECTOR)
     assert reader.lateness == lateness.report()
@@ -37,12 +37,12 @@ def test_what_was_counted_before_and_after_it_is_shared_is_read_by_others():
 
 def test_what_the_bus_has_carried_is_that_of_the_last_cycle():
     shared = memory()
-    now = Carried(1.0, 10, 80)
-    write = Tally(shared, AXES, POINTS).writer(lambda: now)
-    reader = Tally(shared, AXES, POINTS)
+    now = BusTraffic(1.0, 10, 80)
+    write = SharedCounters(shared, AXES, POINTS).writer(lambda: now)
+    reader = SharedCounters(shared, AXES, POINTS)
     write(1.0, {})
-    now = Carried(2.0, 2**40, 2**43)
-    assert reader.carried == Carried(1.0, 10, 80)
+    now = BusTraffic(2.0, 2**40, 2**43)
+    assert reader.carried == BusTraffic(1.0, 10, 80)
     write(2.0, {})
     assert reader.carried == now
 
@@ -52,8 +52,8 @@ def test_it_disturbs_no_image():
     shared = memory()
     before = shared[: shared_counters.offset(AXES, POINTS)]
     lateness = Lateness()
-    Tally(shared, AXES, POINTS).take(lateness)
+    SharedCounters(shared, AXES, POINTS).take(lateness)
     for number in range(1000):
         lateness.note(number * 1e-5)
-    Tally(shared, AXES, POINTS).writer(lambda: Carried(1.0, 2**63, 2**63))()
+    SharedCounters(shared, AXES, POINTS).writer(lambda: BusTraffic(1.0, 2**63, 2**63))()
     assert shared[: shared_counters.offset(AXES, POINTS)] == before

@@ -9,13 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus.cia301 import abort
-from axisbus.cia402.controlword import Command
+from axisbus.cia402.controlword import PowerCommand
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.port import Outputs, SdoRequest, Source
-from axisbus.cia402.state import TRANSITIONS, State, decode
+from axisbus.cia402.port import Outputs, SdoRequest, ValueTransport
+from axisbus.cia402.state import TRANSITIONS, PowerState, decode
 from axisbus.core.virtual.drive import VirtualDrive
 from axisbus.core.virtual.port import VirtualPort
-from axisbus.core.virtual.ramp import Ramps, Way, to_distance, to_rest, to_velocity
+from axisbus.core.virtual.ramp import RampLimits, RampProfile, to_distance, to_rest, to_velocity
 from axisbus.core.virtual.stage import STATUSWORDS, after
 
 PERIOD = 0.01
@@ -31,7 +31,7 @@ ENABLE, HALT, NEW = 0x0F, 0x100, 0x10
 
 speeds = st.floats(-1e6, 1e6, allow_nan=False)
 rates = st.floats(1.0, 1e7, allow_nan=False)
-ramps = st.builds(Ramps, st.floats(1.0, 1e6), rates, rates)
+ramps = st.builds(RampLimits, st.floats(1.0, 1e6), rates, rates)
 
 
 # -- the power stage ---------------------------------------------------------------------------------------------------
@@ -52,16 +52,18 @@ def test_each_state_is_shown_as_itself(state):
 @pytest.mark.parametrize("word", range(0x100))
 def test_no_word_enables_it_but_enable_operation_from_where_that_may_be(word):
     for state in STATUSWORDS:
-        enabled = after(state, word) is State.OPERATION_ENABLED and state is not State.OPERATION_ENABLED
+        enabled = (
+            after(state, word) is PowerState.OPERATION_ENABLED and state is not PowerState.OPERATION_ENABLED
+        )
         if enabled:
-            assert word & 0x0F == Command.ENABLE_OPERATION.word
-            assert state in (State.SWITCHED_ON, State.QUICK_STOP_ACTIVE)
+            assert word & 0x0F == PowerCommand.ENABLE_OPERATION.word
+            assert state in (PowerState.SWITCHED_ON, PowerState.QUICK_STOP_ACTIVE)
 
 
 # -- ways --------------------------------------------------------------------------------------------------------------
 
 
-def run(way: Way, dt: float = PERIOD, limit: int = 10_000_000) -> tuple[float, float]:
+def run(way: RampProfile, dt: float = PERIOD, limit: int = 10_000_000) -> tuple[float, float]:
     """Return how far a way goes until it is over, and the seconds."""
     gone = seconds = 0.0
     while not way.over:
@@ -111,10 +113,10 @@ def test_to_a_distance_ends_there_at_rest_and_breaks_no_ramp(velocity, distance,
 
 
 def test_a_way_from_rest_takes_the_time_of_its_trapezoid():
-    gone, seconds = run(to_distance(0.0, 1000.0, Ramps(100.0, 200.0, 400.0)), 1e-3)
+    gone, seconds = run(to_distance(0.0, 1000.0, RampLimits(100.0, 200.0, 400.0)), 1e-3)
     assert gone == pytest.approx(1000.0)
     assert seconds == pytest.approx(1000.0 / 100.0 + 0.5 * (100 / 200 + 100 / 400), abs=2e-3)
-    gone, seconds = run(to_distance(0.0, -12.0, Ramps(100.0, 200.0, 400.0)), 1e-4)
+    gone, seconds = run(to_distance(0.0, -12.0, RampLimits(100.0, 200.0, 400.0)), 1e-4)
     top = math.sqrt(12.0 / (0.5 / 200 + 0.5 / 400))
     assert gone == pytest.approx(-12.0)
     assert seconds == pytest.approx(top / 200 + top / 400, abs=2e-4)
@@ -140,7 +142,7 @@ class Led:
     def enabled(self, mode: int, **wishes: int) -> Led:
         for word in (0x06, 0x07, 0x0F):
             self.cycle(word, mode=mode, **wishes)
-        assert self.drive.state is State.OPERATION_ENABLED
+        assert self.drive.state is PowerState.OPERATION_ENABLED
         return self
 
     def set(self, **values: int) -> None:
@@ -207,11 +209,11 @@ def test_a_quick_stop_ends_without_power():
     led.set(up=100_000, down=1000)
     for _ in range(30):
         led.cycle(target_velocity=10_000)
-    led.cycle(Command.QUICK_STOP.word)
-    assert led.drive.state is State.QUICK_STOP_ACTIVE
+    led.cycle(PowerCommand.QUICK_STOP.word)
+    assert led.drive.state is PowerState.QUICK_STOP_ACTIVE
     for _ in range(25):
-        led.cycle(Command.QUICK_STOP.word)
-    assert (led.drive.velocity, led.drive.state) == (0, State.SWITCH_ON_DISABLED)
+        led.cycle(PowerCommand.QUICK_STOP.word)
+    assert (led.drive.velocity, led.drive.state) == (0, PowerState.SWITCH_ON_DISABLED)
 
 
 @pytest.mark.parametrize(
@@ -238,7 +240,7 @@ def test_it_tells_no_torque_and_all_else_in_each_cycle():
     led.cycle(None)
     seen, how = led.seen, led.port.capabilities
     assert seen.torque is None
-    assert how.inputs["torque"] is Source.NONE
+    assert how.inputs["torque"] is ValueTransport.NONE
     assert {seen.statusword.stamp, seen.mode.stamp, seen.position.stamp, seen.velocity.stamp} == {led.now}
     assert seen.operational
     assert not seen.overdue
@@ -269,7 +271,7 @@ def test_whatever_is_asked_of_it_only_a_cyclic_target_makes_it_jump(asked):
         for _ in range(cycles):
             before, place = led.drive._way.velocity, led.drive._whole + led.drive._part
             led.cycle(word, **wish)
-            follows = (led.drive.state, led.drive.mode) == (State.OPERATION_ENABLED, CSP) and not (
+            follows = (led.drive.state, led.drive.mode) == (PowerState.OPERATION_ENABLED, CSP) and not (
                 word or 0
             ) & HALT
             if follows and "target_position" in wish:
@@ -279,7 +281,7 @@ def test_whatever_is_asked_of_it_only_a_cyclic_target_makes_it_jump(asked):
             if led.drive.mode != CSP:
                 assert abs(now - before) <= hardest * (1 + 1e-9)
                 assert min(before, now) - hardest <= moved <= max(before, now) + hardest
-            if led.drive.state is not State.OPERATION_ENABLED:
+            if led.drive.state is not PowerState.OPERATION_ENABLED:
                 assert abs(now) <= abs(before)
 
 

@@ -10,11 +10,11 @@ import pytest
 from axisbus.drives.gim6010.can_simple import endpoint_messages, error_query, mit
 from axisbus.drives.gim6010.can_simple import heartbeat as beats
 from axisbus.drives.gim6010.can_simple.codec import Outgoing, decode, encode, request
-from axisbus.drives.gim6010.can_simple.decoded_message import Reading
+from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage
 from axisbus.drives.gim6010.can_simple.endpoints import parse
 from axisbus.drives.gim6010.can_simple.error_query import ErrorType
 from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats
-from axisbus.drives.gim6010.can_simple.messages import MESSAGES, Asked, named
+from axisbus.drives.gim6010.can_simple.messages import MESSAGES, MessageRequestMethod, named
 from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware, FittedList
 from axisbus.sim.can_simple.firmware import Firmware as Made
 from axisbus.sim.can_simple.module import Module
@@ -34,7 +34,7 @@ def order(bench: Bench, name: str, **values: float) -> list[Heard]:
 def asked(bench: Bench, name: str, *, remote: bool = True) -> dict[str, float]:
     (answer,) = give(bench, request(bench.node, named(name), remote=remote))
     found = decode(answer.can_id, answer.data, from_module=True)
-    assert isinstance(found, Reading), found
+    assert isinstance(found, DecodedMessage), found
     return dict(found.values)
 
 
@@ -51,11 +51,11 @@ def test_all_that_a_module_says_by_itself_is_read():
     bench.run(1.0)
     assert bench.heard
     for frame in bench.heard:
-        assert isinstance(decode(frame.can_id, frame.data, from_module=True), Reading), frame
+        assert isinstance(decode(frame.can_id, frame.data, from_module=True), DecodedMessage), frame
 
 
 @pytest.mark.parametrize("remote", [True, False])
-@pytest.mark.parametrize("name", [each.name for each in MESSAGES if each.asked is Asked.EMPTY])
+@pytest.mark.parametrize("name", [each.name for each in MESSAGES if each.asked is MessageRequestMethod.EMPTY])
 def test_every_message_that_is_asked_for_is_answered_and_read(name, remote):
     bench = Bench()
     enabled(bench, 3, 1)

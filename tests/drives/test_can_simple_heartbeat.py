@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.drives.gim6010.can_simple.decoded_message import Reason, Unexpected
-from axisbus.drives.gim6010.can_simple.heartbeat import ALL, Heartbeat, Heartbeats, Layout, read
+from axisbus.drives.gim6010.can_simple.heartbeat import ALL, Heartbeat, HeartbeatLayout, Heartbeats, read
 
-FIRST, COUNTED, NEWEST = Layout
+FIRST, COUNTED, NEWEST = HeartbeatLayout
 
 
 def beat(tail, *, error=0, state=8):

@@ -10,10 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.drives.gim6010.can_simple import codec, discrepancies, error_query, messages
-from axisbus.drives.gim6010.can_simple.decoded_message import Reading, Reason, Request, Unexpected
-from axisbus.drives.gim6010.can_simple.fields import Kind, Side
+from axisbus.drives.gim6010.can_simple.decoded_message import (
+    DecodedMessage,
+    MessageRequest,
+    Reason,
+    Unexpected,
+)
+from axisbus.drives.gim6010.can_simple.fields import FieldEncoding, GearSide
 from axisbus.drives.gim6010.can_simple.identifier import can_id, split
-from axisbus.drives.gim6010.can_simple.messages import MESSAGES, Asked, Direction, named
+from axisbus.drives.gim6010.can_simple.messages import MESSAGES, Direction, MessageRequestMethod, named
 from axisbus.errors import ArgumentError, LimitError
 
 # Typed off the manual a second time: command, name, who sends data, and the fields' types with the byte that each begins at.
@@ -95,14 +100,14 @@ def test_the_manual_s_examples(identifier, name, values, data):
     node = split(identifier).node
     assert codec.encode(node, named(name), values) == codec.Outgoing(identifier, bytes.fromhex(data))
     read = codec.decode(identifier, bytes.fromhex(data), from_module=False)
-    assert isinstance(read, Reading)
+    assert isinstance(read, DecodedMessage)
     assert dict(read.values) == {key: pytest.approx(value, rel=1e-7) for key, value in values.items()}
 
 
 def whole_range(field):
     if field.values:
         return st.sampled_from(sorted(field.values))
-    if field.type.kind is Kind.FLOAT:
+    if field.type.kind is FieldEncoding.FLOAT:
         high = field.high if math.isfinite(field.high) else struct.unpack("<f", b"\xff\xff\x7f\x7f")[0]
         return st.floats(max(field.low, -high), high, width=32)
     low, high = (
@@ -129,7 +134,7 @@ def test_every_message_decodes_to_what_was_encoded(sending):
     assert len(frame.data) == 8
     assert not frame.remote
     read = codec.decode(frame.can_id, frame.data, from_module=False)
-    assert read == Reading(node, message, values, False)
+    assert read == DecodedMessage(node, message, values, False)
 
 
 @given(
@@ -151,7 +156,7 @@ def test_every_answer_is_read_as_struct_reads_it(node, message, data):
 @given(st.integers(), st.binary(max_size=64), st.booleans(), st.booleans(), st.booleans())
 def test_no_frame_raises(identifier, data, from_module, remote, extended):
     found = codec.decode(identifier, data, from_module=from_module, remote=remote, extended=extended)
-    assert isinstance(found, Reading | Request | Unexpected)
+    assert isinstance(found, DecodedMessage | MessageRequest | Unexpected)
     assert codec.readings(identifier, data, remote=remote, extended=extended)
     if extended:
         assert found.reason is Reason.NOT_STANDARD
@@ -189,16 +194,18 @@ def test_foreign_traffic_is_told_and_not_taken(identifier, data, words):
 
 @pytest.mark.parametrize("remote", [True, False])
 def test_requests_are_made_of_messages_that_answer_them(remote):
-    asked = [each for each in MESSAGES if each.asked is Asked.EMPTY]
+    asked = [each for each in MESSAGES if each.asked is MessageRequestMethod.EMPTY]
     assert [f"{each.command:02X}" for each in asked] == ["09", "0A", "14", "17", "1C", "1D"]
     for message in asked:
         frame = codec.request(5, message, remote=remote)
         assert (frame.data, frame.remote) == ((b"", True) if remote else (bytes(8), False))
-        assert Request(5, message) in codec.readings(frame.can_id, frame.data, remote=frame.remote)
+        assert MessageRequest(5, message) in codec.readings(frame.can_id, frame.data, remote=frame.remote)
 
 
 @pytest.mark.parametrize(
-    "message", [each for each in MESSAGES if each.asked is not Asked.EMPTY], ids=lambda each: each.name
+    "message",
+    [each for each in MESSAGES if each.asked is not MessageRequestMethod.EMPTY],
+    ids=lambda each: each.name,
 )
 def test_no_other_message_is_asked_for_emptily(message):
     with pytest.raises(ArgumentError, match="not answered to an empty request"):
@@ -288,6 +295,9 @@ def test_the_notes_are_about_messages_that_there_are():
 
 def test_only_mit_control_counts_at_the_output():
     output = {
-        each.name for each in MESSAGES for field in (*each.sent, *each.answer) if field.side is Side.OUTPUT
+        each.name
+        for each in MESSAGES
+        for field in (*each.sent, *each.answer)
+        if field.side is GearSide.OUTPUT
     }
     assert output == {"Mit_Control"}

@@ -16,7 +16,7 @@ from axisbus.errors import (
     StateError,
     TransitionError,
 )
-from axisbus.motion.parameters import HoldsLoad, Homing
+from axisbus.motion.parameters import HoldsLoad, HomingParameters
 from axisbus.motion.states import AxisState
 from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.firmware import FACTORY, Firmware
@@ -298,7 +298,7 @@ def test_homing_tells_the_module_nothing_and_moves_nothing(made):
 
 
 def test_another_homing_method_is_refused(made):
-    speeds = Homing(method=33, speed_switch=10.0, speed_zero=10.0, acceleration=100.0, timeout=2.0)
+    speeds = HomingParameters(method=33, speed_switch=10.0, speed_zero=10.0, acceleration=100.0, timeout=2.0)
     r = made(homing=speeds).enabled()
     with pytest.raises(StateError, match="6099h"):
         r.axis.home().wait(5)

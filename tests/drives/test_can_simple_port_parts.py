@@ -7,10 +7,10 @@ import struct
 
 import pytest
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.cia402.port import Outputs, SdoRequest
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
-from axisbus.drives.gim6010.can_simple.port.rotor_position import Place
+from axisbus.drives.gim6010.can_simple.port.rotor_position import RotorPosition
 from axisbus.errors import ArgumentError, LimitError
 from kit.can_simple.rig import COUNTS, SETTINGS, TorqueSettings, replace
 
@@ -30,7 +30,7 @@ class Talk:
         self.sent: list[tuple[int, bytes]] = []
 
     def hear(self, command: int, data: bytes) -> None:
-        self.port.receive(Frame(self.now, 5 << 5 | command, data), self.now)
+        self.port.receive(CanFrame(self.now, 5 << 5 | command, data), self.now)
 
     def beat(self) -> None:
         self.hear(1, struct.pack("<IBBBB", self.error, self.state, self.done << 7, 0, self.life))
@@ -192,7 +192,7 @@ def test_a_counter_that_goes_on_after_a_silence_is_none(life):
 
 
 def test_the_way_that_fits_the_speed_is_taken_where_counts_come_seldom():
-    place = Place(20.0)
+    place = RotorPosition(20.0)
     place.open()
     place.take_count(0, 0.0)
     place.take_estimate(0.0, 15.0, 0.01)
@@ -298,7 +298,7 @@ def test_on_a_bus_without_remote_frames_it_is_asked_by_data_frames_alone(remote,
         now += 0.01
         if number % 10 == 0:
             beat = struct.pack("<IBBBB", 0, 1, 0x80, 0, number // 10)
-            port.receive(Frame(now, 5 << 5 | 1, beat), now)
+            port.receive(CanFrame(now, 5 << 5 | 1, beat), now)
         port.read(now)
         ways |= {each.remote for each in port.take_frames()}
     assert ways == asked
@@ -309,7 +309,7 @@ def test_on_a_bus_without_remote_frames_it_is_asked_by_data_frames_alone(remote,
 def test_counts_that_come_in_pairs_or_are_taken_late_do_not_make_it_run_away(speed, seed):
     """Each count comes twice, as to two programs that ask; some are taken up to 20 ms late, in one go with those behind them."""
     chance = random.Random(seed)
-    place, true, free, now = Place(fastest=20.0), 10.0, 0.0, 0.0
+    place, true, free, now = RotorPosition(fastest=20.0), 10.0, 0.0, 0.0
     place.velocity = speed  # as the last estimate had it
     for number in range(800):
         true = 10.0 + number * 0.01

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.port.stop_without_scan import ModuleRescue
 from axisbus.sim.can_simple.module import Module
 from kit.can_simple.rig import OWN, SETTINGS
@@ -36,7 +36,7 @@ def rescue(module: Module, lost: set[int] = frozenset(), *, holds: bool = False,
         now += STEP
         module.step(now)
         for can_id, data in module.take_frames():
-            one.receive(Frame(now, can_id, bytes(data)), now)
+            one.receive(CanFrame(now, can_id, bytes(data)), now)
         for each in one.step(now):
             command = each.can_id & 0x1F
             sent += [] if each.remote else [(command, each.data[0])]

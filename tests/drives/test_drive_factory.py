@@ -8,14 +8,14 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from axisbus.cia301.frame import Frame
-from axisbus.drives.gim6010.factory_protocols import ENOUGH, Listening, Protocol, recognise, told
+from axisbus.cia301.frame import CanFrame
+from axisbus.drives.gim6010.factory_protocols import ENOUGH, Protocol, ProtocolListener, recognise, told
 
 
 def beats(node, *, count=8, state=1, error=0, period=0.1, life=True, start=0.0, flags=0):
     """Heartbeats of a module as the manual has them (v2.2, 4.1.2)."""
     return [
-        Frame(
+        CanFrame(
             start + number * period,
             node << 5 | 1,
             struct.pack("<IBBBB", error, state, flags, 0, (250 + number) % 256 if life else 0),
@@ -26,7 +26,7 @@ def beats(node, *, count=8, state=1, error=0, period=0.1, life=True, start=0.0, 
 
 def positions(node, *, count=40, period=0.01):
     return [
-        Frame(number * period, node << 5 | 9, struct.pack("<ff", 0.25 + number / 1000, 0.0))
+        CanFrame(number * period, node << 5 | 9, struct.pack("<ff", 0.25 + number / 1000, 0.0))
         for number in range(count)
     ]
 
@@ -36,7 +36,7 @@ def merged(*lots):
 
 
 def canopen_heartbeats(node, *, count=10, period=0.1, state=5):
-    return [Frame(number * period, 0x700 + node, bytes((state,))) for number in range(count)]
+    return [CanFrame(number * period, 0x700 + node, bytes((state,))) for number in range(count)]
 
 
 @pytest.mark.parametrize("node", range(64))
@@ -68,7 +68,7 @@ def test_what_would_be_an_emcy_that_says_no_error_for_ever_is_none():
 @pytest.mark.parametrize(("node", "other"), [(4, 1), (5, 33), (12, 1), (16, 1), (44, 1), (56, 1)])
 def test_a_canopen_heartbeat_of_the_node_that_the_identifier_belongs_to_settles_it(node, other):
     assert recognise(merged(beats(node), canopen_heartbeats(other))) == []
-    guarding = [Frame(0.05, 0x700 + other, b"", remote=True)]
+    guarding = [CanFrame(0.05, 0x700 + other, b"", remote=True)]
     assert recognise(merged(beats(node), guarding)) == []
     assert recognise(merged(beats(node), canopen_heartbeats(other + 1)))
 
@@ -120,7 +120,9 @@ def test_faults_are_named():
 def extended(node, *, count=10, period=0.1, master=1, kind=0x48):
     can_id = 6 << 26 | kind << 18 | master << 10 | node << 2
     return [
-        Frame(number * period, can_id, bytes(((number % 8) << 5, 0x12, 0x4E, 0, 0, 0, 0, 0)), extended=True)
+        CanFrame(
+            number * period, can_id, bytes(((number % 8) << 5, 0x12, 0x4E, 0, 0, 0, 0, 0)), extended=True
+        )
         for number in range(count)
     ]
 
@@ -176,7 +178,7 @@ def supervised_node(draw):
     bases = (0x80, 0x180, 0x280, 0x380, 0x480, 0x580, 0x200, 0x300, 0x400, 0x500, 0x600)
     for base in draw(st.lists(st.sampled_from(bases), max_size=4, unique=True)):
         every = draw(periods)
-        frames += [Frame(n * every, base + node, data) for n, data in enumerate(draw(contents))]
+        frames += [CanFrame(n * every, base + node, data) for n, data in enumerate(draw(contents))]
     return frames
 
 
@@ -186,17 +188,17 @@ def silent_node(draw):
     node, every = draw(node_ids), draw(periods)
     data = draw(st.one_of(octets.map(lambda one: [one] * 16), st.lists(octets, min_size=16, max_size=16)))
     base = draw(st.sampled_from([0x180, 0x280, 0x380, 0x480]))
-    frames = [Frame(n * every, base + node, one) for n, one in enumerate(data)]
+    frames = [CanFrame(n * every, base + node, one) for n, one in enumerate(data)]
     for number, code in enumerate(draw(st.lists(st.integers(1, 0xFFFF), max_size=8))):
-        frames.append(Frame(2.0 * number, 0x80 + node, struct.pack("<HBHBBB", code, 1, 0, 0, 0, 0)))
-        frames.append(Frame(2.0 * number + 1, 0x80 + node, bytes(8)))
+        frames.append(CanFrame(2.0 * number, 0x80 + node, struct.pack("<HBHBBB", code, 1, 0, 0, 0, 0)))
+        frames.append(CanFrame(2.0 * number + 1, 0x80 + node, bytes(8)))
     return frames
 
 
 @st.composite
 def canopen_bus(draw):
-    master = [Frame(0.0, 0, bytes((1, 0))), *canopen_heartbeats(draw(node_ids), period=0.1)]
-    sync = [Frame(n * 0.01, 0x80, b"") for n in range(draw(st.integers(0, 20)))]
+    master = [CanFrame(0.0, 0, bytes((1, 0))), *canopen_heartbeats(draw(node_ids), period=0.1)]
+    sync = [CanFrame(n * 0.01, 0x80, b"") for n in range(draw(st.integers(0, 20)))]
     nodes = draw(st.lists(st.one_of(supervised_node(), silent_node()), max_size=4))
     return merged(master, sync, *nodes)
 
@@ -218,7 +220,7 @@ def test_a_module_beside_plain_canopen_traffic_is_found(frames, node, state, lif
 @given(
     st.lists(
         st.builds(
-            Frame,
+            CanFrame,
             st.floats(allow_nan=True, allow_infinity=True),
             st.integers(0, 0x1FFFFFFF),
             st.binary(max_size=8),
@@ -229,7 +231,7 @@ def test_a_module_beside_plain_canopen_traffic_is_found(frames, node, state, lif
     )
 )
 def test_nothing_makes_it_raise(frames):
-    listening = Listening()
+    listening = ProtocolListener()
     for frame in frames:
         listening.note(frame)
         listening.speaker(frame)

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.calibration import kinds, procedure_run
-from axisbus.drives.gim6010.calibration.kinds import Kind
+from axisbus.drives.gim6010.calibration.kinds import CalibrationKind
 from axisbus.drives.gim6010.calibration.procedure_run import Calibration
-from axisbus.drives.gim6010.calibration.rotation import Turning
+from axisbus.drives.gim6010.calibration.rotation import RotorRotation
 from axisbus.errors import ArgumentError
 from axisbus.sim.can_simple import axis
 from axisbus.sim.can_simple.fault_injection import ModuleDials
@@ -47,9 +47,9 @@ def states(sent):
 @pytest.mark.parametrize(
     ("kind", "number", "news", "turns"),
     [
-        (Kind.MOTOR, MOTOR, ["motor calibration"], 0.0),
-        (Kind.ENCODER, ENCODER, ["encoder calibration"], 1.0),
-        (Kind.FULL, FULL, ["motor calibration", "encoder calibration"], 1.0),
+        (CalibrationKind.MOTOR, MOTOR, ["motor calibration"], 0.0),
+        (CalibrationKind.ENCODER, ENCODER, ["encoder calibration"], 1.0),
+        (CalibrationKind.FULL, FULL, ["motor calibration", "encoder calibration"], 1.0),
     ],
 )
 def test_it_is_asked_for_once_and_followed_to_its_end(kind, number, news, turns):
@@ -67,7 +67,7 @@ def test_it_is_asked_for_once_and_followed_to_its_end(kind, number, news, turns)
 
 
 def test_nothing_is_sent_while_it_listens():
-    _, _, sent = calibrated(Kind.MOTOR)
+    _, _, sent = calibrated(CalibrationKind.MOTOR)
     assert sent[0].time >= 1.5
     assert sent[0].command == SET_STATE
 
@@ -79,7 +79,7 @@ def test_it_is_calibrated_after_it():
     assert one.module.axis.error == 1
     one.module.axis.clear()
     one.run(0.2)
-    calibrated(Kind.FULL, one)
+    calibrated(CalibrationKind.FULL, one)
     one.order(SET_STATE, 8)
     one.run(0.1)
     assert one.module.energised
@@ -105,7 +105,7 @@ def enabled(one):
 def test_what_stands_against_it(dials, before, why):
     one = bench(**dials)
     before(one)
-    found, _, sent = calibrated(Kind.FULL, one)
+    found, _, sent = calibrated(CalibrationKind.FULL, one)
     assert sent == []
     assert found.verdict is None
     assert re.search(why, found.why), found.why
@@ -116,14 +116,14 @@ def test_two_of_one_node_id_are_not_calibrated():
     one = bench()
     one.modules.append(Module(5, heartbeat_rate_ms=90))
     one.plants.append([])
-    found, _, sent = calibrated(Kind.FULL, one)
+    found, _, sent = calibrated(CalibrationKind.FULL, one)
     assert (sent, found.verdict) == ([], None)
     assert "several modules" in found.why
 
 
 def test_a_node_id_that_is_none():
     with pytest.raises(ArgumentError):
-        Calibration(64, Kind.FULL)
+        Calibration(64, CalibrationKind.FULL)
 
 
 # -- that fail -------------------------------------------------------------------------------------------------------------------
@@ -139,30 +139,32 @@ def test_a_node_id_that_is_none():
     ],
 )
 def test_one_that_fails_is_told_with_the_reason(dials, wrong):
-    found, one, _ = calibrated(Kind.FULL, bench(**dials))
+    found, one, _ = calibrated(CalibrationKind.FULL, bench(**dials))
     assert not found.verdict.good
     assert wrong in "\n".join(found.verdict.wrong)
     assert not one.module.energised
 
 
 def test_after_a_motor_that_failed_the_encoder_is_not_turned():
-    found, one, _ = calibrated(Kind.FULL, bench(calibration_motor_error=1))
+    found, one, _ = calibrated(CalibrationKind.FULL, bench(calibration_motor_error=1))
     assert max(abs(each.position) for each in one.plant) < 0.01
     assert "encoder calibration was not seen among its states" in found.verdict.wrong
 
 
 def test_without_its_error_words_the_heartbeat_judges():
-    found, _, _ = calibrated(Kind.FULL, bench(get_error_answered=False))
+    found, _, _ = calibrated(CalibrationKind.FULL, bench(get_error_answered=False))
     assert found.verdict.good
     assert "its error words were not told over CAN: judged by its heartbeat alone" in found.verdict.notes
-    found, _, _ = calibrated(Kind.FULL, bench(get_error_answered=False, calibration_encoder_error=2))
+    found, _, _ = calibrated(
+        CalibrationKind.FULL, bench(get_error_answered=False, calibration_encoder_error=2)
+    )
     assert not found.verdict.good
     assert "encoder: its heartbeat tells of a fault" in found.verdict.wrong
 
 
 def test_one_that_is_not_begun_is_ended_by_idle():
     found, one, sent = calibrated(
-        Kind.FULL, lose=lambda side, command, _: (side, command) == ("master", SET_STATE)
+        CalibrationKind.FULL, lose=lambda side, command, _: (side, command) == ("master", SET_STATE)
     )
     assert "does not begin" in found.why
     assert states(sent)[0] == FULL
@@ -187,7 +189,7 @@ def when(moment, act):
 
 
 @settings(max_examples=12, deadline=None)
-@given(st.floats(0.3, 5.5), st.integers(0, 3), st.sampled_from(list(Kind)))
+@given(st.floats(0.3, 5.5), st.integers(0, 3), st.sampled_from(list(CalibrationKind)))
 def test_interrupted_at_any_moment_it_ends_idle(moment, more, kind):
     one = bench()
     found = Calibration(5, kind)
@@ -224,7 +226,7 @@ def test_interrupted_at_any_moment_it_ends_idle(moment, more, kind):
 @pytest.mark.parametrize("moment", [1.9, 2.8, 3.5])
 def test_whatever_happens_on_the_way_ends_it(act, why, moment):
     one = bench()
-    found = Calibration(5, Kind.FULL)
+    found = Calibration(5, CalibrationKind.FULL)
     sent = play(found, one, at=when(moment, act), step=STEP)
     assert re.search(why, found.why), found.why
     assert found.verdict is None
@@ -242,7 +244,7 @@ def test_whatever_happens_on_the_way_ends_it(act, why, moment):
 @pytest.mark.parametrize("way", [20.0, -20.0])
 def test_a_rotor_that_turns_too_far_is_stopped(monkeypatch, way):
     monkeypatch.setattr(axis, "_TURNED", way)
-    found, one, sent = calibrated(Kind.ENCODER, bench(calibration_time=2.0))
+    found, one, sent = calibrated(CalibrationKind.ENCODER, bench(calibration_time=2.0))
     assert "farther than a calibration may" in found.why
     assert 8.0 < abs(one.module.position) < 10.5  # it coasts
     assert 8.0 < found.turned.farthest < 10.5
@@ -252,7 +254,7 @@ def test_a_rotor_that_turns_too_far_is_stopped(monkeypatch, way):
 
 def test_what_is_not_acknowledged_ends_it():
     one = bench()
-    found = Calibration(5, Kind.FULL)
+    found = Calibration(5, CalibrationKind.FULL)
     play(found, one, at=when(2.5, lambda _: found.trouble("no acknowledge")), step=STEP)
     assert found.why == "the bus: no acknowledge"
     assert not one.module.energised
@@ -262,7 +264,7 @@ def test_what_is_not_acknowledged_ends_it():
 def test_one_that_restarts_at_once_is_told(moment):
     """Also in the encoder's part, where idle could be taken for the end of it."""
     one = bench(restart_time=0.0)
-    found = Calibration(5, Kind.FULL)
+    found = Calibration(5, CalibrationKind.FULL)
     sent = play(found, one, at=when(moment, lambda each: each.module.restart()), step=STEP)
     assert found.why == "the module restarted meanwhile"
     assert states(sent)[-1] == IDLE
@@ -270,7 +272,7 @@ def test_one_that_restarts_at_once_is_told(moment):
 
 def test_one_that_is_begun_anew_by_another_while_its_errors_are_read_is_told():
     one = bench(get_error_answered=False)
-    found = Calibration(5, Kind.MOTOR)
+    found = Calibration(5, CalibrationKind.MOTOR)
     sent = play(found, one, at=when(3.3, lambda each: each.order(SET_STATE, MOTOR)), step=STEP)
     assert "does not stay idle" in found.why
     assert found.verdict is None
@@ -279,7 +281,7 @@ def test_one_that_is_begun_anew_by_another_while_its_errors_are_read_is_told():
 
 
 def test_a_second_interrupt_goes_on_to_estop_at_once():
-    found, one = Calibration(5, Kind.FULL), bench()
+    found, one = Calibration(5, CalibrationKind.FULL), bench()
 
     def twice(_):
         found.interrupt("Ctrl-C")
@@ -292,7 +294,7 @@ def test_a_second_interrupt_goes_on_to_estop_at_once():
 
 def test_the_first_reason_is_told():
     one = bench()
-    found = Calibration(5, Kind.FULL)
+    found = Calibration(5, CalibrationKind.FULL)
 
     def twice(_):
         found.trouble("no acknowledge")
@@ -304,10 +306,10 @@ def test_the_first_reason_is_told():
 
 def test_a_heartbeat_of_before_is_not_taken_for_an_answer():
     one = bench()
-    found = Calibration(5, Kind.FULL)
+    found = Calibration(5, CalibrationKind.FULL)
 
     def late(_):
-        found.note(Frame(1.795, 0x0A1, one.beats(5)[-1][:4] + bytes([8]) + one.beats(5)[-1][5:]))
+        found.note(CanFrame(1.795, 0x0A1, one.beats(5)[-1][:4] + bytes([8]) + one.beats(5)[-1][5:]))
 
     play(found, one, at=when(1.81, late), step=STEP)
     assert (found.why, found.verdict.good) == ("", True)
@@ -316,7 +318,7 @@ def test_a_heartbeat_of_before_is_not_taken_for_an_answer():
 def test_one_that_never_ends_is_ended(monkeypatch):
     assert procedure_run.LONGEST == 300.0  # five minutes (manual v2.2, 3.1.4)
     monkeypatch.setattr(procedure_run, "LONGEST", 5.0)
-    found, one, sent = calibrated(Kind.MOTOR, bench(calibration_time=1e6))
+    found, one, sent = calibrated(CalibrationKind.MOTOR, bench(calibration_time=1e6))
     assert "not come to its end in 5 s" in found.why
     assert states(sent)[-1] == IDLE
     assert not one.module.energised
@@ -324,7 +326,7 @@ def test_one_that_never_ends_is_ended(monkeypatch):
 
 def test_a_module_that_ignores_idle_gets_estop():
     one = bench()
-    found = Calibration(5, Kind.FULL)
+    found = Calibration(5, CalibrationKind.FULL)
     deaf = lambda side, command, time: side == "master" and command == SET_STATE and time > 2.0  # noqa: E731
     sent = play(found, one, at=when(2.5, lambda _: found.interrupt("Ctrl-C")), lose=deaf, step=STEP)
     assert [each.command for each in sent][-1] == ESTOP
@@ -336,21 +338,21 @@ def test_a_module_that_ignores_idle_gets_estop():
 def test_every_layout_of_the_heartbeat_is_followed(firmware):
     one = Bench(Module(5, firmware=firmware, dials=ModuleDials(calibration_time=0.25)))
     one.run(0.3)
-    assert calibrated(Kind.FULL, one)[0].verdict.good
+    assert calibrated(CalibrationKind.FULL, one)[0].verdict.good
 
 
 def test_slow_heartbeats_are_waited_for():
     one = Bench(Module(5, heartbeat_rate_ms=500, dials=ModuleDials(calibration_time=0.5)))
     one.run(0.3)
-    assert calibrated(Kind.FULL, one)[0].verdict.good
+    assert calibrated(CalibrationKind.FULL, one)[0].verdict.good
 
 
 def test_foreign_and_short_frames_are_passed_over():
-    found = Calibration(5, Kind.FULL)
+    found = Calibration(5, CalibrationKind.FULL)
     for can_id in (0x0A1, 0x0AA, 0x0A3, 0x0C1, 0x7FF):
         for size in range(9):
-            found.note(Frame(0.0, can_id, bytes(size)))
-    found.note(Frame(0.0, 0x0A1, struct.pack("<IBBBB", 0, 8, 0, 0, 1), True))
+            found.note(CanFrame(0.0, can_id, bytes(size)))
+    found.note(CanFrame(0.0, 0x0A1, struct.pack("<IBBBB", 0, 8, 0, 0, 1), True))
     assert found.step(0.0) is None
 
 
@@ -359,7 +361,7 @@ def test_foreign_and_short_frames_are_passed_over():
 
 @given(st.lists(st.integers(-8000, 8000), max_size=40), st.integers(0, 16383))
 def test_turns_are_counted_over_the_end_of_a_turn(steps, first):
-    turning, place = Turning(), first
+    turning, place = RotorRotation(), first
     turning.take(first)
     places = [0.0]
     for step in steps:
@@ -372,12 +374,12 @@ def test_turns_are_counted_over_the_end_of_a_turn(steps, first):
 
 def test_what_is_explained():
     for kind, words in (
-        (Kind.MOTOR, "twitch"),
-        (Kind.ENCODER, "more than one turn"),
-        (Kind.FULL, "more than one turn"),
+        (CalibrationKind.MOTOR, "twitch"),
+        (CalibrationKind.ENCODER, "more than one turn"),
+        (CalibrationKind.FULL, "more than one turn"),
     ):
         text = "\n".join(kinds.explanation(kind, 5))
         assert words in text
         assert "module 5" in text
         assert "take every load off" in text
-    assert "turns slowly" not in "\n".join(kinds.explanation(Kind.MOTOR, 5))
+    assert "turns slowly" not in "\n".join(kinds.explanation(CalibrationKind.MOTOR, 5))

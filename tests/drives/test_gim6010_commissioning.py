@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from axisbus.drives.gim6010 import node_id_preconditions
-from axisbus.drives.gim6010.discovery.finder import Ask
+from axisbus.drives.gim6010.discovery.finder import ProbeScope
 from axisbus.drives.gim6010.discovery.results import findings
 from axisbus.errors import ArgumentError, StateError
 from axisbus.sim.can_simple.module import Module
@@ -16,7 +16,7 @@ EDS = gim_eds()
 
 
 def surveyed(*modules, **more):
-    found = search(*modules, ask=Ask.ALL, **more)
+    found = search(*modules, ask=ProbeScope.ALL, **more)
     return found.finder, findings(found.finder)
 
 

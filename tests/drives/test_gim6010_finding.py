@@ -9,9 +9,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.discovery import duplicate_node_ids, error_report, report_text
-from axisbus.drives.gim6010.discovery.finder import Ask, Bounds, Finder, Only
+from axisbus.drives.gim6010.discovery.finder import Bounds, Finder, Only, ProbeScope
 from axisbus.drives.gim6010.discovery.results import findings
 from axisbus.errors import ArgumentError
 from axisbus.sim.can_simple.fault_injection import ModuleDials
@@ -100,7 +100,9 @@ def test_a_canopen_module_is_found_that_sends_nothing(node):
 
 
 def test_all_protocols_on_one_bus():
-    found = search(Module(16), silent(24), canopen(33), Module(7, firmware=Firmware(0, 6, 8)), ask=Ask.ALL)
+    found = search(
+        Module(16), silent(24), canopen(33), Module(7, firmware=Firmware(0, 6, 8)), ask=ProbeScope.ALL
+    )
     must_be_bounded(found)
     assert {*found.found} == {
         ("CAN Simple", 16),
@@ -205,7 +207,7 @@ def test_one_that_beats_unevenly_is_not_taken_for_two(late, life, counts):
         (0.1 * place + each, bytes(7) + bytes([(life + place) % 256 if counts else 0]))
         for place, each in enumerate(late)
     ]
-    assert duplicate_node_ids.voices(beats) == 1
+    assert duplicate_node_ids.count_senders(beats) == 1
 
 
 @settings(max_examples=60, deadline=None)
@@ -219,7 +221,7 @@ def test_two_that_beat_in_turn_are_two(one, other, apart, counts):
         for life, shift in ((one, 0.0), (other, apart / 1000))
         for place in range(16)
     )
-    assert duplicate_node_ids.voices(beats) == 2
+    assert duplicate_node_ids.count_senders(beats) == 2
 
 
 def test_two_modules_of_one_id_that_beat_as_one_are_told_by_their_answers():
@@ -276,7 +278,7 @@ def test_answers_that_come_late_are_not_taken_for_those_of_a_second_module(late)
         coming[:] = [each for each in coming if each[0] > now]
         return [(can_id, data) for _, can_id, data in due]
 
-    found = search(strangers=strangers, answer=answer, ask=Ask.ALL)
+    found = search(strangers=strangers, answer=answer, ask=ProbeScope.ALL)
     must_be_bounded(found)
     assert not any(each.several for each in found.found.values())
     if late < 60:
@@ -319,7 +321,7 @@ def test_answers_of_wrong_lengths_are_told_and_not_believed(length):
     must_be_bounded(found)
     one = found.found["CAN Simple", 5]
     assert one.voltage in (None, 24.0)
-    only = Search([], Finder(ask=Ask.ALL, only=Only(frozenset({5}))), answer=answer)
+    only = Search([], Finder(ask=ProbeScope.ALL, only=Only(frozenset({5}))), answer=answer)
     assert only.found == {}
 
 
@@ -339,7 +341,7 @@ def test_foreign_traffic_is_named_and_nobody_silent_is_asked():
 
 def test_whoever_is_asked_all_the_same_nothing_is_sent_on_an_identifier_in_use():
     busy = (0x3F7, 0x601, 0x582, 0x1234567)
-    found = search(strangers=lambda _: [(each, bytes(8)) for each in busy], ask=Ask.ALL)
+    found = search(strangers=lambda _: [(each, bytes(8)) for each in busy], ask=ProbeScope.ALL)
     must_be_bounded(found)
     sent = {each.can_id for each in found.sent}
     assert sent.isdisjoint({0x3F7, 0x601, 0x602})
@@ -362,7 +364,7 @@ def test_random_traffic_is_never_answered_to(seed):
             return ()
         return [(chance.choice(ids), chance.randbytes(chance.randrange(9)))]
 
-    found = search(strangers=strangers, ask=chance.choice((None, Ask.HEARD, Ask.ALL)))
+    found = search(strangers=strangers, ask=chance.choice((None, ProbeScope.HEARD, ProbeScope.ALL)))
     must_be_bounded(found)
     heard = {identifier for identifier, wide in found.finder.picture.heard if not wide}
     supervised = found.finder.picture.states  # CANopen nodes by their heartbeats may be asked
@@ -375,7 +377,7 @@ def test_random_traffic_is_never_answered_to(seed):
 
 
 def test_without_remote_frames_who_was_heard_is_asked_by_data_frames_and_nobody_silent():
-    found = search(Module(16), silent(24), canopen(33), ask=Ask.ALL, remote=False)
+    found = search(Module(16), silent(24), canopen(33), ask=ProbeScope.ALL, remote=False)
     must_be_bounded(found)
     assert {*found.found} == {("CAN Simple", 16), ("CANopen", 33)}
     assert found.found["CAN Simple", 16].voltage == 24.0
@@ -386,7 +388,7 @@ def test_without_remote_frames_who_was_heard_is_asked_by_data_frames_and_nobody_
 
 
 def test_only_listening_sends_nothing():
-    found = search(Module(5), ask=Ask.NOBODY)
+    found = search(Module(5), ask=ProbeScope.NOBODY)
     assert found.sent == []
     one = found.found["CAN Simple", 5]
     assert (one.state, one.voltage) == ("idle", None)
@@ -430,7 +432,7 @@ def test_a_module_is_not_asked_without_end(most):
         return [(0x580 + 5, data)]
 
     found = Search(
-        [], Finder(ask=Ask.ALL, only=Only(frozenset({5})), bounds=Bounds(most=most)), answer=answer
+        [], Finder(ask=ProbeScope.ALL, only=Only(frozenset({5})), bounds=Bounds(most=most)), answer=answer
     )
     assert len([each for each in found.sent if each.can_id == 0x605]) == most
 
@@ -445,11 +447,11 @@ def test_a_module_is_not_asked_without_end(most):
     )
 )
 def test_no_frame_ends_it_with_an_exception(frames):
-    finder = Finder(ask=Ask.ALL, bounds=Bounds(listen=0.05))
+    finder = Finder(ask=ProbeScope.ALL, bounds=Bounds(listen=0.05))
     now = 0.0
     for can_id, data, extended, remote, error in frames:
         now += 0.002
-        finder.note(Frame(now, can_id if extended else can_id & 0x7FF, data, extended, remote, error))
+        finder.note(CanFrame(now, can_id if extended else can_id & 0x7FF, data, extended, remote, error))
         finder.step(now)
     findings(finder)
     list(report_text.about_the_bus(finder))

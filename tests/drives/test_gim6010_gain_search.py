@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.drives.gim6010.tuning.search import MOST_TRIALS, Search
+from axisbus.drives.gim6010.tuning.search import MOST_TRIALS, GainSearch
 from axisbus.drives.gim6010.tuning.trial import Loop
 from axisbus.errors import ArgumentError
 from axisbus.step_response import Response
@@ -18,7 +18,7 @@ WILD = Response(0.4, None, 0.5, 0.0, 100)
 
 def played(loop, first, most, limit):
     """Search on a machine that is smooth up to ``limit``; return the search and the gains that were tried."""
-    search, tried = Search(loop, first, most), []
+    search, tried = GainSearch(loop, first, most), []
     while search.next is not None:
         tried.append(search.next)
         bad = OVER if loop is Loop.POSITION else WILD
@@ -63,7 +63,7 @@ def test_a_machine_on_which_nothing_is_smooth_is_given_up():
 )
 def test_bounds_that_are_none_are_refused(first, most):
     with pytest.raises(ArgumentError, match="to begin with"):
-        Search(Loop.POSITION, first, most)
+        GainSearch(Loop.POSITION, first, most)
 
 
 @given(

@@ -6,13 +6,13 @@ import random
 
 import pytest
 
-from axisbus.cia301.frame import Frame
-from axisbus.drives.gim6010.calibration.kinds import Kind
+from axisbus.cia301.frame import CanFrame
+from axisbus.drives.gim6010.calibration.kinds import CalibrationKind
 from axisbus.drives.gim6010.calibration.procedure_run import Calibration
-from axisbus.drives.gim6010.direct_motion.heartbeat_monitor import Pulse
-from axisbus.drives.gim6010.direct_motion.power_off import LettingGo
-from axisbus.drives.gim6010.tuning.runner import Tuning
-from axisbus.drives.gim6010.tuning.trial import Gains, Loop, Trial
+from axisbus.drives.gim6010.direct_motion.heartbeat_monitor import HeartbeatMonitor
+from axisbus.drives.gim6010.direct_motion.power_off import PowerOff
+from axisbus.drives.gim6010.tuning.runner import ModuleTuning
+from axisbus.drives.gim6010.tuning.trial import Gains, Loop, ModuleTrial
 from axisbus.errors import ArgumentError
 from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.module import Module
@@ -20,11 +20,11 @@ from kit.play import play
 from kit.sim.module import ESTOP, SET_STATE, Bench
 
 DIALOGUES = {
-    "calibration": lambda: Calibration(5, Kind.FULL),
-    "position": lambda: Tuning(
-        Trial(5, Loop.POSITION, 1.0, 0.6, velocity=10.0, acceleration=80.0), Gains(15.0)
+    "calibration": lambda: Calibration(5, CalibrationKind.FULL),
+    "position": lambda: ModuleTuning(
+        ModuleTrial(5, Loop.POSITION, 1.0, 0.6, velocity=10.0, acceleration=80.0), Gains(15.0)
     ),
-    "velocity": lambda: Tuning(Trial(5, Loop.VELOCITY, 3.0, 0.6), Gains()),
+    "velocity": lambda: ModuleTuning(ModuleTrial(5, Loop.VELOCITY, 3.0, 0.6), Gains()),
 }
 FAULTS = (
     lambda one: setattr(one.module.dials, "encoder_error", 4),
@@ -68,18 +68,18 @@ def test_whatever_is_lost_and_whatever_happens_it_ends_and_what_it_says_is_so(na
 
 
 def beat(time, state, life, error=0):
-    return Frame(time, 5 << 5 | 1, error.to_bytes(4, "little") + bytes([state, 0, 0, life]))
+    return CanFrame(time, 5 << 5 | 1, error.to_bytes(4, "little") + bytes([state, 0, 0, life]))
 
 
 def test_a_pulse():
-    pulse = Pulse(5)
+    pulse = HeartbeatMonitor(5)
     assert (pulse.last, pulse.period, pulse.is_silent(0.0)) == (None, 0.0, True)
     for number in range(5):
         assert pulse.take(beat(number * 0.2, 1, number))
     assert pulse.period == pytest.approx(0.2)
-    assert not pulse.take(Frame(1.0, 6 << 5 | 1, bytes(8)))
-    assert not pulse.take(Frame(1.0, 5 << 5 | 1, bytes(7)))
-    assert not pulse.take(Frame(1.0, 5 << 5 | 1, bytes(8), extended=True))
+    assert not pulse.take(CanFrame(1.0, 6 << 5 | 1, bytes(8)))
+    assert not pulse.take(CanFrame(1.0, 5 << 5 | 1, bytes(7)))
+    assert not pulse.take(CanFrame(1.0, 5 << 5 | 1, bytes(8), extended=True))
     assert not pulse.is_silent(1.79)
     assert pulse.is_silent(1.81)  # five periods
     assert pulse.against(0.9) == ""
@@ -91,15 +91,15 @@ def test_a_pulse():
     assert "closed loop" in pulse.against(1.2)
     assert any("ESTOP_REQUESTED" in each for each in pulse.errors())
     with pytest.raises(ArgumentError):
-        Pulse(64)
+        HeartbeatMonitor(64)
 
 
 def test_letting_go_by_steps():
     """Idle for 1.5 s and two periods, then ESTOP as long, then what is not known is said."""
-    pulse = Pulse(5)
+    pulse = HeartbeatMonitor(5)
     for number in range(5):
         pulse.take(beat(number * 0.1, 8, number))
-    going, sent, now = LettingGo(pulse), [], 0.4
+    going, sent, now = PowerOff(pulse), [], 0.4
     while not going.over:
         frame = going.step(now)
         if frame is not None:

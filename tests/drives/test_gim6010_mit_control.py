@@ -12,10 +12,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRanges
-from axisbus.drives.gim6010.mit_control.controller import MitLeader, Phase
-from axisbus.drives.gim6010.mit_control.position_crosscheck import Agreement
+from axisbus.drives.gim6010.mit_control.controller import MitLeader, MitPhase
+from axisbus.drives.gim6010.mit_control.position_crosscheck import PositionCrossCheck
 from axisbus.drives.gim6010.mit_control.settings import MitSettings, ranges_of
 from axisbus.errors import ArgumentError
 from axisbus.sim.can_simple.fault_injection import ModuleDials
@@ -46,7 +46,7 @@ class Led:
             self.bench.run(self.step, self.step)
             for frame in self.bench.heard[self.taken :]:
                 if not self.lose("module", frame.command, frame.time):
-                    self.leader.receive(Frame(frame.time, frame.can_id, frame.data))
+                    self.leader.receive(CanFrame(frame.time, frame.can_id, frame.data))
             self.taken = len(self.bench.heard)
             program()
             for frame in self.leader.step(self.bench.now):
@@ -56,8 +56,8 @@ class Led:
         return self
 
     def enabled(self):
-        self.run(5.0, lambda: self.leader.phase is Phase.RUNNING or self.leader.over)
-        assert self.leader.phase is Phase.RUNNING, self.leader.why
+        self.run(5.0, lambda: self.leader.phase is MitPhase.RUNNING or self.leader.over)
+        assert self.leader.phase is MitPhase.RUNNING, self.leader.why
         return self
 
     def lead(self, seconds, command):
@@ -157,7 +157,7 @@ def test_what_stands_against_it(dials, before, why):
 def test_one_that_another_program_commands_is_not_enabled():
     led = Led()
     led.run(0.5)
-    led.leader.receive(Frame(led.bench.now, 5 << 5 | SET_STATE, bytes([8, *bytes(7)])))
+    led.leader.receive(CanFrame(led.bench.now, 5 << 5 | SET_STATE, bytes([8, *bytes(7)])))
     led.left()
     assert (led.sent, led.leader.left) == ([], "nothing was sent to it")
     assert "another program commands the module" in led.leader.why
@@ -286,7 +286,7 @@ def test_it_is_braked_by_damping_and_then_let_go():
         (lambda led: setattr(led.bench.module.dials, "heartbeat_stops", True), "no longer heard"),
         (lambda led: led.bench.order(SET_STATE, IDLE), "is in idle"),
         (lambda led: led.bench.module.restart(), "not answered|restarted"),
-        (lambda led: led.leader.receive(Frame(led.bench.now, 5 << 5 | POS, bytes(8))), "another program"),
+        (lambda led: led.leader.receive(CanFrame(led.bench.now, 5 << 5 | POS, bytes(8))), "another program"),
         (lambda led: led.leader.leave("Ctrl-C"), "Ctrl-C"),
     ],
     ids=["no command", "estop", "error", "dead", "silent", "idle", "restart", "another master", "asked for"],
@@ -321,9 +321,9 @@ def test_ways_to_tell_a_position_that_disagree():
     feedback = MitFeedback(5, 1.0, 0.0, 0.0)
 
     def said(turns, closed_at, count=10, age=0.01, speed=0.0):
-        agreement = Agreement(SETTINGS)
+        agreement = PositionCrossCheck(SETTINGS)
         frames = [
-            Frame(1.0 + n / 100, 5 << 5 | 9, struct.pack("<ff", turns, speed / TURN)) for n in range(count)
+            CanFrame(1.0 + n / 100, 5 << 5 | 9, struct.pack("<ff", turns, speed / TURN)) for n in range(count)
         ]
         return [agreement.take(frame, feedback, frame.time - age, closed_at) for frame in frames][-1]
 
@@ -374,7 +374,7 @@ def test_at_the_end_of_the_position_s_range_it_is_left():
 def test_a_position_that_wraps_is_left():
     led = Led().enabled()
     for position in ("FF 00", "01 00"):
-        led.leader.receive(Frame(led.bench.now, 5 << 5 | MIT, bytes.fromhex(f"05 {position} 80 08 00")))
+        led.leader.receive(CanFrame(led.bench.now, 5 << 5 | MIT, bytes.fromhex(f"05 {position} 80 08 00")))
     assert "may wrap" in led.leader.why
 
 
@@ -419,7 +419,7 @@ def test_no_play_sends_a_frame_of_zeros_or_leaves_it_enabled(commands, leave_at,
     """Any commands, frames lost on both sides, and an end at any moment."""
     lose = (lambda *_: False) if random is None else (lambda *_: random.random() < 0.05)
     led = Led(made(), lose=lose, step=0.002)
-    led.run(6.0, lambda: led.leader.phase is Phase.RUNNING or led.leader.over)
+    led.run(6.0, lambda: led.leader.phase is MitPhase.RUNNING or led.leader.over)
     for count in range(leave_at):
         led.run(0.002, lambda: led.leader.over)
         led.leader.command(commands[count % len(commands)], led.bench.now)
@@ -439,7 +439,7 @@ def test_its_own_frames_are_never_zeros_whatever_the_ranges(command, ranges, dat
     kd = int.from_bytes(leader.parting[0].data, "big") >> 12 & 0xFFF
     assert kd >= 1  # it brakes
     assert int.from_bytes(leader.parting[0].data, "big") >> 24 & 0xFFF == 0  # and pulls nowhere
-    leader.phase = Phase.RUNNING
+    leader.phase = MitPhase.RUNNING
     leader.command(command, 0.0)
     assert any(leader._pack(command).frame.data)
 

@@ -150,7 +150,7 @@ SETS = st.dictionaries(
 
 @given(SETS, st.integers(0, 2**32 - 1))
 def test_a_backup_is_read_as_it_was_written(settings, serial):
-    one = backup.Backup(serial, V13, settings)
+    one = backup.ParameterBackup(serial, V13, settings)
     found = backup.read(one.text(), "file")
     assert (found.serial, found.firmware) == (serial, V13)
     assert backup.differences(settings, found.values) == []
@@ -162,11 +162,11 @@ def test_a_backup_is_read_as_it_was_written(settings, serial):
     [
         "", "{", "[]", "{}", "[" * 100000,
         json.dumps({"kind": "else"}),
-        backup.Backup(1, V13, {"a": 1}).text().replace('"version": 1', '"version": 2'),
-        backup.Backup(1, V13, {"a": 1}).text().replace('"a": 1', '"a": null'),
-        backup.Backup(1, V13, {"a": 1}).text().replace('"a": 1', '"a": "x"'),
-        backup.Backup(1, V13, {"a": 1}).text().replace("00000001", "serial"),
-        backup.Backup(1, V13, {"a": 1}).text().replace("0.5.13", "new"),
+        backup.ParameterBackup(1, V13, {"a": 1}).text().replace('"version": 1', '"version": 2'),
+        backup.ParameterBackup(1, V13, {"a": 1}).text().replace('"a": 1', '"a": null'),
+        backup.ParameterBackup(1, V13, {"a": 1}).text().replace('"a": 1', '"a": "x"'),
+        backup.ParameterBackup(1, V13, {"a": 1}).text().replace("00000001", "serial"),
+        backup.ParameterBackup(1, V13, {"a": 1}).text().replace("0.5.13", "new"),
     ],
 )  # fmt: skip
 def test_what_is_no_backup_is_refused(text):
@@ -213,7 +213,7 @@ def test_differences_are_what_differs_and_nothing_else(one, other):
 
 def changed(fake, **more):
     taken = bulk_read.take(fake)
-    return backup.Backup(
+    return backup.ParameterBackup(
         taken.serial, taken.firmware, {**taken.values, LIMIT: 10.0, KT: 0.2, NODE: 9, **more}
     )
 
@@ -234,7 +234,7 @@ def test_a_restore_leaves_what_is_protected_unless_it_is_named():
 def test_what_the_backup_does_not_have_is_left_as_it_is():
     fake = Fake()
     present = bulk_read.take(fake).values
-    short = backup.Backup(fake.serial, V13, {LIMIT: 10.0})
+    short = backup.ParameterBackup(fake.serial, V13, {LIMIT: 10.0})
     plan = backup.plan(short, fake, present, frozenset())
     assert (plan.writes, plan.left) == (((LIMIT, 10.0),), ())
 
@@ -255,11 +255,11 @@ def test_a_backup_of_another_module_or_firmware_is_refused_unless_it_is_asked_fo
     fake = Fake()
     good = {"other_module": False, "other_firmware": False}
     backup.require_same(bulk_read.take(fake), fake, **good)
-    other = backup.Backup(1, V13, {})
+    other = backup.ParameterBackup(1, V13, {})
     with pytest.raises(StateError, match="--other-module"):
         backup.require_same(other, fake, **good)
     backup.require_same(other, fake, **{**good, "other_module": True})
-    newer = backup.Backup(fake.serial, Firmware(0, 6, 0), {})
+    newer = backup.ParameterBackup(fake.serial, Firmware(0, 6, 0), {})
     with pytest.raises(StateError, match="--other-firmware"):
         backup.require_same(newer, fake, **{**good, "other_module": True})
     backup.require_same(newer, fake, **{**good, "other_firmware": True})
@@ -270,4 +270,4 @@ def test_every_protected_setting_says_why():
         found = protected(path)
         assert found is not None
         assert found.why
-        assert found.why in backup.Difference(path, 1, 2).words
+        assert found.why in backup.ParameterDifference(path, 1, 2).words

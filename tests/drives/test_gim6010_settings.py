@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from axisbus.drives.gim6010.discovery.finder import Ask
+from axisbus.drives.gim6010.discovery.finder import ProbeScope
 from axisbus.drives.gim6010.discovery.results import findings
 from axisbus.drives.gim6010.settings import bitrate, limits, termination, watchdog, zero
-from axisbus.drives.gim6010.settings.parameter_batch import Wanted, apply, shown
+from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch, apply, shown
 from axisbus.errors import ArgumentError, LimitError, NodeError, StateError
 from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.module import Module
@@ -110,10 +110,10 @@ def test_nothing_is_guessed(make, error):
 def test_nothing_is_written_where_one_of_several_cannot_be():
     found = PlainParameters(Module(5))
     with pytest.raises(ArgumentError):
-        apply(found, Wanted(((VEL, 12.0), ("vbus_voltage", 3.0))), lambda _: None)
+        apply(found, ParameterBatch(((VEL, 12.0), ("vbus_voltage", 3.0))), lambda _: None)
     assert found.acts == 0
     with pytest.raises(LimitError):
-        apply(found, Wanted(((VEL, 12.0), (BREAK, 70000))), lambda _: None)
+        apply(found, ParameterBatch(((VEL, 12.0), (BREAK, 70000))), lambda _: None)
     assert found.acts == 0
 
 
@@ -151,7 +151,7 @@ def test_rates_that_the_manual_does_not_name_are_told():
 
 
 def surveyed(*modules, **more):
-    found = search(*modules, ask=Ask.ALL, **more)
+    found = search(*modules, ask=ProbeScope.ALL, **more)
     return found.finder, findings(found.finder)
 
 
@@ -182,7 +182,7 @@ def test_foreign_traffic_counts_as_somebody():
 def heard_at(module, rate):
     """The node IDs that ``find`` tells on a wire of this rate."""
     module.dials.line_bitrate = rate
-    return [key[1] for key in search(module, ask=Ask.ALL).found]
+    return [key[1] for key in search(module, ask=ProbeScope.ALL).found]
 
 
 @pytest.mark.parametrize(("cut", "at"), [(0, 500_000), (1, 500_000), (None, 1_000_000)])
@@ -244,7 +244,7 @@ def test_cut_off_before_the_save_the_old_zero_is_back_after_a_start(cut):
 
 
 def test_an_estimate_that_is_dead_is_not_believed():
-    place = zero.Place(0.0, False, 0.0, 4096, 16384)
+    place = zero.RotorZero(0.0, False, 0.0, 4096, 16384)
     with pytest.raises(StateError, match="does not agree"):
         zero.wanted(place, place)
 
@@ -253,7 +253,7 @@ def test_an_estimate_that_is_dead_is_not_believed():
     ("off", "good"), [(0.0099, True), (0.0101, False), (-0.0099, True), (-0.0101, False)]
 )
 def test_how_near_they_have_to_be(off, good):
-    place = zero.Place(0.7, True, 0.55 + off, 4096, 16384)
+    place = zero.RotorZero(0.7, True, 0.55 + off, 4096, 16384)
     if good:
         assert zero.wanted(place, place).values[0][1] == pytest.approx((0.25 + off) % 1.0)
     else:
@@ -262,10 +262,10 @@ def test_how_near_they_have_to_be(off, good):
 
 
 def test_one_that_turns_is_not_zeroed():
-    one, two = (zero.Place(0.0, False, count / 16384, count, 16384) for count in (4096, 4136))
+    one, two = (zero.RotorZero(0.0, False, count / 16384, count, 16384) for count in (4096, 4136))
     with pytest.raises(StateError, match="turns"):
         zero.wanted(one, two)
-    zero.wanted(one, zero.Place(0.0, False, 4126 / 16384, 4126, 16384))
+    zero.wanted(one, zero.RotorZero(0.0, False, 4126 / 16384, 4126, 16384))
 
 
 @pytest.mark.parametrize(
@@ -291,7 +291,7 @@ def test_a_place_that_is_none_is_refused(place):
 
 def test_what_is_not_there_after_the_restart_is_told():
     with pytest.raises(NodeError, match="turned meanwhile"):
-        zero.verify(5, 0.25, zero.Place(0.25, True, 0.0, 4500, 16384))
+        zero.verify(5, 0.25, zero.RotorZero(0.25, True, 0.0, 4500, 16384))
     with pytest.raises(NodeError, match="0\\.1425 turns"):
-        zero.verify(5, 0.25, zero.Place(0.25, True, 0.1425, 4096, 16384))
-    zero.verify(5, 0.999, zero.Place(0.999, True, 0.001, 2, 16384))
+        zero.verify(5, 0.25, zero.RotorZero(0.25, True, 0.1425, 4096, 16384))
+    zero.verify(5, 0.999, zero.RotorZero(0.999, True, 0.001, 2, 16384))

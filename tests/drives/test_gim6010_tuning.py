@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus.drives.gim6010.tuning import advice
-from axisbus.drives.gim6010.tuning.runner import Tuning
-from axisbus.drives.gim6010.tuning.trial import Gains, Loop, Trial, explanation
+from axisbus.drives.gim6010.tuning.runner import ModuleTuning
+from axisbus.drives.gim6010.tuning.trial import Gains, Loop, ModuleTrial, explanation
 from axisbus.errors import ArgumentError
 from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.module import Module
@@ -34,8 +34,8 @@ from kit.sim.module import (
 )
 
 STEP = 0.002
-POSITION = Trial(5, Loop.POSITION, 2.0, 1.5, velocity=5.0, acceleration=20.0)
-VELOCITY = Trial(5, Loop.VELOCITY, 4.0, 1.0)
+POSITION = ModuleTrial(5, Loop.POSITION, 2.0, 1.5, velocity=5.0, acceleration=20.0)
+VELOCITY = ModuleTrial(5, Loop.VELOCITY, 4.0, 1.0)
 
 
 def bench(params=None, **dials):
@@ -46,7 +46,7 @@ def bench(params=None, **dials):
 
 def tried(trial, one=None, gains=None, **more):
     one = one or bench()
-    found = Tuning(trial, gains or Gains())
+    found = ModuleTuning(trial, gains or Gains())
     sent = play(found, one, step=STEP, **more)
     return found, one, sent
 
@@ -57,7 +57,7 @@ def states(sent):
 
 @pytest.mark.parametrize("size", [2.0, -2.0])
 def test_a_step_of_position_there_and_back(size):
-    found, one, sent = tried(Trial(5, Loop.POSITION, size, 1.5, velocity=5.0, acceleration=20.0))
+    found, one, sent = tried(ModuleTrial(5, Loop.POSITION, size, 1.5, velocity=5.0, acceleration=20.0))
     assert (found.ended, found.why, found.confirmed) == (True, "", True)
     turns = [each.position for each in one.plant]
     assert max(map(abs, turns)) == pytest.approx(2.0, abs=0.02)
@@ -147,7 +147,7 @@ def when(moment, act):
 @given(st.floats(0.3, 5.5), st.integers(0, 2), st.sampled_from([POSITION, VELOCITY]))
 def test_interrupted_at_any_moment_it_comes_to_rest(moment, more, trial):
     one = bench()
-    found = Tuning(trial, Gains())
+    found = ModuleTuning(trial, Gains())
 
     def interrupt(_):
         for _ in range(1 + more):
@@ -196,7 +196,7 @@ def test_a_velocity_that_was_left_in_the_module_does_not_turn_it():
 
 
 def test_a_second_interrupt_does_not_wait_for_the_brake():
-    found, one = Tuning(VELOCITY, Gains()), bench()
+    found, one = ModuleTuning(VELOCITY, Gains()), bench()
 
     def twice(_):
         found.interrupt("Ctrl-C")
@@ -259,7 +259,7 @@ def test_trials_that_cannot_be(wrong):
         "acceleration": 20.0,
     }
     with pytest.raises(ArgumentError) as caught:
-        Trial(**{**given_, **wrong})
+        ModuleTrial(**{**given_, **wrong})
     assert caught.value.remedy
 
 
@@ -273,7 +273,9 @@ def test_gains_that_cannot_be(wrong):
 
 def test_how_long_a_trapezoid_takes():
     assert POSITION.takes == pytest.approx(2.0 / 5.0 + 5.0 / 20.0)
-    assert Trial(5, Loop.POSITION, -0.2, 1.5, velocity=5.0, acceleration=20.0).takes == pytest.approx(0.2)
+    assert ModuleTrial(5, Loop.POSITION, -0.2, 1.5, velocity=5.0, acceleration=20.0).takes == pytest.approx(
+        0.2
+    )
 
 
 def test_what_is_explained():

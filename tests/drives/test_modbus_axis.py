@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from axisbus.drives.gim6010.modbus.motion import power
 from axisbus.drives.gim6010.modbus.motion.axis import ModbusAxis
-from axisbus.drives.gim6010.modbus.motion.course import Control
+from axisbus.drives.gim6010.modbus.motion.course import ModbusControlMode
 from axisbus.errors import (
     ArgumentError,
     AxisbusError,
@@ -31,7 +31,7 @@ from axisbus.errors import (
 from kit.modbus.rig import Rig
 
 MOVE = {"velocity": 4.0, "acceleration": 10.0, "deceleration": 10.0}
-P, V, T = Control.POSITION, Control.VELOCITY, Control.TORQUE
+P, V, T = ModbusControlMode.POSITION, ModbusControlMode.VELOCITY, ModbusControlMode.TORQUE
 
 
 def within(rig, body):

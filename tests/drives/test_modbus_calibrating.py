@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from axisbus.drives.gim6010.calibration.kinds import Kind
+from axisbus.drives.gim6010.calibration.kinds import CalibrationKind
 from axisbus.drives.gim6010.modbus.discovery import Present, present
 from axisbus.drives.gim6010.modbus.motion.calibrating import Calibrating
 from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
@@ -20,7 +20,7 @@ STATE_CONTROL = "00 63"
 class Calibrated(Rig):
     """A rig with a calibration on it."""
 
-    def __init__(self, kind=Kind.FULL, **dials):
+    def __init__(self, kind=CalibrationKind.FULL, **dials):
         super().__init__(**dials)
         known = ModbusParameters(self.module)
         known.open(*list_of(self.station))
@@ -41,7 +41,7 @@ class Calibrated(Rig):
         return not self.plant.energised
 
 
-@pytest.mark.parametrize("kind", Kind)
+@pytest.mark.parametrize("kind", CalibrationKind)
 def test_it_comes_to_its_end_and_is_judged(kind):
     rig = Calibrated(kind)
     found = rig.calibration.run()
@@ -66,7 +66,7 @@ def test_a_module_that_is_enabled_or_has_errors_is_not_calibrated():
 
 
 def test_errors_that_come_of_it_are_told():
-    rig = Calibrated(Kind.MOTOR)
+    rig = Calibrated(CalibrationKind.MOTOR)
     rig.at(30, lambda _: setattr(rig.plant.axis, "motor_error", 0x1))
     found = rig.calibration.run()
     assert not found.good
@@ -101,7 +101,7 @@ def test_a_warden_that_is_gone_ends_it():
 
 
 def test_a_rotor_that_turns_too_far_ends_it():
-    rig = Calibrated(Kind.MOTOR)
+    rig = Calibrated(CalibrationKind.MOTOR)
     turned = rig.calibration.turned
     rig.at(60, lambda _: [turned.take((turned._count + 6000) % 16384) for _ in range(4)])
     with pytest.raises(DriveError, match="farther than a calibration may"):

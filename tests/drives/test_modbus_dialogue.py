@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus.drives.gim6010.modbus import requests
-from axisbus.drives.gim6010.modbus.dialogue import QUIET, Dialogue, Refused
+from axisbus.drives.gim6010.modbus.dialogue import QUIET, ModbusClient, ModbusRefused
 from axisbus.drives.gim6010.modbus.registers import REGISTERS, named
 from axisbus.drives.gim6010.modbus.requests import Reply
-from axisbus.drives.gim6010.modbus.wire import Silence
+from axisbus.drives.gim6010.modbus.wire import ModbusTimeout
 from axisbus.errors import ArgumentError, NodeTimeout
 from axisbus.sim.modbus.fault_injection import LineDials
 from axisbus.sim.modbus.station import Station
@@ -20,7 +20,7 @@ from kit.modbus.virtual_wire import VirtualWire
 def line(device=1, **dials):
     station = Station(dials=LineDials(**dials))
     wire = VirtualWire(station)
-    return station, wire, Dialogue(wire, device)
+    return station, wire, ModbusClient(wire, device)
 
 
 def read(name):
@@ -62,7 +62,7 @@ def test_a_dead_line_is_told_with_what_to_check(fault):
 
 def test_an_exception_is_told_and_not_asked_again():
     station, _, dialogue = line(exceptions={(0x13, False): 2})
-    with pytest.raises(Refused, match="refuses that bus_voltage") as caught:
+    with pytest.raises(ModbusRefused, match="refuses that bus_voltage") as caught:
         dialogue.read(read("bus_voltage"))
     assert caught.value.code == 2
     assert "no such register" in caught.value.observed
@@ -93,7 +93,7 @@ class Numbered:
         self.delays = iter(delays)
         self.time = 0.0
         self.coming: list[tuple[float, Reply]] = []
-        self.sent: list[requests.Request] = []
+        self.sent: list[requests.ModbusRequest] = []
 
     def exchange(self, device, request):
         self._forget()
@@ -108,7 +108,7 @@ class Numbered:
         end = self.time + self.timeout
         if not self.coming or self.coming[0][0] > end:
             self.time = end
-            raise Silence
+            raise ModbusTimeout
         self.time = max(self.time, self.coming[0][0])
         return self.coming.pop(0)[1]
 
@@ -140,7 +140,7 @@ LATEST = 0.2 + QUIET - 0.001
 )
 def test_no_value_is_another_one_s_or_older_than_its_question(registers, delays):
     wire = Numbered(delays)
-    dialogue = Dialogue(wire, 1)
+    dialogue = ModbusClient(wire, 1)
     for register in registers:
         before = len(wire.sent)
         try:
@@ -155,7 +155,7 @@ def test_no_value_is_another_one_s_or_older_than_its_question(registers, delays)
 @given(st.lists(st.none() | st.floats(0.001, LATEST), min_size=1, max_size=8))
 def test_after_a_shout_that_nobody_heard_nothing_is_taken_for_an_answer(delays):
     wire = Numbered(delays)
-    dialogue = Dialogue(wire, 1)
+    dialogue = ModbusClient(wire, 1)
     request = requests.write(named("control_mode"), 2)
     dialogue.shout(request)
     before = len(wire.sent)
@@ -169,7 +169,7 @@ def test_after_a_shout_that_nobody_heard_nothing_is_taken_for_an_answer(delays):
 
 def test_an_answer_that_comes_while_the_line_is_probed_is_not_taken_for_the_probe_s():
     wire = Numbered([0.6, 0.15])
-    words = Dialogue(wire, 1).read(read("error_flags"))
+    words = ModbusClient(wire, 1).read(read("error_flags"))
     assert wire.sent[words[0]].register is named("error_flags")
     assert words[0] > 0
 

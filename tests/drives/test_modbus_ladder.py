@@ -10,14 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.drives.gim6010.modbus.motion.halting import (
-    Moment,
+    HaltInputs,
     RampHalt,
     TrapezoidHalt,
     ramped,
     trapezoid_time,
 )
-from axisbus.drives.gim6010.modbus.motion.ladder import Rung, Send, StopLadder
-from axisbus.drives.gim6010.modbus.motion.look import Look
+from axisbus.drives.gim6010.modbus.motion.ladder import ModbusStopSequence, ModbusStopStep, Send
+from axisbus.drives.gim6010.modbus.motion.look import StatusRead
 
 STEP = 0.05
 
@@ -62,7 +62,9 @@ class Motor:
         if not self.heard:
             return None
         alive = self.state == 8
-        return Look(now, self.state, 0, self.position if alive else None, self.velocity if alive else None)
+        return StatusRead(
+            now, self.state, 0, self.position if alive else None, self.velocity if alive else None
+        )
 
 
 def descend(motor, ladder, escalate=()):
@@ -84,24 +86,24 @@ def send_held(motor, number):
 
 
 def test_it_brakes_then_takes_the_power_away():
-    motor, ladder = Motor(), StopLadder(None)
+    motor, ladder = Motor(), ModbusStopSequence(None)
     time = descend(motor, ladder)
     assert ladder.outcome.ok
     assert "it stood, and is in idle" in ladder.outcome.text
-    assert (motor.sent, ladder.outcome.rung) == ([Send.BRAKE, Send.IDLE], Rung.IDLE)
+    assert (motor.sent, ladder.outcome.rung) == ([Send.BRAKE, Send.IDLE], ModbusStopStep.IDLE)
     assert motor.velocity == 0.0
     assert time < 1.2
 
 
 def test_it_is_held_where_that_is_asked_for():
-    motor, ladder = Motor(), StopLadder(None, hold=True)
+    motor, ladder = Motor(), ModbusStopSequence(None, hold=True)
     descend(motor, ladder)
-    assert (ladder.outcome.ok, ladder.outcome.rung, motor.state) == (True, Rung.BRAKE, 8)
+    assert (ladder.outcome.ok, ladder.outcome.rung, motor.state) == (True, ModbusStopStep.BRAKE, 8)
 
 
 @pytest.mark.parametrize("velocity", [10.0, -10.0])
 def test_a_trapezoid_is_led_to_where_it_can_stop(velocity):
-    motor, ladder = Motor(velocity), StopLadder(TrapezoidHalt(25.0, 9.0 * velocity), hold=True)
+    motor, ladder = Motor(velocity), ModbusStopSequence(TrapezoidHalt(25.0, 9.0 * velocity), hold=True)
     descend(motor, ladder)
     assert ladder.outcome.ok
     assert motor.sent == [Send.SETPOINT]
@@ -113,9 +115,9 @@ def test_a_trapezoid_is_led_to_where_it_can_stop(velocity):
 def test_a_halt_is_not_over_before_what_was_commanded_is_off():
     """It stands, since it has not begun to move: the target, the velocity would still move it."""
     for halting, values in ((TrapezoidHalt(25.0, 99.0), [0.0]), (RampHalt(5.0, 1.0), None)):
-        ladder, sent, now = StopLadder(halting, hold=True), [], 0.0
+        ladder, sent, now = ModbusStopSequence(halting, hold=True), [], 0.0
         while ladder.outcome is None and now < 5.0:
-            if ladder.step(now, Look(now, 8, 0, 0.0, 0.0), held=now > 0.6) is Send.SETPOINT:
+            if ladder.step(now, StatusRead(now, 8, 0, 0.0, 0.0), held=now > 0.6) is Send.SETPOINT:
                 sent.append(ladder.value)
             now += STEP
         assert ladder.outcome.ok
@@ -125,19 +127,19 @@ def test_a_halt_is_not_over_before_what_was_commanded_is_off():
 
 
 def test_a_brake_holds_before_it_is_told_that_it_does():
-    ladder, now = StopLadder(None, hold=True), 0.0
+    ladder, now = ModbusStopSequence(None, hold=True), 0.0
     while now < 0.6:
-        ladder.step(now, Look(now, 8, 0, 0.0, 0.0), held=False)
+        ladder.step(now, StatusRead(now, 8, 0, 0.0, 0.0), held=False)
         now += STEP
     assert ladder.outcome is None
-    ladder.step(now, Look(now, 8, 0, 0.0, 0.0), held=True)
+    ladder.step(now, StatusRead(now, 8, 0, 0.0, 0.0), held=True)
     assert ladder.outcome.ok
 
 
 def test_one_that_stands_at_its_target_is_left_alone_and_none_is_led_beyond_it():
-    moment = Moment(Look(0.0, 8, 0, 5.0, 0.01), 0.0, 0.0, None)
+    moment = HaltInputs(StatusRead(0.0, 8, 0, 5.0, 0.01), 0.0, 0.0, None)
     assert TrapezoidHalt(25.0, 5.01).setpoint(moment) is None
-    fast = Moment(Look(0.0, 8, 0, 4.9, 10.0), 0.0, 0.0, None)
+    fast = HaltInputs(StatusRead(0.0, 8, 0, 4.9, 10.0), 0.0, 0.0, None)
     assert TrapezoidHalt(25.0, 5.0).setpoint(fast) == 5.0
     assert TrapezoidHalt(25.0, 4.0).setpoint(fast) == pytest.approx(
         4.9 + 0.2 + 2.0
@@ -145,7 +147,7 @@ def test_one_that_stands_at_its_target_is_left_alone_and_none_is_led_beyond_it()
 
 
 def test_a_ramp_goes_down_in_steps_that_are_never_harder():
-    motor, ladder = Motor(10.0), StopLadder(RampHalt(5.0, 10.0), hold=True)
+    motor, ladder = Motor(10.0), ModbusStopSequence(RampHalt(5.0, 10.0), hold=True)
     time = descend(motor, ladder)
     assert ladder.outcome.ok
     assert set(motor.sent) == {Send.SETPOINT}
@@ -155,14 +157,14 @@ def test_a_ramp_goes_down_in_steps_that_are_never_harder():
 @pytest.mark.parametrize(
     ("obeys", "rung", "ok"),
     [
-        ((Send.BRAKE, Send.IDLE, Send.ESTOP), Rung.IDLE, True),  # HALT is not obeyed
-        ((Send.IDLE, Send.ESTOP), Rung.IDLE, False),
-        ((Send.ESTOP,), Rung.ESTOP, False),
-        ((), Rung.ESTOP, False),
+        ((Send.BRAKE, Send.IDLE, Send.ESTOP), ModbusStopStep.IDLE, True),  # HALT is not obeyed
+        ((Send.IDLE, Send.ESTOP), ModbusStopStep.IDLE, False),
+        ((Send.ESTOP,), ModbusStopStep.ESTOP, False),
+        ((), ModbusStopStep.ESTOP, False),
     ],
 )
 def test_a_rung_that_is_not_obeyed_is_left_downwards(obeys, rung, ok):
-    motor, ladder = Motor(obeys=obeys), StopLadder(TrapezoidHalt(25.0, 99.0))
+    motor, ladder = Motor(obeys=obeys), ModbusStopSequence(TrapezoidHalt(25.0, 99.0))
     time = descend(motor, ladder)
     assert (ladder.outcome.rung, ladder.outcome.ok) == (rung, ok)
     assert [each for each, _ in itertools.groupby(motor.sent)][: rung + 1] == list(
@@ -173,7 +175,7 @@ def test_a_rung_that_is_not_obeyed_is_left_downwards(obeys, rung, ok):
 
 
 def test_a_module_that_is_not_heard_is_sent_every_rung_all_the_same():
-    motor, ladder = Motor(heard=False), StopLadder(None)
+    motor, ladder = Motor(heard=False), ModbusStopSequence(None)
     time = descend(motor, ladder)
     assert "NOT CONFIRMED" in ladder.outcome.text
     assert "it is not heard" in ladder.outcome.text
@@ -182,21 +184,21 @@ def test_a_module_that_is_not_heard_is_sent_every_rung_all_the_same():
 
 
 def test_a_slow_ramp_is_waited_for_as_long_as_it_brakes():
-    motor, ladder = Motor(5.0, ramp=0.5), StopLadder(None)
+    motor, ladder = Motor(5.0, ramp=0.5), ModbusStopSequence(None)
     assert 10.0 < descend(motor, ladder) < 11.0
     assert ladder.outcome.ok
-    motor, ladder = Motor(50.0, ramp=0.5), StopLadder(None)
+    motor, ladder = Motor(50.0, ramp=0.5), ModbusStopSequence(None)
     assert 30.0 < descend(motor, ladder) < 33.0
     assert not ladder.outcome.ok
 
 
 def test_idle_that_comes_by_itself_is_no_standing():
-    motor, ladder = Motor(), StopLadder(None)
+    motor, ladder = Motor(), ModbusStopSequence(None)
     motor.state = 1
     descend(motor, ladder)
     assert not ladder.outcome.ok
     assert "it has let go by itself" in ladder.outcome.text
-    never = StopLadder(None, was_closed=False)
+    never = ModbusStopSequence(None, was_closed=False)
     descend(motor, never)
     assert never.outcome.ok
     assert "was not seen in closed loop" in never.outcome.text
@@ -204,39 +206,39 @@ def test_idle_that_comes_by_itself_is_no_standing():
 
 @pytest.mark.parametrize("state", [3, 4, 7, 11, 99])
 def test_a_state_that_no_set_point_leads_is_switched_off_at_once(state):
-    motor, ladder = Motor(state=state), StopLadder(TrapezoidHalt(25.0, 99.0))
+    motor, ladder = Motor(state=state), ModbusStopSequence(TrapezoidHalt(25.0, 99.0))
     assert descend(motor, ladder) < 0.5
     assert motor.sent == [Send.IDLE]
 
 
 def test_impatience_goes_a_rung_further_each_time():
-    motor, ladder = Motor(ramp=0.01, obeys=(Send.ESTOP,)), StopLadder(TrapezoidHalt(0.001, 99.0))
+    motor, ladder = Motor(ramp=0.01, obeys=(Send.ESTOP,)), ModbusStopSequence(TrapezoidHalt(0.001, 99.0))
     time = descend(motor, ladder, escalate=(2, 4, 6))
     assert time < 1.0
-    assert ladder.outcome.rung is Rung.ESTOP
+    assert ladder.outcome.rung is ModbusStopStep.ESTOP
 
 
 def test_a_motor_that_creeps_or_swings_does_not_stand():
     for places in ([0.0, 0.03, 0.06, 0.09, 0.12, 0.15], [0.0, 0.1, 0.0, 0.1, 0.0, 0.1]):
-        ladder = StopLadder(None, hold=True)
+        ladder = ModbusStopSequence(None, hold=True)
         for number, place in enumerate(places):
-            ladder.step(number * STEP, Look(number * STEP, 8, 0, place, 0.0), held=True)
+            ladder.step(number * STEP, StatusRead(number * STEP, 8, 0, place, 0.0), held=True)
         assert ladder.outcome is None
 
 
 def test_idle_that_was_seen_before_it_was_asked_for_does_not_count():
-    ladder = StopLadder(None)
+    ladder = ModbusStopSequence(None)
     ladder.escalate()
-    assert ladder.step(10.0, Look(9.9, 1, 0), held=False) is Send.IDLE
+    assert ladder.step(10.0, StatusRead(9.9, 1, 0), held=False) is Send.IDLE
     assert ladder.outcome is None
-    ladder.step(10.1, Look(10.05, 1, 0), held=False)
+    ladder.step(10.1, StatusRead(10.05, 1, 0), held=False)
     assert ladder.outcome is not None
 
 
 def test_what_was_seen_before_the_rung_is_no_standing():
-    ladder = StopLadder(None, hold=True)
+    ladder = ModbusStopSequence(None, hold=True)
     for number in range(10):
-        ladder.step(10.0 + number * STEP, Look(9.0 + number * STEP, 8, 0, 0.0, 0.0), held=True)
+        ladder.step(10.0 + number * STEP, StatusRead(9.0 + number * STEP, 8, 0, 0.0, 0.0), held=True)
     assert ladder.outcome is None
 
 
@@ -252,7 +254,7 @@ def test_what_was_seen_before_the_rung_is_no_standing():
 def test_it_always_ends_and_never_tells_of_a_stop_that_was_none(
     velocity, ramp, obeys, heard, halting, escalate, state
 ):
-    motor, ladder = Motor(velocity, ramp, obeys=obeys, heard=heard, state=state), StopLadder(halting)
+    motor, ladder = Motor(velocity, ramp, obeys=obeys, heard=heard, state=state), ModbusStopSequence(halting)
     assert descend(motor, ladder, escalate) < 80.0
     if ladder.outcome.ok:
         assert motor.state == 1

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.drives.gim6010.modbus.dialogue import Refused
+from axisbus.drives.gim6010.modbus.dialogue import ModbusRefused
 from axisbus.drives.gim6010.modbus.module import ModbusModule
-from axisbus.drives.gim6010.modbus.registers import REGISTERS, Kind
+from axisbus.drives.gim6010.modbus.registers import REGISTERS, RegisterKind
 from axisbus.drives.gim6010.modbus.set_node_id import set_node_id
 from axisbus.errors import ArgumentError, LimitError, NodeError, NodeTimeout, StateError
 from axisbus.sim.modbus.fault_injection import LineDials
@@ -38,7 +38,7 @@ def test_position_and_voltage_come_in_their_units():
     assert module.state == 1
 
 
-SETTINGS = [each for each in REGISTERS if each.kind is Kind.SETTING]
+SETTINGS = [each for each in REGISTERS if each.kind is RegisterKind.SETTING]
 
 
 @pytest.mark.parametrize("register", SETTINGS, ids=repr)
@@ -188,7 +188,7 @@ def test_a_restart_brings_back_what_was_saved():
     module.reboot()
     assert module.read("velocity_limit") == 30.0
     station.dials.exceptions[0x7E, True] = 4
-    with pytest.raises(Refused, match="reboot"):
+    with pytest.raises(ModbusRefused, match="reboot"):
         module.reboot()
 
 
@@ -230,7 +230,7 @@ def test_a_node_id_that_somebody_has_is_refused():
 
 def test_a_node_id_that_is_not_taken_is_told():
     station, _, module = line(exceptions={(0x62, True): 3})
-    with pytest.raises(Refused):
+    with pytest.raises(ModbusRefused):
         set_node_id(module, 5)
     station.dials.exceptions.clear()
     station.dials.clamps[0x62] = 1

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from axisbus.drives.gim6010.can_simple.messages import MESSAGES
 from axisbus.drives.gim6010.modbus import open_points, requests
-from axisbus.drives.gim6010.modbus.registers import BY_NAME, ERROR_FLAGS, REGISTERS, Bank, Kind, named
-from axisbus.drives.gim6010.modbus.requests import Function, Reply, Request, fits
+from axisbus.drives.gim6010.modbus.registers import BY_NAME, ERROR_FLAGS, REGISTERS, Bank, RegisterKind, named
+from axisbus.drives.gim6010.modbus.requests import ModbusFunction, ModbusRequest, Reply, fits
 from axisbus.errors import ArgumentError, LimitError
 
 # Typed off the manual a second time: function that reads, first address, registers, letter of the value, requests that it shows.
@@ -176,33 +176,33 @@ def test_a_zero_is_never_negative():
 
 
 @given(
-    st.sampled_from(sorted(Function)),
+    st.sampled_from(sorted(ModbusFunction)),
     st.integers(-2, 0xFFFF),
     st.integers(0, 9),
     st.lists(st.integers(0, 0xFFFF), max_size=9),
 )
 def test_no_request_cuts_a_value_or_takes_two(function, address, count, words):
-    reads = function in (Function.READ_HOLDING, Function.READ_INPUT)
-    bank = Bank.INPUT if function is Function.READ_INPUT else Bank.HOLDING
+    reads = function in (ModbusFunction.READ_HOLDING, ModbusFunction.READ_INPUT)
+    bank = Bank.INPUT if function is ModbusFunction.READ_INPUT else Bank.HOLDING
     whole = any(
         (each.bank, each.address, each.count) == (bank, address, count)
         and len(words) == (0 if reads else count)
-        and (reads or (function is Function.WRITE_ONE) == (count == 1))
+        and (reads or (function is ModbusFunction.WRITE_ONE) == (count == 1))
         for each in REGISTERS
     )
     if whole:
-        assert Request(function, address, count, tuple(words)).pdu[1:3] == address.to_bytes(2, "big")
+        assert ModbusRequest(function, address, count, tuple(words)).pdu[1:3] == address.to_bytes(2, "big")
     else:
         with pytest.raises(ArgumentError, match="no whole value"):
-            Request(function, address, count, tuple(words))
+            ModbusRequest(function, address, count, tuple(words))
 
 
 @pytest.mark.parametrize("register", [each for each in REGISTERS if each.count > 1], ids=repr)
 def test_a_value_of_several_registers_has_no_half(register):
-    function = Function(register.bank.value)
+    function = ModbusFunction(register.bank.value)
     for address, count in ((register.address, 1), (register.address + 1, register.count - 1)):
         with pytest.raises(ArgumentError, match="whole"):
-            Request(function, address, count)
+            ModbusRequest(function, address, count)
 
 
 @pytest.mark.parametrize(
@@ -241,14 +241,14 @@ def test_units_sides_and_parameters_are_those_of_can_simple():
     for each in shared:
         field = known[each.field.path]
         assert (each.field.unit, each.field.side) == (field.unit, field.side), each
-        assert each.field.high == field.high or each.kind is Kind.TARGET
+        assert each.field.high == field.high or each.kind is RegisterKind.TARGET
 
 
 def answer(request, **other):
     """The answer that a right module gives, with what is changed in it."""
-    if request.function in (Function.READ_HOLDING, Function.READ_INPUT):
+    if request.function in (ModbusFunction.READ_HOLDING, ModbusFunction.READ_INPUT):
         fields = {"words": (0,) * request.count}
-    elif request.function is Function.WRITE_ONE:
+    elif request.function is ModbusFunction.WRITE_ONE:
         fields = {"words": request.words, "address": request.address}
     else:
         fields = {"address": request.address, "count": request.count}
@@ -269,7 +269,7 @@ def test_a_reply_fits_by_all_that_it_tells(register):
             assert not fits(request, answer(request, words=(0,) * (request.count + 1)))
             continue
         assert not fits(request, answer(request, address=request.address + 1))
-        if request.function is Function.WRITE_ONE:
+        if request.function is ModbusFunction.WRITE_ONE:
             assert not fits(request, answer(request, words=(request.words[0] ^ 1,)))
         else:
             assert not fits(request, answer(request, count=request.count + 1))

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple import error_query
 from axisbus.drives.gim6010.can_simple.endpoint_messages import request_version
 from axisbus.drives.gim6010.can_simple.error_query import ErrorType
 from axisbus.drives.gim6010.can_simple.port.command_frames import TRAPEZOID, VELOCITY, Orders
-from axisbus.drives.gim6010.can_simple.port.feedback import Hearing
+from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
 from axisbus.drives.gim6010.can_simple.port.settings import HEARTBEAT_BY_LINE, ModuleSettings
 from axisbus.drives.gim6010.modbus.can_emulation.bus import Relay
 from axisbus.errors import ArgumentError, AxisbusError, DriveError
@@ -27,13 +27,13 @@ STATE, CONTROL, INPUT, POSITION, VELOCITY_SET, ESTOP = 0x63, 0x64, 0x65, 0x66, 0
 
 
 class Line:
-    """One station behind a relay; what it tells goes into a ``Hearing``."""
+    """One station behind a relay; what it tells goes into a ``ModuleFeedback``."""
 
     def __init__(self, **dials):
         self.station = Station(dials=LineDials(**dials))
         self.wire = VirtualWire(self.station, timeout=0.1)
         self.relay = Relay(self.wire, {1: list_of(self.station)})
-        self.hearing = Hearing(SETTINGS)
+        self.hearing = ModuleFeedback(SETTINGS)
         self.told = []
         self.wire.sleep(0.0)
 
@@ -49,7 +49,7 @@ class Line:
         for _ in range(pieces):
             for can_id, data in self.relay.work():
                 self.told.append((can_id, data))
-                self.hearing.take(Frame(self.wire.time, can_id, data), self.wire.time)
+                self.hearing.take(CanFrame(self.wire.time, can_id, data), self.wire.time)
 
     def settle(self):
         for _ in range(50):

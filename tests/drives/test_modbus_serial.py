@@ -10,11 +10,11 @@ import pytest
 import serial
 
 from axisbus.drives.gim6010.modbus import requests
-from axisbus.drives.gim6010.modbus.dialogue import Refused
+from axisbus.drives.gim6010.modbus.dialogue import ModbusRefused
 from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.registers import REGISTERS, named
 from axisbus.drives.gim6010.modbus.serial_wire import SerialWire
-from axisbus.drives.gim6010.modbus.wire import Silence
+from axisbus.drives.gim6010.modbus.wire import ModbusTimeout
 from axisbus.errors import AdapterError, NodeTimeout, UserError
 from axisbus.sim.modbus.framing import framed
 from axisbus.sim.modbus.station import Station
@@ -70,10 +70,10 @@ def test_faults_of_the_line_are_lived_through_or_told(line):
     assert module.write("velocity_limit", 12.0) == 12.0
     assert module.read("current_limit") == 45.0
     station.dials.exceptions[0x13, False] = 4
-    with pytest.raises(Refused, match="refuses that bus_voltage"):
+    with pytest.raises(ModbusRefused, match="refuses that bus_voltage"):
         module.read("bus_voltage")
     begin = time.monotonic()
-    with pytest.raises(Silence):
+    with pytest.raises(ModbusTimeout):
         wire.exchange(9, requests.read(named("motor_state")))
     assert 0.15 < time.monotonic() - begin < 5.0
 
@@ -82,7 +82,7 @@ def test_another_module_s_answer_is_not_taken(line):
     station, wire, _ = line
     station.dials.silent = 1
     station._answers.append((0.0, framed(bytes.fromhex("07 04 04 41 C0 00 00"))))
-    with pytest.raises(Silence):
+    with pytest.raises(ModbusTimeout):
         wire.exchange(1, requests.read(named("bus_voltage")))
 
 
@@ -104,7 +104,7 @@ def test_a_line_that_takes_nothing_for_a_while_is_a_silent_module_and_no_lost_po
 
     with monkeypatch.context() as patched:
         patched.setattr(wire._client.socket, "write", stuck)
-        with pytest.raises(Silence):
+        with pytest.raises(ModbusTimeout):
             wire.exchange(1, requests.read(REGISTERS[0]))
     assert module.state == 1
 

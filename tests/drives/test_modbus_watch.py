@@ -6,15 +6,15 @@ import math
 
 import pytest
 
-from axisbus.drives.gim6010.modbus.motion.course import Control, Course
+from axisbus.drives.gim6010.modbus.motion.course import ModbusCommand, ModbusControlMode
 from axisbus.drives.gim6010.modbus.motion.halting import RampHalt, TrapezoidHalt
-from axisbus.drives.gim6010.modbus.motion.look import Look, look
-from axisbus.drives.gim6010.modbus.motion.watch import MoveWatch, TurnWatch, Verdict
+from axisbus.drives.gim6010.modbus.motion.look import StatusRead, look
+from axisbus.drives.gim6010.modbus.motion.watch import ModbusMotionStatus, MoveWatch, TurnWatch
 from kit.modbus.rig import Rig
 
 
 def seen(position, velocity, at=1.0):
-    return Look(at, 8, 0, position, velocity)
+    return StatusRead(at, 8, 0, position, velocity)
 
 
 def move(**other):
@@ -26,13 +26,13 @@ def move(**other):
 def test_a_move_has_arrived_when_it_was_seen_twice_standing_within_its_window():
     watch = move()
     looks = [
-        (seen(9.99, 1.0), Verdict.UNDER_WAY),  # it is there, and passes
-        (seen(10.01, 1.0), Verdict.UNDER_WAY),
-        (seen(9.97, 0.0), Verdict.UNDER_WAY),  # it stands, and is not there
-        (seen(10.01, 0.04), Verdict.UNDER_WAY),  # once
-        (seen(10.03, 0.0), Verdict.UNDER_WAY),  # and not again
-        (seen(9.985, 0.0), Verdict.UNDER_WAY),
-        (seen(10.015, 0.0), Verdict.DONE),
+        (seen(9.99, 1.0), ModbusMotionStatus.UNDER_WAY),  # it is there, and passes
+        (seen(10.01, 1.0), ModbusMotionStatus.UNDER_WAY),
+        (seen(9.97, 0.0), ModbusMotionStatus.UNDER_WAY),  # it stands, and is not there
+        (seen(10.01, 0.04), ModbusMotionStatus.UNDER_WAY),  # once
+        (seen(10.03, 0.0), ModbusMotionStatus.UNDER_WAY),  # and not again
+        (seen(9.985, 0.0), ModbusMotionStatus.UNDER_WAY),
+        (seen(10.015, 0.0), ModbusMotionStatus.DONE),
     ]
     assert [watch.judge(look) for look, _ in looks] == [verdict for _, verdict in looks]
 
@@ -40,16 +40,16 @@ def test_a_move_has_arrived_when_it_was_seen_twice_standing_within_its_window():
 @pytest.mark.parametrize(
     ("look", "verdict"),
     [
-        (seen(-0.05, -1.0), Verdict.UNDER_WAY),
-        (seen(-0.2, -1.0), Verdict.AWAY),
-        (seen(20.2, 1.0), Verdict.AWAY),
-        (seen(5.0, 5.2), Verdict.UNDER_WAY),
-        (seen(5.0, 5.4), Verdict.TOO_FAST),
-        (seen(5.0, -5.4), Verdict.TOO_FAST),
-        (seen(5.0, 4.0, at=5.0), Verdict.UNDER_WAY),
-        (seen(5.0, 4.0, at=5.1), Verdict.LATE),
-        (seen(None, 4.0), Verdict.BLIND),
-        (seen(5.0, None), Verdict.BLIND),
+        (seen(-0.05, -1.0), ModbusMotionStatus.UNDER_WAY),
+        (seen(-0.2, -1.0), ModbusMotionStatus.AWAY),
+        (seen(20.2, 1.0), ModbusMotionStatus.AWAY),
+        (seen(5.0, 5.2), ModbusMotionStatus.UNDER_WAY),
+        (seen(5.0, 5.4), ModbusMotionStatus.TOO_FAST),
+        (seen(5.0, -5.4), ModbusMotionStatus.TOO_FAST),
+        (seen(5.0, 4.0, at=5.0), ModbusMotionStatus.UNDER_WAY),
+        (seen(5.0, 4.0, at=5.1), ModbusMotionStatus.LATE),
+        (seen(None, 4.0), ModbusMotionStatus.BLIND),
+        (seen(5.0, None), ModbusMotionStatus.BLIND),
     ],
 )
 def test_a_move_that_does_not_go_as_asked(look, verdict):
@@ -59,28 +59,28 @@ def test_a_move_that_does_not_go_as_asked(look, verdict):
 def test_a_velocity_is_there_when_it_is_within_two_percent_and_late_when_it_gets_no_nearer():
     watch = TurnWatch(10.0, 10.0)
     looks = [
-        (seen(0.0, 0.0, 0.0), Verdict.UNDER_WAY),
-        (seen(0.0, 5.0, 1.9), Verdict.UNDER_WAY),
-        (seen(0.0, 5.04, 3.8), Verdict.UNDER_WAY),  # no nearer to speak of
-        (seen(0.0, 5.04, 4.0), Verdict.LATE),
-        (seen(0.0, 9.7, 4.1), Verdict.UNDER_WAY),
-        (seen(0.0, 9.81, 4.2), Verdict.DONE),
-        (seen(0.0, 12.6, 4.2), Verdict.TOO_FAST),
-        (seen(None, 10.0, 4.2), Verdict.BLIND),
+        (seen(0.0, 0.0, 0.0), ModbusMotionStatus.UNDER_WAY),
+        (seen(0.0, 5.0, 1.9), ModbusMotionStatus.UNDER_WAY),
+        (seen(0.0, 5.04, 3.8), ModbusMotionStatus.UNDER_WAY),  # no nearer to speak of
+        (seen(0.0, 5.04, 4.0), ModbusMotionStatus.LATE),
+        (seen(0.0, 9.7, 4.1), ModbusMotionStatus.UNDER_WAY),
+        (seen(0.0, 9.81, 4.2), ModbusMotionStatus.DONE),
+        (seen(0.0, 12.6, 4.2), ModbusMotionStatus.TOO_FAST),
+        (seen(None, 10.0, 4.2), ModbusMotionStatus.BLIND),
     ]
     assert [watch.judge(look) for look, _ in looks] == [verdict for _, verdict in looks]
-    assert TurnWatch(0.0, 3.0).judge(seen(0.0, 0.04)) is Verdict.DONE
+    assert TurnWatch(0.0, 3.0).judge(seen(0.0, 0.04)) is ModbusMotionStatus.DONE
 
 
 def test_how_a_course_is_halted_and_what_is_too_fast_for_it():
-    assert Course(Control.POSITION).halting is None
-    assert Course(Control.POSITION, ramp=5.0, target=3.0).halting == TrapezoidHalt(5.0, 3.0)
-    assert Course(Control.VELOCITY, ramp=5.0, commanded=2.0).halting == RampHalt(5.0, 2.0)
-    assert Course(Control.TORQUE, ramp=5.0, target=3.0).halting is None
-    assert Course(Control.TORQUE, fastest=3.0).is_too_fast(-3.1)
-    assert not Course(Control.TORQUE, fastest=3.0).is_too_fast(2.9)
-    assert Course(Control.VELOCITY).is_too_fast(0.6)
-    assert not Course(Control.VELOCITY, fastest=3.0).is_too_fast(-4.0)
+    assert ModbusCommand(ModbusControlMode.POSITION).halting is None
+    assert ModbusCommand(ModbusControlMode.POSITION, ramp=5.0, target=3.0).halting == TrapezoidHalt(5.0, 3.0)
+    assert ModbusCommand(ModbusControlMode.VELOCITY, ramp=5.0, commanded=2.0).halting == RampHalt(5.0, 2.0)
+    assert ModbusCommand(ModbusControlMode.TORQUE, ramp=5.0, target=3.0).halting is None
+    assert ModbusCommand(ModbusControlMode.TORQUE, fastest=3.0).is_too_fast(-3.1)
+    assert not ModbusCommand(ModbusControlMode.TORQUE, fastest=3.0).is_too_fast(2.9)
+    assert ModbusCommand(ModbusControlMode.VELOCITY).is_too_fast(0.6)
+    assert not ModbusCommand(ModbusControlMode.VELOCITY, fastest=3.0).is_too_fast(-4.0)
     assert math.isclose(RampHalt(5.0, 2.0).longest(10.0), 5.0)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.eds import Finding, Severity, check
+from axisbus.eds import EdsFinding, Severity, check
 from axisbus.eds.io import reader
 from kit.corpus import CORPUS
 from kit.eds.planting import KINDS, Plant, Text, plant
@@ -19,7 +19,7 @@ PLANTS_OF_A_KIND = 5
 MISSED = "nothing of"
 
 
-def findings(text: str, name: str) -> tuple[Finding, ...]:
+def findings(text: str, name: str) -> tuple[EdsFinding, ...]:
     return check(reader.read(text.encode("latin-1"), name))
 
 

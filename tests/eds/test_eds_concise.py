@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.eds import concise
-from axisbus.eds.concise import Write
+from axisbus.eds.concise import ConciseWrite
 from axisbus.eds.concise_dcf_values import configuration, parameters
 from axisbus.eds.io import reader
-from axisbus.eds.io.reader import Reading
+from axisbus.eds.io.reader import EdsParseResult
 from axisbus.errors import ArgumentError, EdsError
 from kit.eds.texts import HEAD, record, variable
 
@@ -22,7 +22,7 @@ HEARTBEAT_AND_SPEED = bytes.fromhex(
 )
 
 
-def dcf(body: str, node: int = 5) -> Reading:
+def dcf(body: str, node: int = 5) -> EdsParseResult:
     return reader.read(f"{HEAD}[DeviceComissioning]\nNodeID={node}\n\n{body}".encode(), "x.dcf")
 
 
@@ -43,7 +43,7 @@ def pdo(index: int, *, cob: str, mapping: dict[int, str], count: str, **keys: st
 
 
 def test_the_stream_is_as_the_standard_prints_it() -> None:
-    writes = (Write(0x1017, 0, b"\x64\x00"), Write(0x6081, 0, b"\xe8\x03\x00\x00"))
+    writes = (ConciseWrite(0x1017, 0, b"\x64\x00"), ConciseWrite(0x6081, 0, b"\xe8\x03\x00\x00"))
     assert concise.encode(writes) == HEARTBEAT_AND_SPEED
     assert concise.decode(HEARTBEAT_AND_SPEED) == writes
     assert concise.decode(b"\0\0\0\0") == ()
@@ -111,15 +111,15 @@ def test_a_pdo_is_disabled_mapped_and_enabled_in_this_order_and_1020_comes_last(
         )
     )
     assert made.writes == (
-        Write(0x6081, 0, bytes.fromhex("e8030000")),
-        Write(0x1400, 1, bytes.fromhex("05020080")),  # 205h of node 5, bit 31
-        Write(0x1400, 2, b"\x01"),
-        Write(0x1600, 0, b"\x00"),
-        Write(0x1600, 1, bytes.fromhex("10004060")),
-        Write(0x1600, 2, bytes.fromhex("2000ff60")),
-        Write(0x1600, 0, b"\x02"),
-        Write(0x1400, 1, bytes.fromhex("05020000")),
-        Write(0x1020, 1, bytes.fromhex("78563412")),
+        ConciseWrite(0x6081, 0, bytes.fromhex("e8030000")),
+        ConciseWrite(0x1400, 1, bytes.fromhex("05020080")),  # 205h of node 5, bit 31
+        ConciseWrite(0x1400, 2, b"\x01"),
+        ConciseWrite(0x1600, 0, b"\x00"),
+        ConciseWrite(0x1600, 1, bytes.fromhex("10004060")),
+        ConciseWrite(0x1600, 2, bytes.fromhex("2000ff60")),
+        ConciseWrite(0x1600, 0, b"\x02"),
+        ConciseWrite(0x1400, 1, bytes.fromhex("05020000")),
+        ConciseWrite(0x1020, 1, bytes.fromhex("78563412")),
     )
 
 
@@ -155,7 +155,7 @@ def test_a_value_that_nobody_understands_is_refused_with_its_line() -> None:
 
 def test_a_formula_needs_a_node() -> None:
     reading = reader.read((HEAD + variable("2000", ParameterValue="$NODEID+1")).encode(), "x.eds")
-    assert configuration(reading, 9).writes == (Write(0x2000, 0, bytes.fromhex("0a000000")),)
+    assert configuration(reading, 9).writes == (ConciseWrite(0x2000, 0, bytes.fromhex("0a000000")),)
     with pytest.raises(EdsError, match="depends on the node ID"):
         configuration(reading)
 
@@ -183,13 +183,15 @@ def test_every_type_goes_to_octets_and_back() -> None:
 
 def test_of_several_writes_to_one_entry_the_last_is_its_value() -> None:
     eds = dcf(variable("6081")).eds
-    ((entry, text),) = parameters(eds, [Write(0x6081, 0, b"\x01\0\0\0"), Write(0x6081, 0, b"\x02\0\0\0")])
+    ((entry, text),) = parameters(
+        eds, [ConciseWrite(0x6081, 0, b"\x01\0\0\0"), ConciseWrite(0x6081, 0, b"\x02\0\0\0")]
+    )
     assert (entry.index, text) == (0x6081, "2")
 
 
 def test_a_stream_for_another_device_is_refused() -> None:
     eds = dcf(variable("6081")).eds
     with pytest.raises(ArgumentError, match="has no object 6099h:01"):
-        parameters(eds, [Write(0x6099, 1, b"\0\0\0\0")])
+        parameters(eds, [ConciseWrite(0x6099, 1, b"\0\0\0\0")])
     with pytest.raises(EdsError, match="takes 4 octets"):
-        parameters(eds, [Write(0x6081, 0, b"\0\0")])
+        parameters(eds, [ConciseWrite(0x6081, 0, b"\0\0")])

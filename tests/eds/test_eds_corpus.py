@@ -36,7 +36,7 @@ LIBRARY_TYPES = range(1, 0x1C)
 
 
 @pytest.fixture(scope="module")
-def readings() -> dict[str, reader.Reading]:
+def readings() -> dict[str, reader.EdsParseResult]:
     logging.getLogger("canopen").setLevel(logging.ERROR)
     return {path.name: reader.read(path.read_bytes(), path.name) for path in FILES}
 
@@ -56,14 +56,16 @@ def comparable(facts: dict[tuple[int, int], tuple[object, ...]]) -> dict[tuple[i
     return known
 
 
-def test_every_file_is_read_and_written_back_byte_for_byte(readings: dict[str, reader.Reading]) -> None:
+def test_every_file_is_read_and_written_back_byte_for_byte(
+    readings: dict[str, reader.EdsParseResult],
+) -> None:
     for path in FILES:
         reading = readings[path.name]
         assert reading.eds.objects
         assert writer.dumps(reading.document) == path.read_bytes(), path.name
 
 
-def test_findings_point_into_the_file(readings: dict[str, reader.Reading]) -> None:
+def test_findings_point_into_the_file(readings: dict[str, reader.EdsParseResult]) -> None:
     for name, reading in readings.items():
         for finding in reading.eds.findings:
             assert 0 <= finding.line <= len(reading.document.lines), (name, finding)
@@ -74,13 +76,13 @@ def test_findings_point_into_the_file(readings: dict[str, reader.Reading]) -> No
                 )
 
 
-def test_every_file_reaches_canopen_as_we_read_it(readings: dict[str, reader.Reading]) -> None:
+def test_every_file_reaches_canopen_as_we_read_it(readings: dict[str, reader.EdsParseResult]) -> None:
     for name, reading in readings.items():
         theirs = comparable(canopen_facts(canopen_text(reading.eds), 5))
         assert theirs == comparable(our_facts(reading.eds, 5)), name
 
 
-def test_clean_files_mean_to_us_what_they_mean_to_canopen(readings: dict[str, reader.Reading]) -> None:
+def test_clean_files_mean_to_us_what_they_mean_to_canopen(readings: dict[str, reader.EdsParseResult]) -> None:
     compared = 0
     for path in FILES:
         eds = readings[path.name].eds
@@ -96,7 +98,7 @@ def test_clean_files_mean_to_us_what_they_mean_to_canopen(readings: dict[str, re
     assert compared >= len(FILES) // 4
 
 
-def test_one_changed_value_is_one_changed_line(readings: dict[str, reader.Reading]) -> None:
+def test_one_changed_value_is_one_changed_line(readings: dict[str, reader.EdsParseResult]) -> None:
     chance = random.Random(306)
     for path in FILES:
         document = readings[path.name].document
@@ -116,7 +118,7 @@ def test_one_changed_value_is_one_changed_line(readings: dict[str, reader.Readin
 
 
 def test_every_model_written_anew_is_a_clean_file_that_canopen_reads(
-    readings: dict[str, reader.Reading],
+    readings: dict[str, reader.EdsParseResult],
 ) -> None:
     written = 0
     for name, reading in readings.items():
@@ -141,7 +143,9 @@ def accepted(data: bytes) -> bool:
     return True
 
 
-def test_what_canopen_reads_it_reads_after_a_mend_and_as_a_dcf(readings: dict[str, reader.Reading]) -> None:
+def test_what_canopen_reads_it_reads_after_a_mend_and_as_a_dcf(
+    readings: dict[str, reader.EdsParseResult],
+) -> None:
     some = list(readings)[::4]  # canopen takes most of the time
     read = [name for name in some if accepted(writer.dumps(readings[name]))]
     assert len(read) >= len(some) // 2

@@ -35,7 +35,7 @@ def spent(work: Callable[[], object]) -> float:
     return time.process_time() - start
 
 
-def check(text: str) -> tuple[eds.Finding, ...]:
+def check(text: str) -> tuple[eds.EdsFinding, ...]:
     """Check a text by all rules."""
     return eds.check(reader.read(text.encode(), "big.eds"))
 

@@ -10,7 +10,7 @@ from axisbus.eds import assign, builtin, concise, concise_dcf_values, dcf, write
 from axisbus.eds.dcf import Settings
 from axisbus.eds.io import reader
 from axisbus.eds.io import text as eds_text
-from axisbus.eds.io.reader import Reading
+from axisbus.eds.io.reader import EdsParseResult
 from axisbus.eds.model import Number
 from axisbus.errors import ArgumentError, EdsError, LimitError
 from kit.corpus import FILES
@@ -20,11 +20,11 @@ SPEED = variable("6081", ParameterName="Profile velocity", DefaultValue="10", Lo
 LIST = "[2000]\nParameterName=List\nObjectType=8\nDataType=6\nAccessType=rw\nCompactSubObj=3\n\n"
 
 
-def file(body: str = SPEED, head: str = HEAD) -> Reading:
+def file(body: str = SPEED, head: str = HEAD) -> EdsParseResult:
     return reader.read((head + body).encode(), "drive.eds")
 
 
-def text(reading: Reading) -> str:
+def text(reading: EdsParseResult) -> str:
     return writer.dumps(reading).decode()
 
 

@@ -9,14 +9,14 @@ from itertools import pairwise
 import pytest
 
 import axisbus.eds
-from axisbus.eds import Difference, Eds, diff, load, loads
+from axisbus.eds import Eds, EdsDifference, diff, load, loads
 from axisbus.eds.report import compare_text
-from axisbus.eds.report.difference import Group
+from axisbus.eds.report.difference import DifferenceGroup
 from kit.eds.samples import BUILTIN, CORPUS, STATUS, communication, mapped, small, small_text
 from kit.eds.texts import record, variable
 
 
-def only(a: str | Eds, b: str | Eds, node_id: int | None = None) -> Difference:
+def only(a: str | Eds, b: str | Eds, node_id: int | None = None) -> EdsDifference:
     """Return the one difference that there must be between two drives."""
     one, other = (small(each) if isinstance(each, str) else each for each in (a, b))
     found = diff(one, other, node_id)
@@ -69,7 +69,7 @@ def test_a_formula_is_its_value_only_for_a_node() -> None:
     formula, fixed = communication("1800", "$NODEID+0x180"), communication("1800", "0x185")
     assert diff(small(formula), small(fixed), 5) == ()
     found = only(formula, fixed)
-    assert (found.group, found.index, found.subindex) == (Group.PDO, 0x1800, 1)
+    assert (found.group, found.index, found.subindex) == (DifferenceGroup.PDO, 0x1800, 1)
     assert (found.a, found.b) == ("$NODEID+0x180", "0x00000185")
     assert len(diff(small(formula), small(fixed), 6)) == 1
 
@@ -79,7 +79,7 @@ def test_a_changed_mapping_is_one_difference_that_names_what_came_and_went() -> 
     found = only(
         head + mapped("1A00", "0x60410010", "0x60610008"), head + mapped("1A00", "0x60410010", "0x60640020")
     )
-    assert (found.group, found.what, found.index) == (Group.PDO, "TPDO1 mapping", 0x1A00)
+    assert (found.group, found.what, found.index) == (DifferenceGroup.PDO, "TPDO1 mapping", 0x1A00)
     assert found.a == "6041:00/16 Statusword, 6061:00/8 Mode display"
     assert found.b == "6041:00/16 Statusword, 6064:00/32 Position"
     assert found.matters.startswith("TPDO1 no longer carries 6061 and now carries 6064")
@@ -113,7 +113,7 @@ def test_a_mapping_entry_beyond_the_count_is_an_ordinary_default() -> None:
 )
 def test_what_another_pdo_parameter_means(a: tuple[str, str], b: tuple[str, str], meaning: str) -> None:
     found = only(communication("1800", *a), communication("1800", *b))
-    assert (found.group, found.matters) == (Group.PDO, meaning)
+    assert (found.group, found.matters) == (DifferenceGroup.PDO, meaning)
 
 
 def test_other_claimed_modes_are_named() -> None:
@@ -126,30 +126,40 @@ def test_other_claimed_modes_are_named() -> None:
         ("modes no longer claimed (6502h)", "csp", ""),
         ("modes newly claimed (6502h)", "", "pv"),
     ]
-    assert all(each.group is Group.IDENTITY for each in found)
+    assert all(each.group is DifferenceGroup.IDENTITY for each in found)
     assert found[0].matters == "commands that use these modes will be refused"
 
 
 @pytest.mark.parametrize(
     ("a", "b", "group", "matters"),
     [
-        ({"AccessType": "rw"}, {"AccessType": "ro"}, Group.TYPES, "can no longer be written"),
-        ({"AccessType": "ro"}, {"AccessType": "rw"}, Group.TYPES, "can now be written"),
-        ({"AccessType": "rw"}, {"AccessType": "wo"}, Group.TYPES, "can no longer be read"),
-        ({"DataType": "0x6"}, {"DataType": "0x7"}, Group.TYPES, "transfers of the other size are refused"),
-        ({"DataType": "0x6"}, {"DataType": "0x3"}, Group.TYPES, "with or without a sign"),
-        ({"PDOMapping": "1"}, {"PDOMapping": "0"}, Group.TYPES, "can no longer be mapped"),
-        ({"PDOMapping": "0"}, {"PDOMapping": "1"}, Group.TYPES, ""),
-        ({"HighLimit": "100"}, {"HighLimit": "90"}, Group.LIMITS, "values that were allowed may be refused"),
-        ({"HighLimit": "100"}, {"HighLimit": "200"}, Group.LIMITS, ""),
-        ({}, {"LowLimit": "1"}, Group.LIMITS, "values that were allowed may be refused"),
-        ({"LowLimit": "1"}, {}, Group.LIMITS, ""),
-        ({"DefaultValue": "1"}, {"DefaultValue": "2"}, Group.DEFAULTS, ""),
-        ({"DefaultValue": "1"}, {}, Group.DEFAULTS, ""),
+        ({"AccessType": "rw"}, {"AccessType": "ro"}, DifferenceGroup.TYPES, "can no longer be written"),
+        ({"AccessType": "ro"}, {"AccessType": "rw"}, DifferenceGroup.TYPES, "can now be written"),
+        ({"AccessType": "rw"}, {"AccessType": "wo"}, DifferenceGroup.TYPES, "can no longer be read"),
+        (
+            {"DataType": "0x6"},
+            {"DataType": "0x7"},
+            DifferenceGroup.TYPES,
+            "transfers of the other size are refused",
+        ),
+        ({"DataType": "0x6"}, {"DataType": "0x3"}, DifferenceGroup.TYPES, "with or without a sign"),
+        ({"PDOMapping": "1"}, {"PDOMapping": "0"}, DifferenceGroup.TYPES, "can no longer be mapped"),
+        ({"PDOMapping": "0"}, {"PDOMapping": "1"}, DifferenceGroup.TYPES, ""),
+        (
+            {"HighLimit": "100"},
+            {"HighLimit": "90"},
+            DifferenceGroup.LIMITS,
+            "values that were allowed may be refused",
+        ),
+        ({"HighLimit": "100"}, {"HighLimit": "200"}, DifferenceGroup.LIMITS, ""),
+        ({}, {"LowLimit": "1"}, DifferenceGroup.LIMITS, "values that were allowed may be refused"),
+        ({"LowLimit": "1"}, {}, DifferenceGroup.LIMITS, ""),
+        ({"DefaultValue": "1"}, {"DefaultValue": "2"}, DifferenceGroup.DEFAULTS, ""),
+        ({"DefaultValue": "1"}, {}, DifferenceGroup.DEFAULTS, ""),
     ],
 )
 def test_a_change_of_one_fact_is_one_difference_in_its_group(
-    a: dict[str, str], b: dict[str, str], group: Group, matters: str
+    a: dict[str, str], b: dict[str, str], group: DifferenceGroup, matters: str
 ) -> None:
     found = only(entry(**a), entry(**b))
     assert (found.group, found.index) == (group, 0x2000)
@@ -188,7 +198,7 @@ def test_another_identity_is_refused_by_a_master_that_checks_it() -> None:
         )
 
     found = only(identity("0x11"), identity("0x12"))
-    assert (found.group, found.a, found.b) == (Group.IDENTITY, "0x00000011", "0x00000012")
+    assert (found.group, found.a, found.b) == (DifferenceGroup.IDENTITY, "0x00000011", "0x00000012")
     assert "refuses" in found.matters
 
 
@@ -197,7 +207,7 @@ def test_added_and_removed_objects_and_sub_indices() -> None:
     one = record("2100", variable("2100sub1", ParameterName="One"))
     gone = only(two, one)
     assert (gone.group, gone.index, gone.subindex, gone.a, gone.b) == (
-        Group.REMOVED,
+        DifferenceGroup.REMOVED,
         0x2100,
         2,
         "UNSIGNED32 rw",
@@ -207,7 +217,7 @@ def test_added_and_removed_objects_and_sub_indices() -> None:
     assert gone.line_b == 0
     come = only("", two)
     assert (come.group, come.index, come.subindex, come.b) == (
-        Group.ADDED,
+        DifferenceGroup.ADDED,
         0x2100,
         None,
         "RECORD with 2 sub-indices",
@@ -226,18 +236,18 @@ def test_a_removed_object_that_a_mode_or_a_pdo_needs_says_so() -> None:
     assert only(target, "").matters == "needed by pp csp"
     carried = communication("1800", "$NODEID+0x180") + mapped("1A00", "0x20000020")
     removed = only(carried + variable("2000", PDOMapping="1"), carried)
-    assert (removed.group, removed.matters) == (Group.REMOVED, "TPDO1 carried it")
+    assert (removed.group, removed.matters) == (DifferenceGroup.REMOVED, "TPDO1 carried it")
 
 
 def test_a_renamed_object_is_a_difference_that_does_not_matter() -> None:
     found = only(variable("2000", ParameterName="Old"), variable("2000", ParameterName="New"))
-    assert (found.group, found.a, found.b, found.matters) == (Group.NAMES, "Old", "New", "")
+    assert (found.group, found.a, found.b, found.matters) == (DifferenceGroup.NAMES, "Old", "New", "")
 
 
 def test_a_device_that_lost_a_bit_rate() -> None:
     slower = loads(small_text("").replace("BaudRate_500=1", "BaudRate_500=0").encode(), "b.eds")
     found = only(small(""), slower)
-    assert (found.group, found.what, found.a, found.b) == (Group.IDENTITY, "BaudRate_500", "1", "0")
+    assert (found.group, found.what, found.a, found.b) == (DifferenceGroup.IDENTITY, "BaudRate_500", "1", "0")
     assert found.matters
 
 
@@ -246,7 +256,12 @@ def test_two_dcfs_for_different_nodes() -> None:
         return small(f"[{spelling}]\nNodeID={node_id}\nBaudrate=500\n")
 
     found = only(dcf("5", "DeviceComissioning"), dcf("0x6", "DeviceCommissioning"))
-    assert (found.group, found.what, found.a, found.b) == (Group.IDENTITY, "DCF: NodeID", "5", "0x6")
+    assert (found.group, found.what, found.a, found.b) == (
+        DifferenceGroup.IDENTITY,
+        "DCF: NodeID",
+        "5",
+        "0x6",
+    )
     assert diff(dcf("5", "DeviceComissioning"), dcf("0x05", "DeviceComissioning")) == ()
     assert diff(dcf("5", "DeviceComissioning"), small("")) == ()
 
@@ -326,7 +341,7 @@ def test_the_library_offers_diff_without_importing_it_at_once() -> None:
         axisbus.eds.nothing  # noqa: B018
 
 
-_SWAPPED = {Group.ADDED: Group.REMOVED, Group.REMOVED: Group.ADDED}
+_SWAPPED = {DifferenceGroup.ADDED: DifferenceGroup.REMOVED, DifferenceGroup.REMOVED: DifferenceGroup.ADDED}
 
 
 @pytest.mark.skipif(not CORPUS, reason="no folder of EDS files (AXISBUS_EDS_CORPUS)")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.eds import Eds, Finding, Severity, layout, load
+from axisbus.eds import Eds, EdsFinding, Severity, layout, load
 from axisbus.eds import device_doc as reference_package
 from axisbus.eds.device_doc import html, markdown, reference
 from kit.eds.samples import BITS, CORPUS, EVERY_TENTH, STATUS, builtin, communication, mapped, small
@@ -172,7 +172,7 @@ def test_findings_are_listed_with_line_and_remedy() -> None:
 
 
 def test_findings_of_a_check_replace_those_of_the_reading() -> None:
-    given = Finding("X001", Severity.NOTE, 7, 1, "a thing of note", "leave it")
+    given = EdsFinding("X001", Severity.NOTE, 7, 1, "a thing of note", "leave it")
     whole = reference(small(""), None, [given])
     assert whole.verdict == "1 note"
     assert "a thing of note" in Page(html(whole)).said

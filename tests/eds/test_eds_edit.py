@@ -10,16 +10,16 @@ from hypothesis import strategies as st
 
 from axisbus.eds import writer
 from axisbus.eds.io import edit, text
-from axisbus.eds.io.text import Document
+from axisbus.eds.io.text import EdsText
 from axisbus.errors import ArgumentError
 from kit.eds.texts import HEAD, HEAD_LINES, variable
 
 
-def document(content: str | bytes) -> Document:
+def document(content: str | bytes) -> EdsText:
     return text.parse(text.decode(content if isinstance(content, bytes) else content.encode()))
 
 
-def changed(content: str | bytes, *changes: edit.Change) -> bytes:
+def changed(content: str | bytes, *changes: edit.LineEdit) -> bytes:
     return writer.dumps(edit.apply(document(content), changes))
 
 

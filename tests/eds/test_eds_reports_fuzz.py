@@ -74,7 +74,8 @@ def test_every_report_is_made(damages: list[tuple[int, tuple[str, str]]]) -> Non
     assert len([line for line in show.tree(eds, 5, Screen(80)) if line.startswith("  ")]) > len(eds.objects)
     for entry in list(eds)[::5]:
         assert any(
-            entry.name in line for line in show_object.object_lines(eds, search.Match(entry), 5, Screen())
+            entry.name in line
+            for line in show_object.object_lines(eds, search.ObjectMatch(entry), 5, Screen())
         )
     compile(codegen.module(eds), "damaged.py", "exec")
     assert export_values.csv_text(eds, None).count("\n") > len(eds.objects)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import pytest
 
-from axisbus.eds import Finding, Severity, check
+from axisbus.eds import EdsFinding, Severity, check
 from axisbus.eds.io import reader
 from axisbus.eds.rules import engine
 from axisbus.eds.rules.table import rules
@@ -31,7 +31,7 @@ def text_of(edits: Iterable[Edit]) -> tuple[str, bytes]:
     return text, data or text.encode("latin-1")
 
 
-def found(edits: Iterable[Edit]) -> list[Finding]:
+def found(edits: Iterable[Edit]) -> list[EdsFinding]:
     text, data = text_of(edits)
     name = "test.dcf" if "FileName=test.dcf" in text else "test.eds"
     return list(check(reader.read(data, name)))
@@ -59,7 +59,7 @@ def test_what_is_near_a_breach_is_left_alone(case: Case) -> None:
     assert [each for each in found(case.near) if each.rule == case.rule] == []
 
 
-def only(rule: str, *edits: Edit) -> Finding:
+def only(rule: str, *edits: Edit) -> EdsFinding:
     (hit,) = [each for each in found(edits) if each.rule == rule]
     return hit
 

@@ -10,18 +10,26 @@ from hypothesis import strategies as st
 
 from axisbus.errors import AxisbusError, CommandError, LimitError, OwnershipError, Stopped
 from axisbus.fleet.cell_state import AXES, FRESH, CellWatch
-from axisbus.fleet.command_retry import SILENCE, Again, Order, Situation, error_of
+from axisbus.fleet.command_retry import SILENCE, Again, CommandRetry, Situation, error_of
 from axisbus.fleet.endpoint_status import unreached
 from axisbus.fleet.events import KEPT, NEWEST, EventLog
 from axisbus.fleet.lease import LeaseKeeper
-from axisbus.fleet.messages import PROTOCOL, AxisInfo, AxisState, CellInfo, CommandAnswer, Event, EventsAnswer
+from axisbus.fleet.messages import (
+    PROTOCOL,
+    AxisInfo,
+    AxisStateMessage,
+    CellInfo,
+    CommandAnswer,
+    Event,
+    EventsAnswer,
+)
 from axisbus.ipc.errors import ErrorFields, to_fields
 from axisbus.motion.command_status import Status
 from axisbus.version import __version__
 
 
 def state(n, run="a", *, age=0.0, clock=100.0, told="Standstill", position=1.0):
-    return AxisState(n, run, clock, "deg", told, age, position=position)
+    return AxisStateMessage(n, run, clock, "deg", told, age, position=position)
 
 
 def info(run="a", *, protocol=PROTOCOL, version=__version__, clock=100.0):
@@ -322,7 +330,7 @@ HERE = Situation(10.0, True, "a", True)
 
 
 def order(**more):
-    return Order("press.x.move_absolute(position=1.0)", 10.0, "a", **more)
+    return CommandRetry("press.x.move_absolute(position=1.0)", 10.0, "a", **more)
 
 
 def test_an_answer_ends_a_command_as_it_ended_there():

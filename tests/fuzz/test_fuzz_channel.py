@@ -18,27 +18,29 @@ from axisbus.bus.link import bus_activity, detect_other_master
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.lss import LssMaster
 from axisbus.bus.node import discover, from_device
-from axisbus.bus.node.node import Node
-from axisbus.bus.pdo.plan import Change, PlannedPdo
+from axisbus.bus.node.node import CanopenNode
+from axisbus.bus.pdo.plan import PdoChange, PlannedPdo
 from axisbus.bus.pdo.tpdo import TpdoSlot
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeConsumer
 from axisbus.cia301.datatypes import DataType
-from axisbus.cia301.dropped_frames import Drops, Fault, words
+from axisbus.cia301.dropped_frames import DropReason, Drops, words
 from axisbus.cia301.emcy import explain
-from axisbus.cia301.master_detection import Cast
+from axisbus.cia301.master_detection import ExpectedMasters
 from axisbus.cia301.nmt import NmtState
-from axisbus.cia301.pdo import MappedObject, Pdo
-from axisbus.cia305.dialogue import Timing
+from axisbus.cia301.pdo import MappedObject, PdoConfiguration
+from axisbus.cia305.dialogue import LssTiming
 from axisbus.errors import AxisbusError, EdsError, SdoError
 from kit import fuzz_frames as fuzz
 from kit.bus.peer import FakeBus, Slave
 
 ID = fuzz.NODE
 MAPPING = (MappedObject(0x6041, 0, 16), MappedObject(0x6064, 0, 32), MappedObject(0x6061, 0, 8))
-TPDO = Pdo(1, 0x180 + ID, True, 1, MAPPING)
-PLANNED = PlannedPdo(False, TPDO, TPDO, Change.KEEP, ("statusword", "position", "mode"), (False, True, True))
+TPDO = PdoConfiguration(1, 0x180 + ID, True, 1, MAPPING)
+PLANNED = PlannedPdo(
+    False, TPDO, TPDO, PdoChange.KEEP, ("statusword", "position", "mode"), (False, True, True)
+)
 _RUNNING = itertools.count()
 
 identifiers = st.one_of(
@@ -84,7 +86,7 @@ def delivered(fake: FakeBus, channel: Channel) -> None:
 @given(st.lists(messages(), max_size=30))
 @settings(max_examples=60)
 def test_nothing_that_listens_minds_any_frame(frames):
-    with opened() as (fake, channel), Node(channel, ID) as node:
+    with opened() as (fake, channel), CanopenNode(channel, ID) as node:
         slot = TpdoSlot(PLANNED)
         feed = node.emcy.feed()
         channel.subscribe(slot.cob_id, slot.on_frame)
@@ -106,26 +108,26 @@ def test_nothing_that_listens_minds_any_frame(frames):
 
 
 CASES = [
-    (0x180 + ID, "37 02 00", {}, Fault.SHORT_PDO, ID),
-    (0x280 + ID, "37 02 00", {}, Fault.UNKNOWN_PDO, ID),
-    (0x80 + ID, "11", {}, Fault.EMCY, ID),
-    (0x80 + ID, "", {}, Fault.EMCY, ID),
-    (0x700 + ID, "", {}, Fault.HEARTBEAT, ID),
-    (0x580 + ID, "43 00 10 00 92 01 02 00", {}, Fault.SDO, ID),
-    (0x580 + ID, "", {}, Fault.SDO, ID),
-    (0x80, "01 02", {}, Fault.SYNC, None),
-    (0x100, "ff ff ff", {}, Fault.TIME, None),
-    (0x180 + ID, "37 02 00 00 00 00 08", {"is_extended_id": True}, Fault.EXTENDED, ID),
-    (0x180 + ID, "37 02 00 00 00 00 08", {"is_fd": True}, Fault.FD, ID),
-    (0x700 + ID, "", {"is_remote_frame": True}, Fault.REMOTE, ID),
+    (0x180 + ID, "37 02 00", {}, DropReason.SHORT_PDO, ID),
+    (0x280 + ID, "37 02 00", {}, DropReason.UNKNOWN_PDO, ID),
+    (0x80 + ID, "11", {}, DropReason.EMCY, ID),
+    (0x80 + ID, "", {}, DropReason.EMCY, ID),
+    (0x700 + ID, "", {}, DropReason.HEARTBEAT, ID),
+    (0x580 + ID, "43 00 10 00 92 01 02 00", {}, DropReason.SDO, ID),
+    (0x580 + ID, "", {}, DropReason.SDO, ID),
+    (0x80, "01 02", {}, DropReason.SYNC, None),
+    (0x100, "ff ff ff", {}, DropReason.TIME, None),
+    (0x180 + ID, "37 02 00 00 00 00 08", {"is_extended_id": True}, DropReason.EXTENDED, ID),
+    (0x180 + ID, "37 02 00 00 00 00 08", {"is_fd": True}, DropReason.FD, ID),
+    (0x700 + ID, "", {"is_remote_frame": True}, DropReason.REMOTE, ID),
 ]
 
 
 @pytest.mark.parametrize(("can_id", "data", "flags", "fault", "node_id"), CASES)
 def test_what_is_dropped_is_counted_with_its_node_and_does_nothing(can_id, data, flags, fault, node_id):
-    with opened() as (fake, channel), Node(channel, ID) as node:
+    with opened() as (fake, channel), CanopenNode(channel, ID) as node:
         slot = TpdoSlot(
-            PLANNED, lambda data, stamp: channel.drops.note(Fault.SHORT_PDO, ID, stamp, 0x185, data)
+            PLANNED, lambda data, stamp: channel.drops.note(DropReason.SHORT_PDO, ID, stamp, 0x185, data)
         )
         channel.subscribe(slot.cob_id, slot.on_frame)
         sync, clock = SyncConsumer(channel, 0x80, 0.01), TimeConsumer(channel)
@@ -145,7 +147,7 @@ def test_what_is_dropped_is_counted_with_its_node_and_does_nothing(can_id, data,
 
 
 def test_a_boot_up_with_more_than_its_byte_is_one_for_error_control_and_for_the_incidents_alike():
-    with opened() as (fake, channel), Node(channel, ID) as node:
+    with opened() as (fake, channel), CanopenNode(channel, ID) as node:
         fake.inject(0x80 + ID, "10 81 01 00 00 00 00 00")
         fake.inject(0x700 + ID, "00 00 00")
         delivered(fake, channel)
@@ -156,7 +158,7 @@ def test_a_boot_up_with_more_than_its_byte_is_one_for_error_control_and_for_the_
 def test_the_counts_are_kept_within_bounds_whoever_sends_what():
     drops = Drops()
     for node in range(1000):
-        drops.note(Fault.SDO, node, 0.0, 0)
+        drops.note(DropReason.SDO, node, 0.0, 0)
     assert len(drops.found) <= 257
     assert sum(drop.count for drop in drops.found) == 1000
     assert "other frames" in words(drops.found)
@@ -165,8 +167,8 @@ def test_the_counts_are_kept_within_bounds_whoever_sends_what():
 def test_what_was_dropped_is_told_in_one_line():
     drops = Drops()
     for _ in range(3):
-        drops.note(Fault.SHORT_PDO, 2, 0.0, 0x182)
-    drops.note(Fault.EMCY, 5, 0.0, 0x85, b"\x11")
+        drops.note(DropReason.SHORT_PDO, 2, 0.0, 0x182)
+    drops.note(DropReason.EMCY, 5, 0.0, 0x85, b"\x11")
     assert words(drops.found) == (
         "dropped: 3 PDOs too short for their mapping (node 2), 1 EMCY without an error code (node 5)"
     )
@@ -210,7 +212,7 @@ def test_a_client_ends_whatever_the_server_says_and_the_next_call_is_a_new_one(s
 
 
 def test_more_than_an_object_can_have_is_not_taken_but_a_type_that_is_asked_for_counts():
-    with opened() as (fake, channel), Node(channel, ID) as node:
+    with opened() as (fake, channel), CanopenNode(channel, ID) as node:
         fake.peers.append(Slave(ID, {(0x1018, 1): b"x" * 300}))
         with pytest.raises(SdoError, match="300 bytes announced, 256 are taken at most"):
             node.sdo.read(0x1018, 1)
@@ -219,7 +221,7 @@ def test_more_than_an_object_can_have_is_not_taken_but_a_type_that_is_asked_for_
 
 
 def test_answers_that_come_while_nothing_is_asked_are_counted_and_not_kept():
-    with opened() as (fake, channel), Node(channel, ID) as node:
+    with opened() as (fake, channel), CanopenNode(channel, ID) as node:
         for _ in range(500):
             fake.inject(0x580 + ID, "43 01 10 00 ff ff ff ff")
         delivered(fake, channel)
@@ -227,11 +229,11 @@ def test_answers_that_come_while_nothing_is_asked_are_counted_and_not_kept():
         fake.peers.append(Slave(ID))
         assert node.sdo.upload(0x1001) == b"\0"
         (drop,) = channel.drops.found
-        assert (drop.fault, drop.node, drop.count) == (Fault.SDO, ID, 500)
+        assert (drop.fault, drop.node, drop.count) == (DropReason.SDO, ID, 500)
 
 
 def test_answers_that_fit_nothing_during_a_transfer_are_counted():
-    with opened() as (fake, channel), Node(channel, ID) as node:
+    with opened() as (fake, channel), CanopenNode(channel, ID) as node:
         fake.peers += [
             lambda can_id, *_: (
                 [(0x580 + ID, bytes.fromhex("4f05200001000000"))] * 2 if can_id == 0x600 + ID else []
@@ -240,7 +242,7 @@ def test_answers_that_fit_nothing_during_a_transfer_are_counted():
         ]
         assert node.sdo.upload(0x1001) == b"\0"
         (drop,) = channel.drops.found
-        assert (drop.fault, drop.node, drop.count) == (Fault.SDO, ID, 2)
+        assert (drop.fault, drop.node, drop.count) == (DropReason.SDO, ID, 2)
 
 
 # -- others that ask ---------------------------------------------------------------------------------------------------
@@ -253,10 +255,10 @@ def test_who_listens_to_a_bus_before_it_is_opened_minds_no_frame(frames):
         for frame in frames:
             if not frame.is_error_frame:
                 fake.inbox.put(frame)
-        cast = Cast(frozenset({1}), frozenset({127}))
+        cast = ExpectedMasters(frozenset({1}), frozenset({127}))
         for look in (
             lambda: detect_other_master.require_alone(channel, cast, 0.02),
-            lambda: bus_activity.signs_of_operation(channel, 0.01),
+            lambda: bus_activity.bus_activity(channel, 0.01),
         ):
             assert str(fuzz.outcome(look))
         assert channel.failure is None
@@ -292,7 +294,7 @@ def test_a_device_type_is_not_read_out_of_another_objects_answer():
     ],
 )
 def test_a_stored_eds_that_cannot_be_unpacked_is_one_clear_error(stored, seen):
-    with opened() as (fake, channel), Node(channel, ID) as node:
+    with opened() as (fake, channel), CanopenNode(channel, ID) as node:
         fake.peers.append(Slave(ID, {(0x1021, 0): stored, (0x1022, 0): b"\x01"}))
         with pytest.raises(EdsError, match=seen):
             from_device.stored_eds(node.sdo)
@@ -301,7 +303,7 @@ def test_a_stored_eds_that_cannot_be_unpacked_is_one_clear_error(stored, seen):
 @given(st.binary(max_size=40), st.binary(max_size=8))
 @settings(max_examples=10)
 def test_a_stored_eds_of_any_bytes_is_bytes_none_or_an_error(stored, kind):
-    with opened() as (fake, channel), Node(channel, ID) as node:
+    with opened() as (fake, channel), CanopenNode(channel, ID) as node:
         fake.peers.append(Slave(ID, {(0x1021, 0): stored, (0x1022, 0): kind}))
         found = fuzz.outcome(lambda: from_device.stored_eds(node.sdo))
         assert found is None or isinstance(found, (bytes, AxisbusError))
@@ -319,10 +321,10 @@ class Endless:
 
 def test_a_slave_that_talks_without_a_pause_ends_no_wait_late(monkeypatch):
     with opened() as (_, channel):
-        master = LssMaster(channel, Timing(floor=0.002, first=0.01, ceiling=0.02), beside_operation=True)
+        master = LssMaster(channel, LssTiming(floor=0.002, first=0.01, ceiling=0.02), beside_operation=True)
         monkeypatch.setattr(master, "_inbox", Endless())
         with fuzz.within(10):
             assert not master.any_unconfigured()  # that is not what it says
         (drop,) = channel.drops.found
-        assert drop.fault is Fault.LSS
+        assert drop.fault is DropReason.LSS
         assert drop.count > 10

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus.cia305 import master
-from axisbus.cia305.dialogue import Answer, Ask, Heard, Pace, Timing
-from axisbus.cia305.fastscan import FastScan, Known
+from axisbus.cia305.dialogue import AdaptiveLssTimeout, LssReplies, LssReply, LssRequest, LssTiming
+from axisbus.cia305.fastscan import FastScan, KnownIdentity
 from axisbus.cia305.services import LssAddress
 from axisbus.errors import LssError, LssTimeout
 
@@ -25,9 +25,9 @@ MOST_ASKS = (
 saying = st.binary(max_size=7) | st.integers(0, 255).map(lambda node: bytes([node]).ljust(7, b"\0"))
 said = st.tuples(saying, st.floats(0.0, 1.0))
 turns = st.tuples(st.lists(said, max_size=3), st.lists(st.floats(0.0, 100.0), max_size=2))
-dialogues: dict[str, Callable[[Pace], Any]] = {
+dialogues: dict[str, Callable[[AdaptiveLssTimeout], Any]] = {
     "fast scan": lambda pace: FastScan(pace, most=3).run(),
-    "fast scan of a known maker": lambda pace: FastScan(pace, Known(vendor_id=0xC0B00), most=3).run(),
+    "fast scan of a known maker": lambda pace: FastScan(pace, KnownIdentity(vendor_id=0xC0B00), most=3).run(),
     "inquire": lambda pace: master.inquire(pace, ADDRESS),
     "inquire the only one": lambda pace: master.inquire(pace, None),
     "set node-ID": lambda pace: master.set_node_id(pace, ADDRESS, 5, store=True),
@@ -40,21 +40,23 @@ dialogues: dict[str, Callable[[Pace], Any]] = {
 }
 
 
-def heard(ask: Ask, turn: tuple[list[tuple[bytes, float]], list[float]]) -> Heard:
+def heard(ask: LssRequest, turn: tuple[list[tuple[bytes, float]], list[float]]) -> LssReplies:
     answers, late = turn
     if ask.expects is None:
-        return Heard((), tuple(late))
+        return LssReplies((), tuple(late))
     first = bytes([ask.expects])
     times = sorted(part for _, part in answers)
     # The first comes within the wait, the others in the time that is listened to behind it, as ``bus.lss`` takes them.
     delays = [times[0] * ask.wait + ask.settle * part * bool(number) for number, part in enumerate(times)]
     made = tuple(
-        Answer(first + data, delay) for (data, _), delay in zip(answers, sorted(delays), strict=True)
+        LssReply(first + data, delay) for (data, _), delay in zip(answers, sorted(delays), strict=True)
     )
-    return Heard(made, tuple(late))
+    return LssReplies(made, tuple(late))
 
 
-def run(dialogue: Generator[Ask, Heard, Any], take: Callable[[int, Ask], Heard]) -> tuple[Any, int]:
+def run(
+    dialogue: Generator[LssRequest, LssReplies, Any], take: Callable[[int, LssRequest], LssReplies]
+) -> tuple[Any, int]:
     """Run a dialogue; return its result, or its error, and how many frames it sent."""
     count = 0
     try:
@@ -75,25 +77,25 @@ def run(dialogue: Generator[Ask, Heard, Any], take: Callable[[int, Ask], Heard])
 @given(st.sampled_from(sorted(dialogues)), st.lists(turns, min_size=1, max_size=6))
 @settings(max_examples=250)
 def test_whatever_slaves_say_the_dialogue_ends(name, script):
-    dialogue = dialogues[name](Pace(Timing(ceiling=CEILING)))
+    dialogue = dialogues[name](AdaptiveLssTimeout(LssTiming(ceiling=CEILING)))
     result, _ = run(dialogue, lambda count, ask: heard(ask, script[count % len(script)]))
     if isinstance(result, master.Inquired):
         assert result.node_id is None or result.node_id in {*range(1, 128), 255}
 
 
-def chatter(ask: Ask) -> Heard:
+def chatter(ask: LssRequest) -> LssReplies:
     """A slave that answers twice, the second time as late as is still listened to."""
     if ask.expects is None:
-        return Heard()
+        return LssReplies()
     first = bytes([ask.expects]).ljust(8, b"\0")
-    return Heard((Answer(first, 0.001), Answer(first, 0.001 + ask.settle)))
+    return LssReplies((LssReply(first, 0.001), LssReply(first, 0.001 + ask.settle)))
 
 
 def test_a_slave_that_goes_on_talking_does_not_slow_the_scan_down_for_ever():
-    pace = Pace(Timing(ceiling=CEILING))
+    pace = AdaptiveLssTimeout(LssTiming(ceiling=CEILING))
     settles: list[float] = []
 
-    def take(_: int, ask: Ask) -> Heard:
+    def take(_: int, ask: LssRequest) -> LssReplies:
         settles.append(ask.settle)
         return chatter(ask)
 
@@ -105,25 +107,25 @@ def test_a_slave_that_goes_on_talking_does_not_slow_the_scan_down_for_ever():
 def test_a_node_id_that_cannot_be_is_not_believed(told):
     """0 would be all nodes in the NMT command that a new node-ID may need."""
 
-    def take(_: int, ask: Ask) -> Heard:
+    def take(_: int, ask: LssRequest) -> LssReplies:
         if ask.expects is None:
-            return Heard()
+            return LssReplies()
         number = ADDRESS.serial_number if ask.expects == 0x5D else told
-        return Heard((Answer(bytes([ask.expects]) + number.to_bytes(4, "little") + bytes(3), 0.001),))
+        return LssReplies((LssReply(bytes([ask.expects]) + number.to_bytes(4, "little") + bytes(3), 0.001),))
 
-    result, _ = run(master.inquire(Pace(), ADDRESS), take)
+    result, _ = run(master.inquire(AdaptiveLssTimeout(), ADDRESS), take)
     assert result == master.Inquired(ADDRESS, None)
     assert not result.configured
 
 
 @pytest.mark.parametrize("cut", [b"", b"\0"])
 def test_an_answer_that_is_cut_short_confirms_nothing(cut):
-    def take(_: int, ask: Ask) -> Heard:
+    def take(_: int, ask: LssRequest) -> LssReplies:
         if ask.expects is None:
-            return Heard()
+            return LssReplies()
         whole = ADDRESS.serial_number.to_bytes(4, "little") if ask.expects == 0x5D else b"\xff\0"
-        return Heard((Answer(bytes([ask.expects]) + (cut if ask.expects == 0x11 else whole), 0.001),))
+        return LssReplies((LssReply(bytes([ask.expects]) + (cut if ask.expects == 0x11 else whole), 0.001),))
 
-    result, _ = run(master.set_node_id(Pace(), ADDRESS, 5, store=False), take)
+    result, _ = run(master.set_node_id(AdaptiveLssTimeout(), ADDRESS, 5, store=False), take)
     assert isinstance(result, LssTimeout)
     assert "configure node-ID" in str(result)

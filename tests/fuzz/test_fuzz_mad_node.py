@@ -14,7 +14,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from axisbus.cia301.dropped_frames import Fault
+from axisbus.cia301.dropped_frames import DropReason
 from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
 from kit import fuzz_frames as fuzz
@@ -217,8 +217,8 @@ def test_what_a_mad_node_sends_is_counted_and_told_once_in_a_second(tmp_path):
                 until(lambda: mad.rounds > 140, 20)
             lasted = time.monotonic() - began
             counted = {drop.fault: drop.count for drop in machine.dropped if drop.node == MAD}
-            assert {Fault.EMCY, Fault.SDO} <= set(counted)
-            assert counted[Fault.EMCY] >= 15
+            assert {DropReason.EMCY, DropReason.SDO} <= set(counted)
+            assert counted[DropReason.EMCY] >= 15
             told = [event for event in machine.node(MAD).events if event.kind.name == "STATE"]
             assert 1 <= len(told) <= lasted + 2
             assert machine["x"].error is None

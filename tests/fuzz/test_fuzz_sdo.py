@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.cia301.sdo import LONGEST, Way
-from axisbus.cia301.sdo_session import Request, Session
+from axisbus.cia301.sdo import LONGEST, SdoTransferType
+from axisbus.cia301.sdo_session import SdoSession, SdoTransferRequest
 from axisbus.cia301.sdo_upload import Upload
 from kit import fuzz_frames as fuzz
 
@@ -16,22 +16,24 @@ MOST = 500  # bytes that are asked for at most
 # Frames after which a session must have ended, whatever they are: each attempt takes the bytes one by one, if it must.
 BOUND = 4 * TRIES * (MOST + 2000)
 
-ways = st.sampled_from(list(Way))
+ways = st.sampled_from(list(SdoTransferType))
 uploads = st.builds(
-    lambda where, way: Request(*where, None, TIMEOUT, TRIES, way, MOST), st.sampled_from(fuzz.OBJECTS), ways
+    lambda where, way: SdoTransferRequest(*where, None, TIMEOUT, TRIES, way, MOST),
+    st.sampled_from(fuzz.OBJECTS),
+    ways,
 )
 downloads = st.builds(
-    lambda where, size, way: Request(*where, bytes(size), TIMEOUT, TRIES, way),
+    lambda where, size, way: SdoTransferRequest(*where, bytes(size), TIMEOUT, TRIES, way),
     st.sampled_from(fuzz.OBJECTS),
     st.sampled_from([0, 1, 4, 5, 7, 8, 100, 300, 900]),
-    st.sampled_from([Way.NORMAL, Way.BLOCK, Way.AUTO]),
+    st.sampled_from([SdoTransferType.NORMAL, SdoTransferType.BLOCK, SdoTransferType.AUTO]),
 )
 requests = uploads | downloads
 delays = st.sampled_from([0.0, 0.001, 0.3, 0.6])
 late = st.none() | st.sampled_from([(0x1000, 0), (0x6041, 0)])
 
 
-def feed(session: Session, frame: bytes, dt: float) -> tuple[bytes, ...]:
+def feed(session: SdoSession, frame: bytes, dt: float) -> tuple[bytes, ...]:
     sent = session.receive(frame, dt)
     assert all(len(each) == 8 for each in sent)
     assert len(session.strays) <= 64
@@ -46,7 +48,7 @@ def follow(frame: bytes, asked: bytes) -> bytes:
 @given(requests, late, st.lists(st.tuples(fuzz.sdo_answers, delays, st.booleans()), max_size=40))
 @settings(max_examples=250)
 def test_any_dialogue_is_taken_and_ends_in_silence(request_, late, frames):
-    session = Session(request_, late=late)
+    session = SdoSession(request_, late=late)
     sent = session.start()
     for frame, dt, fitting in frames:
         if session.done:
@@ -65,7 +67,7 @@ def test_any_dialogue_is_taken_and_ends_in_silence(request_, late, frames):
 @given(requests, late, st.lists(st.tuples(fuzz.sdo_answers, delays, st.booleans()), min_size=1, max_size=4))
 @settings(max_examples=250)
 def test_a_server_that_says_the_same_for_ever_is_given_up(request_, late, frames):
-    session, count = Session(request_, late=late), 0
+    session, count = SdoSession(request_, late=late), 0
     sent = session.start()
     while not session.done:
         frame, dt, fitting = frames[count % len(frames)]
@@ -76,7 +78,7 @@ def test_a_server_that_says_the_same_for_ever_is_given_up(request_, late, frames
 
 
 def endless(
-    session: Session, first: list[bytes], frame: bytes, dt: float = 0.0005, toggles: bool = False
+    session: SdoSession, first: list[bytes], frame: bytes, dt: float = 0.0005, toggles: bool = False
 ) -> int:
     """Have the server say ``first`` and then ``frame`` again and again; return how often until the session gave up."""
     session.start()
@@ -91,8 +93,8 @@ def endless(
     return count
 
 
-def upload(way: Way = Way.NORMAL, most: int = LONGEST) -> Session:
-    return Session(Request(0x1008, 0, None, TIMEOUT, 1, way, most))
+def upload(way: SdoTransferType = SdoTransferType.NORMAL, most: int = LONGEST) -> SdoSession:
+    return SdoSession(SdoTransferRequest(0x1008, 0, None, TIMEOUT, 1, way, most))
 
 
 def test_segments_without_a_byte_do_not_go_on_for_ever():
@@ -118,7 +120,7 @@ def test_a_size_beyond_what_is_taken_is_refused_at_once_and_the_server_is_told()
 
 
 def test_a_segment_of_a_block_that_comes_again_and_again_is_no_sign_of_progress():
-    session = upload(Way.BLOCK)
+    session = upload(SdoTransferType.BLOCK)
     count = endless(session, [bytes.fromhex("c208100000040000")], b"\x05" + bytes(7), dt=0.01)
     assert count < 60  # 0.5 s: the one segment is a step, that it comes again is none
     assert session.failure is not None
@@ -135,7 +137,7 @@ def test_a_segment_of_a_block_that_comes_again_and_again_is_no_sign_of_progress(
     ],
 )
 def test_a_frame_that_lacks_the_bytes_it_speaks_of_is_no_answer(answer):
-    session = Session(Request(0x1000, 0, None, TIMEOUT, 1))
+    session = SdoSession(SdoTransferRequest(0x1000, 0, None, TIMEOUT, 1))
     session.start()
     assert session.receive(bytes.fromhex(answer)) == ()
     assert not session.done
@@ -145,11 +147,11 @@ def test_a_frame_that_lacks_the_bytes_it_speaks_of_is_no_answer(answer):
 
 def test_a_short_frame_that_has_all_its_bytes_is_taken():
     """Seen on real drives: an answer without the bytes that mean nothing."""
-    session = Session(Request(0x1001, 0, None, TIMEOUT, 1))
+    session = SdoSession(SdoTransferRequest(0x1001, 0, None, TIMEOUT, 1))
     session.start()
     session.receive(bytes.fromhex("4f 01 10 00 07"))
     assert session.data == b"\x07"
-    writing = Session(Request(0x1017, 0, b"\x64\0", TIMEOUT, 1))
+    writing = SdoSession(SdoTransferRequest(0x1017, 0, b"\x64\0", TIMEOUT, 1))
     writing.start()
     writing.receive(bytes.fromhex("60 17 10 00"))
     assert writing.done
@@ -167,7 +169,7 @@ def test_a_segment_that_lacks_the_bytes_it_speaks_of_is_not_filled_with_zeros():
 
 @pytest.mark.parametrize("answer", ["80", "80 00 10 00", "80 00 10 00 00 00 02"])
 def test_an_abort_without_its_code_is_none(answer):
-    session = Session(Request(0x1000, 0, None, TIMEOUT, 1))
+    session = SdoSession(SdoTransferRequest(0x1000, 0, None, TIMEOUT, 1))
     session.start()
     assert session.receive(bytes.fromhex(answer)) == ()
     assert not session.done

@@ -7,7 +7,7 @@ import json
 import can
 import pytest
 
-from axisbus.cia301.dropped_frames import DropNews, Drops, Fault, words
+from axisbus.cia301.dropped_frames import DropNews, DropReason, Drops, words
 from axisbus.cli.monitor import axes as monitor
 from kit import commands
 from kit.mad_node import MadNode, close
@@ -18,14 +18,14 @@ def test_the_same_reason_and_node_are_told_once_in_a_second():
     drops, news = Drops(), DropNews()
     told = []
     for step in range(300):
-        drops.note(Fault.SHORT_PDO, 2, 0.01 * step, 0x182, b"\x37")
+        drops.note(DropReason.SHORT_PDO, 2, 0.01 * step, 0x182, b"\x37")
         told += [words([drop]) for drop in news.take(drops.found, 0.01 * step)]
     assert told == [
         "dropped: 1 PDO too short for its mapping (node 2)",
         "dropped: 101 PDOs too short for their mapping (node 2)",
         "dropped: 201 PDOs too short for their mapping (node 2)",
     ]
-    drops.note(Fault.EMCY, 5, 3.0, 0x85)
+    drops.note(DropReason.EMCY, 5, 3.0, 0x85)
     assert [drop.node for drop in news.take(drops.found, 2.5)] == [5]
     assert [drop.node for drop in news.take(drops.found, 9.0)] == [2]
     assert news.take(drops.found, 20.0) == []

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from axisbus.bus.link import candump, errorframe, frame_files
 from axisbus.cell import reader
 from axisbus.check.load_meter import Meter
-from axisbus.cia301.frame import Frame
-from axisbus.cia301.master_detection import Cast, Signs, words
+from axisbus.cia301.frame import CanFrame
+from axisbus.cia301.master_detection import ExpectedMasters, MasterDetector, words
 from axisbus.core.files import load_dictionaries
 from axisbus.eds import builtin, load
-from axisbus.machine.bus_monitor import Overview
+from axisbus.machine.bus_monitor import BusMonitor
 from axisbus.trace import context, json_form, text
 from axisbus.trace.decoder import Decoder
 from kit import fuzz_frames as fuzz
@@ -98,7 +98,7 @@ def requests(mutate: bool = True) -> st.SearchStrategy[bytes]:
 
 bytes_of_frames = st.one_of(fuzz.any_bytes, fuzz.sdo_answers, requests())
 loose = st.builds(
-    Frame,
+    CanFrame,
     times,
     identifiers | st.integers(0, (1 << 29) - 1),
     bytes_of_frames,
@@ -106,17 +106,17 @@ loose = st.builds(
     st.booleans(),
     st.booleans(),
 )
-fitting = st.builds(Frame, times, identifiers, bytes_of_frames)
+fitting = st.builds(CanFrame, times, identifiers, bytes_of_frames)
 
 
 @st.composite
-def exchanges(draw: st.DrawFn) -> list[Frame]:
+def exchanges(draw: st.DrawFn) -> list[CanFrame]:
     """A request, and an answer to the same object."""
     node, time = draw(nodes), draw(st.floats(0, 1e6))
     asked = draw(requests(mutate=False))
     answer = draw(fuzz.whole_answers)
     kept = asked[1:4] if draw(st.booleans()) else answer[1:4]
-    return [Frame(time, 0x600 + node, asked), Frame(time, 0x580 + node, answer[:1] + kept + answer[4:])]
+    return [CanFrame(time, 0x600 + node, asked), CanFrame(time, 0x580 + node, answer[:1] + kept + answer[4:])]
 
 
 streams = st.lists(
@@ -141,7 +141,7 @@ def test_every_frame_is_decoded_and_written_out(what, frames):
 def test_the_overview_and_the_meter_take_every_frame(frames):
     from axisbus.cli.monitor import listen
 
-    overview, meter = Overview(CELL, FILES), Meter(1_000_000)
+    overview, meter = BusMonitor(CELL, FILES), Meter(1_000_000)
     for number, frame in enumerate(frames):
         overview.feed(frame, number * 0.01)
         meter.add(frame, "SDO", None)
@@ -154,7 +154,7 @@ def test_the_overview_and_the_meter_take_every_frame(frames):
 @given(st.lists(loose, max_size=30))
 @settings(max_examples=50)
 def test_any_frames_may_be_a_sign_of_a_master_and_are_told_in_words(frames):
-    signs = Signs(Cast(frozenset({1, 2}), frozenset({127})))
+    signs = MasterDetector(ExpectedMasters(frozenset({1, 2}), frozenset({127})))
     for frame in frames:
         signs.note(frame)
     assert all(words(signs.heard))
@@ -244,7 +244,7 @@ def test_a_long_line_costs_no_more_than_its_length(line):
 @given(st.lists(lines(), max_size=20))
 @settings(max_examples=60)
 def test_every_line_is_a_frame_or_is_counted(found):
-    skipped = frame_files.Skipped()
+    skipped = frame_files.SkippedLines()
     frames = list(frame_files.lines(found, skipped))
     blank = sum(not line.strip() for line in found)
     assert len(frames) + skipped.count + blank == len(found)
@@ -258,7 +258,7 @@ def test_a_recording_whose_times_are_no_numbers_is_read(tmp_path):
         "nan,0x181,0,0,0,1,AA==\ninf,0x181,0,0,0,1,AA==\n1e18,0x181,0,0,0,1,AA==\n"
     )
     meter = Meter(1_000_000)
-    for frame in frame_files.read(path, frame_files.Skipped()):
+    for frame in frame_files.read(path, frame_files.SkippedLines()):
         meter.add(frame, "TPDO", 1)
         json.dumps(json_form.plain(Decoder().feed(frame)), allow_nan=False)
     assert meter.total.frames == 3

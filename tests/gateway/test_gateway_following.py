@@ -9,7 +9,7 @@ import pytest
 
 from axisbus.errors import StateError
 from axisbus.gateway import machine_follower
-from axisbus.gateway.machine_follower import Following
+from axisbus.gateway.machine_follower import MachineFollower
 
 JOINED, ENDED, WAITS = (
     "joined the machine that runs",
@@ -64,7 +64,7 @@ def follow(monkeypatch):
 
         monkeypatch.setattr(machine_follower, "Machine", SimpleNamespace(join=join))
         monkeypatch.setattr(machine_follower, "time", SimpleNamespace(sleep=lambda _: None))
-        Following("cell.toml", said.append).run(serve, 1.0, goes_on or (lambda: bool(left)))
+        MachineFollower("cell.toml", said.append).run(serve, 1.0, goes_on or (lambda: bool(left)))
         return said, done
 
     return followed

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from axisbus.bus.link.controller import ControllerEvent
-from axisbus.bus.link.errorframe import Condition
-from axisbus.gateway.machine_events import Happenings, Kind
+from axisbus.bus.link.errorframe import CanErrorState
+from axisbus.gateway.machine_events import MachineEventKind, MachineEventSource
 from axisbus.gateway.opcua import event_mapping as opcua
 from axisbus.gateway.zenoh import event_mapping as zenoh
 from axisbus.machine.machine import Machine
@@ -30,20 +30,25 @@ def faulty(machine, code=0x8611):
 
 
 def test_a_fault_is_told_once_with_its_incident_at_the_beginning_when_settled_and_at_the_end(machine):
-    happenings = Happenings()
+    happenings = MachineEventSource()
     faulty(machine)
     found = {one.kind: one for one in happenings.look(machine, now(machine))}
-    assert set(found) == {Kind.FAULT, Kind.INCIDENT, Kind.SETTLED, Kind.EMCY}
+    assert set(found) == {
+        MachineEventKind.FAULT,
+        MachineEventKind.INCIDENT,
+        MachineEventKind.SETTLED,
+        MachineEventKind.EMCY,
+    }
     assert {(one.about, one.axes) for one in found.values()} == {("node 1", ("x",)), ("x", ("x",))}
-    assert found[Kind.EMCY].text.startswith("EMCY 0x8611")
-    assert "error register" in found[Kind.EMCY].text
-    assert found[Kind.SETTLED].cause
-    assert found[Kind.FAULT].remedy
+    assert found[MachineEventKind.EMCY].text.startswith("EMCY 0x8611")
+    assert "error register" in found[MachineEventKind.EMCY].text
+    assert found[MachineEventKind.SETTLED].cause
+    assert found[MachineEventKind.FAULT].remedy
     assert happenings.look(machine, now(machine)) == []
     machine["x"].reset().wait(5)
     machine.sleep(0.1)
     found = happenings.look(machine, now(machine))
-    assert set(kinds(found)) == {Kind.EMCY, Kind.OVER, Kind.WELL}
+    assert set(kinds(found)) == {MachineEventKind.EMCY, MachineEventKind.OVER, MachineEventKind.WELL}
     assert {one.severity for one in found} == {"info"}
     assert happenings.look(machine, now(machine)) == []
 
@@ -52,26 +57,26 @@ def test_they_come_in_the_order_of_time(machine):
     faulty(machine)
     machine.stand_in(2).device.dials.dead = True
     machine.sleep(1.0)
-    stamps = [one.stamp for one in Happenings(commands=True).look(machine, now(machine))]
+    stamps = [one.stamp for one in MachineEventSource(commands=True).look(machine, now(machine))]
     assert len(stamps) > 5
     assert stamps == sorted(stamps)
 
 
 def test_an_incident_is_settled_only_after_what_belongs_to_it_has_come(machine):
-    happenings = Happenings()
+    happenings = MachineEventSource()
     machine["x"].enable().wait(5)
     machine.stand_in(1).fault(0x8611)
     machine.sleep(0.05)
-    assert Kind.SETTLED not in kinds(happenings.look(machine, now(machine)))
+    assert MachineEventKind.SETTLED not in kinds(happenings.look(machine, now(machine)))
     machine.sleep(0.5)
-    assert kinds(happenings.look(machine, now(machine))) == [Kind.SETTLED]
+    assert kinds(happenings.look(machine, now(machine))) == [MachineEventKind.SETTLED]
 
 
 def test_the_same_fault_after_a_reset_is_told_again(machine):
-    happenings = Happenings()
+    happenings = MachineEventSource()
     for _ in range(2):
         faulty(machine)
-        assert kinds(happenings.look(machine, now(machine))).count(Kind.FAULT) == 1
+        assert kinds(happenings.look(machine, now(machine))).count(MachineEventKind.FAULT) == 1
         machine["x"].reset().wait(5)
         machine.sleep(0.1)
         happenings.look(machine, now(machine))
@@ -80,34 +85,38 @@ def test_the_same_fault_after_a_reset_is_told_again(machine):
 def test_what_was_before_is_told_only_where_it_is_so_still(machine):
     faulty(machine)
     machine.sleep(1.0)
-    assert kinds(Happenings(now(machine), commands=True).look(machine, now(machine))) == [Kind.FAULT]
+    assert kinds(MachineEventSource(now(machine), commands=True).look(machine, now(machine))) == [
+        MachineEventKind.FAULT
+    ]
 
 
 def test_what_comes_late_with_an_earlier_time_is_told_all_the_same(machine, monkeypatch):
-    happenings = Happenings()
-    events = [ControllerEvent(now(machine) - 1.0, "can0", Condition.PASSIVE)]
+    happenings = MachineEventSource()
+    events = [ControllerEvent(now(machine) - 1.0, "can0", CanErrorState.PASSIVE)]
     monkeypatch.setattr(Machine, "bus_events", property(lambda _: events))
     assert len(happenings.look(machine, now(machine))) == 1
-    events.insert(0, ControllerEvent(now(machine) - 2.0, "can0", Condition.WARNING))
+    events.insert(0, ControllerEvent(now(machine) - 2.0, "can0", CanErrorState.WARNING))
     assert [one.severity for one in happenings.look(machine, now(machine))] == ["warning"]
 
 
 def test_a_lost_node_says_whose_axes_it_has(machine):
     machine.stand_in(2).device.dials.dead = True
     machine.sleep(1.0)
-    (lost,) = (one for one in Happenings().look(machine, now(machine)) if one.kind is Kind.NODE)
+    (lost,) = (
+        one for one in MachineEventSource().look(machine, now(machine)) if one.kind is MachineEventKind.NODE
+    )
     assert (lost.severity, lost.about, lost.axes) == ("error", "node 2", ("y",))
 
 
 @pytest.mark.parametrize(
     ("condition", "severity"),
-    [(Condition.OFF, "error"), (Condition.PASSIVE, "warning"), (Condition.ACTIVE, "info")],
+    [(CanErrorState.OFF, "error"), (CanErrorState.PASSIVE, "warning"), (CanErrorState.ACTIVE, "info")],
 )
 def test_the_bus_has_a_remedy_unless_it_is_well_again(machine, monkeypatch, condition, severity):
     events = [ControllerEvent(now(machine), "can0", condition)]
     monkeypatch.setattr(Machine, "bus_events", property(lambda _: events))
-    (one,) = Happenings().look(machine, now(machine))
-    assert (one.kind, one.severity, bool(one.remedy)) == (Kind.BUS, severity, severity != "info")
+    (one,) = MachineEventSource().look(machine, now(machine))
+    assert (one.kind, one.severity, bool(one.remedy)) == (MachineEventKind.BUS, severity, severity != "info")
 
 
 def test_of_jogs_and_the_cores_own_halts_only_what_goes_wrong_is_told(machine, monkeypatch):
@@ -121,7 +130,7 @@ def test_of_jogs_and_the_cores_own_halts_only_what_goes_wrong_is_told(machine, m
     for one in seen:
         with monkeypatch.context() as patched:
             patched.setattr(type(machine.session), "commands", property(lambda _, one=one: [one]))
-            found.append(Happenings(commands=True).look(machine, now(machine)))
+            found.append(MachineEventSource(commands=True).look(machine, now(machine)))
     assert [len(each) for each in found] == [0, 1, 0, 1, 2, 2]
     assert {one.about for each in found for one in each} == {"x"}
     assert [one.cause for one in found[1]] == [("no",)]
@@ -130,14 +139,19 @@ def test_of_jogs_and_the_cores_own_halts_only_what_goes_wrong_is_told(machine, m
 def test_without_commands_the_core_is_not_asked_for_them(machine, monkeypatch):
     monkeypatch.setattr(type(machine.session), "commands", property(lambda _: pytest.fail("asked")))
     machine["x"].enable().wait(5)
-    assert Happenings().look(machine, now(machine)) == []
+    assert MachineEventSource().look(machine, now(machine)) == []
 
 
 def test_every_kind_is_told_by_a_bridge_and_commands_by_zenoh_alone():
     by_opcua = {kind for kind, _ in opcua.SEVERITIES}
-    assert by_opcua | set(zenoh.KINDS) == set(Kind)
-    assert set(Kind) - by_opcua == {Kind.COMMAND, Kind.INCIDENT, Kind.OVER, Kind.WELL}
-    assert set(Kind) - set(zenoh.KINDS) == {Kind.SETTLED}
+    assert by_opcua | set(zenoh.KINDS) == set(MachineEventKind)
+    assert set(MachineEventKind) - by_opcua == {
+        MachineEventKind.COMMAND,
+        MachineEventKind.INCIDENT,
+        MachineEventKind.OVER,
+        MachineEventKind.WELL,
+    }
+    assert set(MachineEventKind) - set(zenoh.KINDS) == {MachineEventKind.SETTLED}
 
 
 @pytest.mark.parametrize(

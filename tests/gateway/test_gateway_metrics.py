@@ -25,7 +25,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from axisbus.bus.link.ownership import command_of, described
 from axisbus.errors import SdoAbort, StateError
 from axisbus.gateway.metrics import server
-from axisbus.gateway.metrics.counters import Growth, Tally
+from axisbus.gateway.metrics.counters import Growth, MetricCounters
 from axisbus.gateway.metrics.exporter import Exporter
 from axisbus.gateway.metrics.server import MetricsServer
 from axisbus.machine.machine import Machine
@@ -136,7 +136,7 @@ def test_what_is_not_of_now_is_left_out(exporter, url, machine):
 
 
 def test_a_tally_counts_what_is_new_and_forgets_nothing():
-    tally = Tally()
+    tally = MetricCounters()
 
     def items(*stamps):
         return [(SimpleNamespace(stamp=stamp), ("1", "8611"), 2) for stamp in stamps]

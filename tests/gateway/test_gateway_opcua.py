@@ -32,13 +32,13 @@ from asyncua.ua.uaerrors import UaStatusCodeError
 from axisbus.cell import reader
 from axisbus.gateway.opcua import limits, users
 from axisbus.gateway.opcua.access import Given, decide
-from axisbus.gateway.opcua.event_mapping import Told
-from axisbus.gateway.opcua.limited_server import CHECKED, Gate
+from axisbus.gateway.opcua.event_mapping import OpcuaEvent
+from axisbus.gateway.opcua.limited_server import CHECKED, OpcuaUserManager
 from axisbus.gateway.opcua.policies import TrustingFactory
 from axisbus.gateway.opcua.server import OpcUaServer
-from axisbus.gateway.opcua.server_options import Keeping
+from axisbus.gateway.opcua.server_options import ServerOptions
 from axisbus.gateway.opcua.session import GuardedSession
-from axisbus.gateway.opcua.status_code import Image
+from axisbus.gateway.opcua.status_code import ImageFreshness
 from axisbus.machine.machine import Machine
 from axisbus.web import address as page_address
 from kit import commands
@@ -97,7 +97,7 @@ def known(folder):
 def server(file, known):
     """On loopback, without certificates."""
     access = decide(Given(True, users=True))
-    with served(file, Keeping(access, users=known)) as found:
+    with served(file, ServerOptions(access, users=known)) as found:
         yield found
 
 
@@ -169,7 +169,7 @@ def test_the_variables_of_an_axis_have_values_units_and_names_of_states(server, 
 def test_a_value_of_an_image_that_is_old_is_uncertain_and_after_the_machine_bad(server, machine, monkeypatch):
     good(server.url)
     before, _ = visit(server.url, lambda seen: seen.value(POSITION))
-    monkeypatch.setattr(type(server._looker), "image", Image.OLD)
+    monkeypatch.setattr(type(server._looker), "image", ImageFreshness.OLD)
     until(
         lambda: visit(server.url, lambda seen: seen.value(POSITION)) == (before, "UncertainLastUsableValue")
     )
@@ -184,7 +184,7 @@ def test_a_read_after_a_pause_looks_at_the_machine_first(server, machine, monkey
 
     async def paused(seen: Visit):
         looker = server._looker
-        monkeypatch.setattr(type(looker), "image", Image.NONE)
+        monkeypatch.setattr(type(looker), "image", ImageFreshness.NONE)
         monkeypatch.setattr(server._updater, "_looked", time.monotonic() - 5.0)
         return await seen.value(POSITION)
 
@@ -219,7 +219,7 @@ class Heard:
 
 
 def test_what_happens_is_one_event_for_each_who_listens_at_the_server_or_the_incidents(server, machine):
-    told = Told(server.now(), 900, "x: a fault", "seen", "do this", "x")
+    told = OpcuaEvent(server.now(), 900, "x: a fault", "seen", "do this", "x")
 
     async def listen(seen: Visit):
         heard = Heard(), Heard()
@@ -656,7 +656,9 @@ def test_a_filter_that_cannot_be_evaluated_keeps_no_event_from_others(server):
         assert made.StatusCode.is_good()
         subscription = await seen.client.create_subscription(50, heard)
         await subscription.subscribe_events(seen.client.nodes.server, kind)
-        await asyncio.to_thread(server.tell, [Told(server.now(), 900, "first"), Told(0, 900, "second")], ())
+        await asyncio.to_thread(
+            server.tell, [OpcuaEvent(server.now(), 900, "first"), OpcuaEvent(0, 900, "second")], ()
+        )
         for _ in range(100):
             await asyncio.sleep(0.05)
             if len(heard.events) == 2:
@@ -689,7 +691,7 @@ def test_an_event_is_of_its_own_type_and_of_that_which_all_have_also_by_a_filter
         handle = await subscription.subscribe_events(
             seen.client.nodes.server, evfilter=of(ua.ObjectIds.AuditEventType)
         )
-        await asyncio.to_thread(server.tell, [Told(server.now(), 900, "before")], ())
+        await asyncio.to_thread(server.tell, [OpcuaEvent(server.now(), 900, "before")], ())
         await asyncio.sleep(0.3)
         changes = ua.ModifyMonitoredItemsParameters(SubscriptionId=subscription.subscription_id)
         parameters = ua.MonitoringParameters(ClientHandle=handle, QueueSize=10, Filter=of(kind))
@@ -699,7 +701,7 @@ def test_an_event_is_of_its_own_type_and_of_that_which_all_have_also_by_a_filter
         ]
         (changed,) = await seen.client.uaclient.modify_monitored_items(changes)
         assert changed.StatusCode.is_good()
-        await asyncio.to_thread(server.tell, [Told(server.now(), 900, "after")], ())
+        await asyncio.to_thread(server.tell, [OpcuaEvent(server.now(), 900, "after")], ())
         await asyncio.sleep(0.5)
         return [event.Message.Text for event in heard.events]
 
@@ -829,7 +831,7 @@ def friend(folder):
 @pytest.fixture(scope="module")
 def secured(file, folder, known, own, friend):
     access = decide(Given(False, certificate=True, trust=True, users=True))
-    keeping = Keeping(access, own.certificate, own.key, folder / "trust", known)
+    keeping = ServerOptions(access, own.certificate, own.key, folder / "trust", known)
     with served(file, keeping) as found:
         yield found
 
@@ -871,7 +873,7 @@ def test_a_certificate_that_is_over_opens_no_channel_and_without_a_name_none_com
             for_all.create(nothing)
     for_all.create(fresh)
     assert opened == [fresh]
-    gate = Gate(known, anonymous=False)
+    gate = OpcuaUserManager(known, anonymous=False)
     assert gate.get_user(None) is None
     assert gate.get_user(None, "anna", "right") is None  # it was not checked
     assert asyncio.run(gate.check("anna", "right"))

@@ -9,13 +9,13 @@ import pytest
 
 from axisbus.cell import reader
 from axisbus.errors import ArgumentError, ConfigError, OwnershipError, SetPointError, StateError, Stopped
-from axisbus.gateway.machine_events import Happenings
+from axisbus.gateway.machine_events import MachineEventSource
 from axisbus.gateway.opcua import states, units, users
 from axisbus.gateway.opcua.access import Access, Given, decide
-from axisbus.gateway.opcua.axis_readings import Looker
+from axisbus.gateway.opcua.axis_readings import AxisReadings
 from axisbus.gateway.opcua.event_mapping import told
 from axisbus.gateway.opcua.methods import status_of
-from axisbus.gateway.opcua.status_code import Image, Memory, Quality, Reading, judged
+from axisbus.gateway.opcua.status_code import ImageFreshness, Memory, OpcuaValue, Quality, judged
 from axisbus.gateway.opcua.variables import ROWS
 from axisbus.motion.states import AxisState
 from axisbus.units import AXIS_UNITS
@@ -84,20 +84,20 @@ def test_how_an_axis_moves_is_told_by_its_unit_or_not_at_all(tmp_path, lines, ki
 
 # -- whether a value is good ----------------------------------------------------------------------------------------------
 
-LAST = Reading(4.0, Quality.GOOD, 1.0)
+LAST = OpcuaValue(4.0, Quality.GOOD, 1.0)
 
 
 @pytest.mark.parametrize(
     ("fresh", "image", "last", "told"),
     [
-        (5.0, Image.NOW, LAST, Reading(5.0, Quality.GOOD, 2.0)),
-        (5.0, Image.NOW, None, Reading(5.0, Quality.GOOD, 2.0)),
-        (None, Image.NOW, LAST, Reading(4.0, Quality.LAST_USABLE, 1.0)),
-        (5.0, Image.OLD, LAST, Reading(4.0, Quality.LAST_USABLE, 1.0)),
-        (None, Image.NOW, None, Reading(None, Quality.WAITING)),
-        (5.0, Image.OLD, None, Reading(None, Quality.WAITING)),
-        (5.0, Image.NONE, LAST, Reading(None, Quality.NO_COMMUNICATION)),
-        (None, Image.NONE, None, Reading(None, Quality.NO_COMMUNICATION)),
+        (5.0, ImageFreshness.NOW, LAST, OpcuaValue(5.0, Quality.GOOD, 2.0)),
+        (5.0, ImageFreshness.NOW, None, OpcuaValue(5.0, Quality.GOOD, 2.0)),
+        (None, ImageFreshness.NOW, LAST, OpcuaValue(4.0, Quality.LAST_USABLE, 1.0)),
+        (5.0, ImageFreshness.OLD, LAST, OpcuaValue(4.0, Quality.LAST_USABLE, 1.0)),
+        (None, ImageFreshness.NOW, None, OpcuaValue(None, Quality.WAITING)),
+        (5.0, ImageFreshness.OLD, None, OpcuaValue(None, Quality.WAITING)),
+        (5.0, ImageFreshness.NONE, LAST, OpcuaValue(None, Quality.NO_COMMUNICATION)),
+        (None, ImageFreshness.NONE, None, OpcuaValue(None, Quality.NO_COMMUNICATION)),
     ],
 )
 def test_a_value_is_good_only_while_it_and_its_image_are_of_now(fresh, image, last, told):
@@ -106,14 +106,14 @@ def test_a_value_is_good_only_while_it_and_its_image_are_of_now(fresh, image, la
 
 def test_what_was_known_of_one_machine_is_not_usable_of_the_next():
     memory, key = Memory(), ("x", "PositionActualValue")
-    assert memory.judge(key, 1.0, 1.0, Image.NOW).quality is Quality.GOOD
-    assert memory.judge(key, None, 2.0, Image.NOW) == Reading(1.0, Quality.LAST_USABLE, 1.0)
+    assert memory.judge(key, 1.0, 1.0, ImageFreshness.NOW).quality is Quality.GOOD
+    assert memory.judge(key, None, 2.0, ImageFreshness.NOW) == OpcuaValue(1.0, Quality.LAST_USABLE, 1.0)
     memory.forget()
-    assert memory.judge(key, None, 3.0, Image.NOW).quality is Quality.WAITING
+    assert memory.judge(key, None, 3.0, ImageFreshness.NOW).quality is Quality.WAITING
 
 
 def test_without_a_machine_every_value_waits_and_after_one_nothing_is_heard(machine):
-    looker = Looker(machine.cell)
+    looker = AxisReadings(machine.cell)
     names = {(axis, row.name) for axis in "xy" for row in ROWS}
     before = looker.look()
     assert set(before) == names
@@ -125,7 +125,7 @@ def test_without_a_machine_every_value_waits_and_after_one_nothing_is_heard(mach
 
 
 def test_the_values_of_an_axis_are_those_that_the_axis_tells(machine):
-    looker = Looker(machine.cell)
+    looker = AxisReadings(machine.cell)
     looker.follow(machine)
     machine["x"].enable().wait(5)
     machine["x"].move_absolute(5.0).wait(20)
@@ -144,7 +144,7 @@ def test_the_values_of_an_axis_are_those_that_the_axis_tells(machine):
 
 
 def test_of_a_lost_node_only_what_the_master_knows_is_told(machine):
-    looker = Looker(machine.cell)
+    looker = AxisReadings(machine.cell)
     looker.follow(machine)
     machine.stand_in(1).device.dials.dead = True
     machine.sleep(1.0)
@@ -156,7 +156,7 @@ def test_of_a_lost_node_only_what_the_master_knows_is_told(machine):
 
 
 def test_after_the_machine_has_ended_nothing_of_it_is_good(machine):
-    looker = Looker(machine.cell)
+    looker = AxisReadings(machine.cell)
     looker.follow(machine)
     looker.look()
     machine.close()
@@ -167,8 +167,8 @@ def test_after_the_machine_has_ended_nothing_of_it_is_good(machine):
 
 
 def test_a_fault_is_told_once_with_its_message_its_incident_and_what_to_do(machine):
-    happenings = Happenings()
-    looker = Looker(machine.cell)
+    happenings = MachineEventSource()
+    looker = AxisReadings(machine.cell)
     looker.follow(machine)
     machine["x"].enable().wait(5)
     assert told(happenings.look(machine, looker.now())) == []

@@ -16,23 +16,23 @@ pytest.importorskip("zenoh", reason="a Zenoh network needs eclipse-zenoh")
 
 from axisbus.errors import ArgumentError, OwnershipError, StateError, Stopped, UserError
 from axisbus.fleet import network
-from axisbus.fleet.keys import CellKeys, named
+from axisbus.fleet.keys import ZenohCellKeys, named
 from axisbus.fleet.messages import CommandAsk, EventsAsk, HistoryAsk
-from axisbus.fleet.network import Network
-from axisbus.gateway.machine_events import Happenings
+from axisbus.fleet.network import ZenohNetwork
+from axisbus.gateway.machine_events import MachineEventSource
 from axisbus.gateway.zenoh import redact_process, samples
-from axisbus.gateway.zenoh.command_dedup import CLIENTS, Ledger, require_id
+from axisbus.gateway.zenoh.command_dedup import CLIENTS, CommandDeduplicator, require_id
 from axisbus.gateway.zenoh.command_table import STOPS, VERBS, act_of
 from axisbus.gateway.zenoh.commands import Commands
-from axisbus.gateway.zenoh.deferred_replies import Answers
-from axisbus.gateway.zenoh.event_log import AT_ONCE, KEPT, Happened, Numbered
+from axisbus.gateway.zenoh.deferred_replies import DeferredReplies
+from axisbus.gateway.zenoh.event_log import AT_ONCE, KEPT, BridgeEventLog, Happened
 from axisbus.gateway.zenoh.event_mapping import told
-from axisbus.gateway.zenoh.lease import SECONDS, Lease, Phase
+from axisbus.gateway.zenoh.lease import SECONDS, CellLease, LeasePhase
 from axisbus.gateway.zenoh.states import state_of
 from axisbus.machine.axis import Axis
-from axisbus.record.recording_data import Recorded, Track
+from axisbus.record.recording_data import Recorded, RecordedSeries
 
-HELD = Lease().taking("anna", "Anna").taken("t1", 10.0)
+HELD = CellLease().taking("anna", "Anna").taken("t1", 10.0)
 
 
 # -- the lease -------------------------------------------------------------------------------------------------------
@@ -58,13 +58,13 @@ def test_nobody_else_and_no_other_token_has_it(client, token, words):
 
 
 def test_it_is_taken_where_nobody_has_it_or_over_whoever_has():
-    assert Lease().refusal("ben", over=False) is None
+    assert CellLease().refusal("ben", over=False) is None
     assert "Anna" in HELD.refusal("ben", over=False).message
     assert "of this name" in HELD.refusal("anna", over=False).message
     assert HELD.refusal("ben", over=True) is None
     assert HELD.ending().refusal("ben", over=False) is None  # it is his once that has ended
-    taking = Lease().taking("anna", "")
-    assert (taking.phase, taking.holder) == (Phase.TAKING, "anna")
+    taking = CellLease().taking("anna", "")
+    assert (taking.phase, taking.holder) == (LeasePhase.TAKING, "anna")
     assert "changes hands" in taking.refusal("ben", over=True).message
     assert not HELD.ending().holds("anna", "", 10.1)
 
@@ -73,7 +73,7 @@ def test_it_is_taken_where_nobody_has_it_or_over_whoever_has():
 
 
 def test_the_same_id_is_the_same_command_and_a_lower_one_is_none():
-    ledger = Ledger(kept=3)
+    ledger = CommandDeduplicator(kept=3)
     for number in (1, 2, 5):
         assert ledger.again("anna", number, "what") is None
         ledger.enter("anna", number, "what", f"end {number}")
@@ -90,7 +90,7 @@ def test_the_same_id_is_the_same_command_and_a_lower_one_is_none():
 
 
 def test_ids_that_leave_nothing_behind_count_as_well_and_clients_are_not_without_end():
-    ledger = Ledger()
+    ledger = CommandDeduplicator()
     assert [ledger.passed("anna", number) for number in (3, 3, 2, 4)] == [True, False, False, True]
     with pytest.raises(StateError, match="too late"):
         ledger.again("anna", 1, "what")
@@ -162,7 +162,7 @@ class Desk:
         self.machine = machine
         self.now = 10.0
         self.holding = SimpleNamespace(lease=HELD, guest=machine)
-        self.answers = Answers()
+        self.answers = DeferredReplies()
         self.commands = Commands(machine, self.holding, self.answers, lambda: self.now)
 
     def do(self, verb, number, *axes, token="t1", client="anna", **values):
@@ -268,7 +268,7 @@ def test_a_jog_goes_on_by_its_queries_and_neither_late_nor_after_a_halt(desk):
 
 
 def test_events_are_numbered_without_gaps_and_the_last_are_kept():
-    numbered = Numbered("run")
+    numbered = BridgeEventLog("run")
     assert numbered.answer(EventsAsk()).newest == 0
     events = [numbered.enter(Happened("machine", str(number)), 1.0) for number in range(KEPT + 10)]
     assert [event.n for event in events] == list(range(1, KEPT + 11))
@@ -279,7 +279,7 @@ def test_events_are_numbered_without_gaps_and_the_last_are_kept():
 
 
 def test_what_happens_at_a_machine_is_told_once_with_cause_and_remedy(machine):
-    happenings = Happenings(machine["x"].snapshot.now, commands=True)
+    happenings = MachineEventSource(machine["x"].snapshot.now, commands=True)
 
     def look():
         return told(happenings.look(machine, machine["x"].snapshot.now))
@@ -327,8 +327,8 @@ def test_a_state_is_of_now_or_says_nothing_but_its_age(machine):
 
 def test_samples_are_left_out_evenly_and_none_is_made_up():
     times = [number / 100 for number in range(1000)]
-    x = Track("x", times, {"position": times, "state": ["Standstill"] * 1000}, {"position": "deg"})
-    slow = Track("x:6074", [1.0, 5.0], {"value": [7.0, math.nan]}, {})
+    x = RecordedSeries("x", times, {"position": times, "state": ["Standstill"] * 1000}, {"position": "deg"})
+    slow = RecordedSeries("x:6074", [1.0, 5.0], {"value": [7.0, math.nan]}, {})
     recorded = Recorded({"x": x}, {"x:6074": slow})
     answer = samples.samples(recorded, HistoryAsk("run", ("x.position", "x:6074"), 0.5, 8.5, 9))
     assert len(answer.times) <= 9
@@ -346,7 +346,7 @@ def test_samples_are_left_out_evenly_and_none_is_made_up():
 
 
 def test_names_and_keys():
-    keys = CellKeys(named("the plant", "works"), named("the cell", "one"))
+    keys = ZenohCellKeys(named("the plant", "works"), named("the cell", "one"))
     assert keys.object(3, 0x6041, 1) == "ax/works/one/od/3/6041/01"
     assert keys.presence("*") == "ax/works/one/@bridge/*"
     for wrong in ("", "a/b", "*", "@a", "a?", "x" * 65, "a#b", "$*"):
@@ -357,26 +357,26 @@ def test_names_and_keys():
 @pytest.mark.parametrize("endpoint", ["", "10.0.0.1:7447", "tcp:10.0.0.1", "nonsense/x", "tcp/a b"])
 def test_what_is_no_endpoint_is_told_before_anything_is_opened(endpoint):
     with pytest.raises(ArgumentError, match="no endpoint"):
-        network.require_reachable(Network((endpoint,)))
+        network.require_reachable(ZenohNetwork((endpoint,)))
 
 
 def test_somebody_must_be_reachable_and_a_wrong_file_is_told(tmp_path):
     with pytest.raises(ArgumentError, match="nobody could be reached"):
-        network.require_reachable(Network())
+        network.require_reachable(ZenohNetwork())
     file = tmp_path / "wrong.json5"
     for text in ("{", "{ nonsense: 1 }", "{ mode: 'dictator' }"):
         file.write_text(text, "utf-8")
         with pytest.raises(StateError, match=r"wrong\.json5 cannot be used"):
-            network.opened(Network(config=file))
+            network.opened(ZenohNetwork(config=file))
     with pytest.raises(StateError, match="cannot be used"):
-        network.opened(Network(config=tmp_path / "none.json5"))
+        network.opened(ZenohNetwork(config=tmp_path / "none.json5"))
 
 
 def test_the_network_is_what_was_asked_for_and_finds_nobody_by_itself(tmp_path):
     file = tmp_path / "own.json5"
     file.write_text("{ mode: 'client', scouting: { gossip: { enabled: true } } }", "utf-8")
-    plain = network._config(Network(("tcp/127.0.0.1:1",)))
-    own = network._config(Network(("tcp/127.0.0.1:1",), config=file))
+    plain = network._config(ZenohNetwork(("tcp/127.0.0.1:1",)))
+    own = network._config(ZenohNetwork(("tcp/127.0.0.1:1",), config=file))
     for config, mode, gossip in ((plain, "peer", "false"), (own, "client", "true")):
         assert config.get_json("mode") == f'"{mode}"'
         assert config.get_json("scouting/multicast/enabled") == "false"
@@ -389,7 +389,7 @@ def test_the_network_is_what_was_asked_for_and_finds_nobody_by_itself(tmp_path):
 def test_without_the_package_it_says_how_to_get_it(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     with pytest.raises(UserError, match="eclipse-zenoh") as caught:
-        network.opened(Network(("tcp/127.0.0.1:1",)))
+        network.opened(ZenohNetwork(("tcp/127.0.0.1:1",)))
     assert "axisbus[zenoh]" in caught.value.remedy
 
 
@@ -397,7 +397,7 @@ def test_an_endpoint_that_is_taken_is_told():
     with socket.create_server(("127.0.0.1", 0)) as there:
         endpoint = f"tcp/127.0.0.1:{there.getsockname()[1]}"
         with pytest.raises(StateError, match="cannot be joined") as caught:
-            network.opened(Network(listen=(endpoint,)))
+            network.opened(ZenohNetwork(listen=(endpoint,)))
         assert "in use" in caught.value.observed
 
 

@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip("zenoh", reason="a Zenoh network needs eclipse-zenoh")
 
 from axisbus.fleet import messages as m
-from axisbus.fleet.network import Network, connected, opened
+from axisbus.fleet.network import ZenohNetwork, connected, opened
 from axisbus.machine.machine import Machine
 from kit.stories.own import own_cell, turns
 from kit.zenoh_cell import KEYS, BridgeProcess, Client, free_port, holder, until
@@ -87,7 +87,7 @@ def test_an_operator_commands_and_a_viewer_looks_on(place, machine):
     ):
         until(viewer.alive)
         assert viewer.ask(KEYS.info, None, m.CellInfo).cell == "one"
-        assert viewer.ask(KEYS.state("x"), None, m.AxisState).state == "ContinuousMotion"
+        assert viewer.ask(KEYS.state("x"), None, m.AxisStateMessage).state == "ContinuousMotion"
         heard = []
         viewer.session.declare_subscriber(KEYS.state("x"), heard.append)
         viewer.session.declare_subscriber(KEYS.events, heard.append)
@@ -119,7 +119,7 @@ def test_an_operator_commands_and_a_viewer_looks_on(place, machine):
     ids=["of another authority", "expired", "without any"],
 )
 def test_a_wrong_certificate_is_not_let_in(place, machine, name, folder, change):
-    session = opened(Network(config=place.client(name, folder, change)))
+    session = opened(ZenohNetwork(config=place.client(name, folder, change)))
     try:
         time.sleep(0.6)
         found = session.liveliness().get(KEYS.alive, timeout=0.5)
@@ -140,7 +140,7 @@ def test_a_certificate_that_no_rule_names_may_do_nothing(place, machine):
 
 
 def test_an_open_connection_is_not_let_in(place, machine):
-    session = opened(Network((f"tcp/127.0.0.1:{place.port}",)))
+    session = opened(ZenohNetwork((f"tcp/127.0.0.1:{place.port}",)))
     try:
         assert not connected(session, 1.0)
     finally:

@@ -24,7 +24,7 @@ _HELD = 0.2  # seconds that an attack's ends are held open, where it is repeated
 
 def enter(file: Path) -> socket.socket:
     """Go in as a guest does, and send no message yet."""
-    admitted = listener.knock(str(file))
+    admitted = listener.connect(str(file))
     assert admitted is not None
     line, image = admitted
     os.close(image)
@@ -42,7 +42,9 @@ def attach(file: Path, version: str = __version__) -> bytes:
 def never_reads(file: Path) -> list[socket.socket]:
     line = enter(file)
     line.sendall(attach(file))
-    questions = b"".join(framed(m.CODEC.pack(m.Ask(number, "node_events"))) for number in range(1, 3000))
+    questions = b"".join(
+        framed(m.CODEC.pack(m.CoreQuery(number, "node_events"))) for number in range(1, 3000)
+    )
     line.settimeout(0.5)
     with suppress(TimeoutError):
         line.sendall(questions + framed(m.CODEC.pack(m.Observe(True))))
@@ -92,9 +94,9 @@ ATTACKS = {
         attach,
         *(
             framed(m.CODEC.pack(one))
-            for one in (m.Open("", ""), m.Opened({}, {}, "", 0), m.RequestStop("me"))
+            for one in (m.OpenCell("", ""), m.CellOpened({}, {}, "", 0), m.RequestStop("me"))
         ),
-        framed(m.CODEC.pack(m.Answer(1))),
+        framed(m.CODEC.pack(m.CoreReply(1))),
     ),
     "a mad number": says(attach, framed(m.CODEC.pack(m.AddGroup("xy", ("nobody",)))), framed(b"\x01")),
     "one who never reads": never_reads,

@@ -39,7 +39,7 @@ class Slave:
         self.may_disturb = True
         self.asked: list[b.Request] = []
 
-    def run(self, plan: b.Plan) -> b.Outcome:
+    def run(self, plan: b.BootPlan) -> b.BootOutcome:
         """Boot it up to the end."""
         machine = boot_up(plan)
         request = next(machine)
@@ -59,32 +59,32 @@ class Slave:
             self.loss**3 if isinstance(request, b.Listen) else self.loss
         )  # one of three heartbeats is enough
         if self.dead or self.loses.random() < loss:
-            return b.Silence(request.deadline)
+            return b.NoReply(request.deadline)
         match request:
             case b.Listen():
                 heard = self.beats and self.objects.get((0x1017, 0))
-                return b.Got(self.state, 0.1) if heard else b.Silence(request.deadline)
-            case b.Guard():
-                return b.Got(self.state, 0.01) if self.guards else b.Silence(request.deadline)
-            case b.Command():
+                return b.Got(self.state, 0.1) if heard else b.NoReply(request.deadline)
+            case b.GuardRequest():
+                return b.Got(self.state, 0.01) if self.guards else b.NoReply(request.deadline)
+            case b.BootNmtCommand():
                 return self.obey(request.command)
             case b.Read():
                 return self.read((request.index, request.subindex))
-            case b.Write():
+            case b.BootWrite():
                 return self.write((request.index, request.subindex), request.value)
         raise AssertionError(request)
 
     def read(self, address: tuple[int, int]) -> b.Answer:
         if self.state is NmtState.STOPPED:
-            return b.Silence(0.5)
+            return b.NoReply(0.5)
         if address in self.objects:
             return b.Got(self.objects[address], 0.002)
-        return b.Refused(MISSING, 0.002)
+        return b.SdoAbortReply(MISSING, 0.002)
 
     def write(self, address: tuple[int, int], value: object) -> b.Answer:
         code = self.refuses.get(address, None if address in self.objects else MISSING)
         if code is not None:
-            return b.Refused(code, 0.002)
+            return b.SdoAbortReply(code, 0.002)
         self.objects[address] = self.clips.get(address, value)
         return b.Got(None, 0.002)
 
@@ -94,10 +94,12 @@ class Slave:
 
     def wrote(self) -> list[tuple[int, int, object]]:
         """What was written, in order, repetitions included."""
-        return [(each.index, each.subindex, each.value) for each in self.asked if isinstance(each, b.Write)]
+        return [
+            (each.index, each.subindex, each.value) for each in self.asked if isinstance(each, b.BootWrite)
+        ]
 
     def commands(self) -> list[NmtCommand]:
-        return [each.command for each in self.asked if isinstance(each, b.Command)]
+        return [each.command for each in self.asked if isinstance(each, b.BootNmtCommand)]
 
 
 IDENTITY = {

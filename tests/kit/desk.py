@@ -7,8 +7,8 @@ from typing import Any
 
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from axisbus.web.access.tokens import Role, Session
-from axisbus.web.commands.clients import Desk, Place
+from axisbus.web.access.tokens import PageSession, Role
+from axisbus.web.commands.clients import PageClient, PageClients
 from kit.cell import SCALE
 
 BEAT = 0.05
@@ -19,19 +19,19 @@ class Pages:
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
-        self.desk = Desk(machine, lambda: "http://here/enter?token=t")
+        self.desk = PageClients(machine, lambda: "http://here/enter?token=t")
         self.now = 100.0
         self.press = 0
 
-    def sit(self, role: Role = Role.OPERATOR) -> Place:
-        return self.desk.sit(Session(1, role), "127.0.0.1")
+    def sit(self, role: Role = Role.OPERATOR) -> PageClient:
+        return self.desk.sit(PageSession(1, role), "127.0.0.1")
 
-    def operator(self) -> Place:
+    def operator(self) -> PageClient:
         place = self.sit()
         self.ask(place, "take")
         return place
 
-    def ask(self, place: Place, do: str, axis: str = "", **more: Any) -> None:
+    def ask(self, place: PageClient, do: str, axis: str = "", **more: Any) -> None:
         message = {"do": do, "axis": axis, "sent": self.now - 90.0, **more}
         self.desk.hear(place, json.dumps(message), self.now)
 
@@ -42,19 +42,21 @@ class Pages:
             self.now += 0.02
             self.desk.look(self.now)
 
-    def enabled(self, place: Place, *names: str) -> None:
+    def enabled(self, place: PageClient, *names: str) -> None:
         for name in names:
             self.ask(place, "enable", name, sure=True)
         self.pass_(1.0)
         assert all(self.machine[name].state is AxisState.STANDSTILL for name in names)
 
-    def beat(self, place: Place, axis: str = "x", times: int = 10, way: str = "1", **values: str) -> None:
+    def beat(
+        self, place: PageClient, axis: str = "x", times: int = 10, way: str = "1", **values: str
+    ) -> None:
         """One press's beats go on."""
         for _ in range(times):
             self.ask(place, "jog", axis, press=self.press, values={"direction": way, **values})
             self.pass_(BEAT - 0.01)
 
-    def jog(self, place: Place, axis: str = "x", **values: str) -> None:
+    def jog(self, place: PageClient, axis: str = "x", **values: str) -> None:
         """A new press, until the axis has its velocity."""
         self.press += 1
         self.beat(place, axis, **values)
@@ -66,6 +68,6 @@ class Pages:
         velocity: float = self.machine.stand_in(node).drive().axis.motor.velocity
         return velocity / SCALE
 
-    def told(self, place: Place) -> list[tuple[str, str]]:
+    def told(self, place: PageClient) -> list[tuple[str, str]]:
         told, place.told = place.told, []
         return [(one.kind, one.text) for one in told]

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
-from axisbus.drives.gim6010.discovery.finder import Ask, Finder
-from axisbus.drives.gim6010.discovery.results import Finding, findings
+from axisbus.drives.gim6010.discovery.finder import Finder, ProbeScope
+from axisbus.drives.gim6010.discovery.results import DiscoveredModule, findings
 from axisbus.sim.can_simple.module import Module
 from kit.sim.module import Wire
 
@@ -59,18 +59,18 @@ class Search:
                 self._hear(answer(request, self.wire.now))
 
     @property
-    def found(self) -> dict[tuple[str, int | None], Finding]:
+    def found(self) -> dict[tuple[str, int | None], DiscoveredModule]:
         """What was found, by protocol and node ID."""
         return {(each.protocol.value, each.node): each for each in findings(self.finder)}
 
     def _hear(self, others: Sequence[tuple[int, bytes]]) -> None:
         for frame in self.wire.heard[self._taken :]:
-            self.finder.note(Frame(frame.time, frame.can_id, frame.data, frame.can_id > 0x7FF))
+            self.finder.note(CanFrame(frame.time, frame.can_id, frame.data, frame.can_id > 0x7FF))
         self._taken = len(self.wire.heard)
         for can_id, data in others:
-            self.finder.note(Frame(self.wire.now, can_id, data, can_id > 0x7FF))
+            self.finder.note(CanFrame(self.wire.now, can_id, data, can_id > 0x7FF))
 
 
-def search(*modules: Module, ask: Ask | None = None, remote: bool = True, **more: object) -> Search:
+def search(*modules: Module, ask: ProbeScope | None = None, remote: bool = True, **more: object) -> Search:
     """Find the modules of a wire; ``remote``: whether it carries remote frames."""
     return Search(modules, Finder(ask=ask, remote=remote), **more)  # type: ignore[arg-type]

@@ -199,14 +199,14 @@ class Line:
             return end.value
 
     def _exchange(self, ask: Any) -> Any:
-        from axisbus.cia305.dialogue import Answer, Heard
+        from axisbus.cia305.dialogue import LssReplies, LssReply
 
         late = [
             moment - self._asked[1] for moment, data in self._until(self.now) if data[0] == self._asked[0]
         ]
         sent = self.now
         self._send(ask.frame)
-        answers: list[Answer] = []
+        answers: list[LssReply] = []
         until = self.now + ask.wait
         while self._coming and self._coming[0][0] <= until:
             moment, _, data = heapq.heappop(self._coming)
@@ -215,11 +215,11 @@ class Line:
             elif ask.expects is not None and data[0] == ask.expects:
                 if not answers:
                     until = moment + ask.settle
-                answers.append(Answer(data, moment - sent))
+                answers.append(LssReply(data, moment - sent))
         self.now = until
         if ask.expects is not None:
             self._asked = (int(ask.expects), sent)
-        return Heard(tuple(answers), tuple(late))
+        return LssReplies(tuple(answers), tuple(late))
 
     def _until(self, moment: float) -> list[tuple[float, bytes]]:
         found = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from kit.sim.module import Wire
 
 
@@ -40,7 +40,7 @@ def play(
         at(wire)
         for frame in wire.heard[taken:]:
             if not lose("module", frame.command, frame.time):
-                dialogue.note(Frame(frame.time, frame.can_id, frame.data, frame.can_id > 0x7FF))
+                dialogue.note(CanFrame(frame.time, frame.can_id, frame.data, frame.can_id > 0x7FF))
         taken = len(wire.heard)
         request = dialogue.step(wire.now)
         if request is not None:

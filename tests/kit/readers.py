@@ -108,7 +108,7 @@ def _recorded(suffix: str) -> Callable[[Path], list[bytes]]:
 
 
 def _frames(path: Path) -> object:
-    return sum(1 for _ in frame_files.read(path, frame_files.Skipped()))
+    return sum(1 for _ in frame_files.read(path, frame_files.SkippedLines()))
 
 
 def _faults(path: Path) -> object:

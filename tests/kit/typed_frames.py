@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.trace import text
-from axisbus.trace.context import NOTHING, Known
+from axisbus.trace.context import NOTHING, TraceContext
 from axisbus.trace.decoded import Decoded
 from axisbus.trace.decoder import Decoder
 
@@ -14,14 +14,14 @@ STEP = 0.001
 class Wire:
     """A decoder that is fed with frames one millisecond apart."""
 
-    def __init__(self, known: Known = NOTHING) -> None:
+    def __init__(self, known: TraceContext = NOTHING) -> None:
         self.decoder = Decoder(known)
         self.time = 0.0
 
     def __call__(self, can_id: int, data: str = "", **flags: bool) -> Decoded:
         """Feed a frame of hexadecimal digits."""
         self.time += STEP
-        return self.decoder.feed(Frame(self.time, can_id, bytes.fromhex(data), **flags))
+        return self.decoder.feed(CanFrame(self.time, can_id, bytes.fromhex(data), **flags))
 
     def says(self, can_id: int, data: str = "", **flags: bool) -> str:
         """Feed a sound frame and return its words."""

@@ -36,7 +36,7 @@ from axisbus.boot.can_simple.module import ModuleBoot
 from axisbus.boot.requests import Answerer
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.sync import SyncConsumer
-from axisbus.core.can_simple.modules import Modules
+from axisbus.core.can_simple.modules import CanSimpleModules
 
 _START = "_start_new_thread" if hasattr(threading, "_start_new_thread") else "_start_joinable_thread"
 _allocate = _thread.allocate_lock
@@ -346,7 +346,7 @@ def _defaults(scheduler: Scheduler) -> Iterator[tuple[Any, str, Any]]:
     def replaced(value: Any) -> Any:
         return virtual.get(value, value) if callable(value) else value
 
-    for owner in (CanCycle, SyncConsumer, Answerer, ModuleBoot, Modules):
+    for owner in (CanCycle, SyncConsumer, Answerer, ModuleBoot, CanSimpleModules):
         function: Any = owner.__init__
         if function.__defaults__:
             yield function, "__defaults__", tuple(map(replaced, function.__defaults__))

@@ -18,13 +18,13 @@ from typing import Any
 
 import msgspec
 
-from axisbus.fleet.keys import CellKeys
+from axisbus.fleet.keys import ZenohCellKeys
 from axisbus.fleet.messages import CommandAnswer, CommandAsk, LeaseAnswer, LeaseAsk
-from axisbus.fleet.network import Network, connected, opened
+from axisbus.fleet.network import ZenohNetwork, connected, opened
 
 _numbers = itertools.count(1)
 PLANT, CELL = "works", "one"
-KEYS = CellKeys(PLANT, CELL)
+KEYS = ZenohCellKeys(PLANT, CELL)
 
 
 def free_port() -> int:
@@ -87,7 +87,7 @@ class Client:
         self.who = name
         self.name = f"{name}-{os.getpid()}-{next(_numbers)}"
         self.token = ""
-        self.session = opened(Network(() if config else (endpoint,), config=config))
+        self.session = opened(ZenohNetwork(() if config else (endpoint,), config=config))
         connected(self.session, 5.0)
         self._id = 0
         self._over = threading.Event()

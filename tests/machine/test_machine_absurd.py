@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from axisbus import Cam, Machine, TimedPoint, wait
+from axisbus import Cam, Machine, TrajectoryPoint, wait
 from axisbus.errors import ArgumentError, SignalTimeout, UserError
 from kit.cell import cell_text
 from kit.modules import LEVEL, MODULE
@@ -153,9 +153,9 @@ CALLS: dict[str, Call] = {
         (10.0, 0.0), centre=(value, 0.0), velocity=1.0
     ),
     "a place of a timed point": lambda machine, value: group(machine).follow(
-        [TimedPoint(0.0, (value, 0.0)), TimedPoint(1.0, (1.0, 1.0))]
+        [TrajectoryPoint(0.0, (value, 0.0)), TrajectoryPoint(1.0, (1.0, 1.0))]
     ),
-    "a timed point": lambda machine, value: group(machine).follow([value, TimedPoint(1.0, (1.0, 1.0))]),
+    "a timed point": lambda machine, value: group(machine).follow([value, TrajectoryPoint(1.0, (1.0, 1.0))]),
     "a cam": lambda _, value: Cam(value),
     "a point of a cam": lambda _, value: Cam([(0, 0), (value, 1.0)]),
     "an output": lambda machine, value: machine.io["valve"].set(value),

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.errors import LimitError
-from axisbus.machine.request import Request
-from axisbus.motion.parameters import AxisParameters, Defaults, Limits, Units
+from axisbus.machine.request import AxisCall
+from axisbus.motion.parameters import AxisLimits, AxisParameters, Defaults, Units
 from axisbus.units import Scale
 
 DEGREES = Scale.of("131072/360", "deg")
@@ -18,13 +18,17 @@ RPM = Scale.of(Fraction(1, 6), "deg/s")  # one increment is 6 deg/s
 COARSE = Scale.of(Fraction(1, 50), "deg/s²")
 
 
-def request(velocity=RPM, acceleration=COARSE, limit=None) -> Request:
+def request(velocity=RPM, acceleration=COARSE, limit=None) -> AxisCall:
     """A call to an axis whose drive counts in coarse units."""
     units = Units(DEGREES, velocity, acceleration, ratio_known=True, rated_torque=3.0)
     parameters = AxisParameters(
-        "x", units, limits=Limits(velocity=limit), defaults=Defaults(acceleration=100.0), scan_period=0.004
+        "x",
+        units,
+        limits=AxisLimits(velocity=limit),
+        defaults=Defaults(acceleration=100.0),
+        scan_period=0.004,
     )
-    return Request(parameters, "move")
+    return AxisCall(parameters, "move")
 
 
 def test_a_velocity_below_one_increment_is_refused_and_not_raised_to_one():
@@ -84,6 +88,6 @@ def test_a_target_at_a_limit_is_rounded_to_the_increment_within(edge, turned):
         assert abs(scale.to_units(raw) - edge) <= 300 / 1003
 
 
-def _limited(scale: Scale, limits: tuple[float, float]) -> Request:
+def _limited(scale: Scale, limits: tuple[float, float]) -> AxisCall:
     units = Units(scale, RPM, COARSE, ratio_known=True)
-    return Request(AxisParameters("x", units, limits=Limits(position=limits)), "move")
+    return AxisCall(AxisParameters("x", units, limits=AxisLimits(position=limits)), "move")

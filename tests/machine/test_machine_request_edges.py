@@ -10,15 +10,15 @@ from types import SimpleNamespace
 import pytest
 
 from axisbus.errors import ArgumentError, LimitError
-from axisbus.machine.request import Request
-from axisbus.motion.parameters import Defaults, Homing, Limits
-from axisbus.motion.trajectory import Sampled, Trapezoid
+from axisbus.machine.request import AxisCall
+from axisbus.motion.parameters import AxisLimits, Defaults, HomingParameters
+from axisbus.motion.trajectory import SampledTrajectory, TrapezoidalTrajectory
 from kit.motion.rig import GENERIC, dictionary_of, parameters
 
 
-def request(**changes) -> Request:
+def request(**changes) -> AxisCall:
     """A call to an axis of 1000 increments per degree and 10 N·m."""
-    return Request(parameters("x", dictionary_of(GENERIC), **changes), "call()")
+    return AxisCall(parameters("x", dictionary_of(GENERIC), **changes), "call()")
 
 
 def outcome(ask, **changes):
@@ -29,7 +29,7 @@ def outcome(ask, **changes):
         return type(error).__name__, error.message.removeprefix("x.call(): ")
 
 
-BOUNDS = {"limits": Limits(position=(-10.0, 20.0), velocity=400.0, acceleration=800.0, torque=5.0)}
+BOUNDS = {"limits": AxisLimits(position=(-10.0, 20.0), velocity=400.0, acceleration=800.0, torque=5.0)}
 REFUSED = "LimitError"
 
 
@@ -47,8 +47,8 @@ REFUSED = "LimitError"
         (BOUNDS, -10.0, -10_000),
         (BOUNDS, -10.0001, REFUSED),
         # the nearest increment would lie beyond the limit
-        ({"limits": Limits(position=(-0.0016, 0.0016))}, 0.0016, 1),
-        ({"limits": Limits(position=(-0.0016, 0.0016))}, -0.0016, -1),
+        ({"limits": AxisLimits(position=(-0.0016, 0.0016))}, 0.0016, 1),
+        ({"limits": AxisLimits(position=(-0.0016, 0.0016))}, -0.0016, -1),
         ({}, 0.0016, 2),
     ],
 )
@@ -98,11 +98,11 @@ def test_a_torque_is_no_stronger_than_was_asked_for_or_is_allowed(changes, torqu
 
 def test_a_torque_limit_is_told_by_its_own_name():
     with pytest.raises(LimitError) as caught:
-        request(limits=Limits(torque=5.0, torque_key="6072h")).torque(6.0)
+        request(limits=AxisLimits(torque=5.0, torque_key="6072h")).torque(6.0)
     assert caught.value.message == "x.call(): torque 6 N·m is beyond the limit"
     assert caught.value.observed == "6072h is 5 N·m"
     base = parameters("x", dictionary_of(GENERIC))
-    without = Request(replace(base, units=replace(base.units, rated_torque=None)), "call()")
+    without = AxisCall(replace(base, units=replace(base.units, rated_torque=None)), "call()")
     with pytest.raises(ArgumentError, match="rated_torque is missing") as caught:
         without.torque(1.0)
     assert caught.value.observed == "[axes.x] in cell.toml does not give it"
@@ -141,7 +141,7 @@ def test_a_torque_slope_is_a_magnitude(defaults, slope, expected):
     ],
 )
 def test_a_homing_method_is_a_whole_number_of_one_byte(configured, asked, expected):
-    found = outcome(lambda r: r.homing_method(asked), homing=Homing(method=configured))
+    found = outcome(lambda r: r.homing_method(asked), homing=HomingParameters(method=configured))
     assert (found[0] if isinstance(found, tuple) else found) == expected
 
 
@@ -212,7 +212,7 @@ def test_a_default_deceleration_goes_before_the_acceleration():
 
 def test_where_the_ratio_of_the_units_is_not_known_no_speed_is_compared():
     base = parameters("x", dictionary_of(GENERIC))
-    unknown = Request(replace(base, units=replace(base.units, ratio_known=False)), "call()")
+    unknown = AxisCall(replace(base, units=replace(base.units, ratio_known=False)), "call()")
     assert tuple(unknown.profile(2.0, 10.0, timeout=3.0)) == (
         2000,
         10_000,
@@ -263,13 +263,13 @@ def test_what_is_beyond_a_limit_by_rounding_alone_is_the_limit():
     [(2_147_483.647, True), (2_147_483.649, False), (-2_147_483.648, True), (1e300, False)],
 )
 def test_a_signed_velocity_fits_its_object(velocity, fits):
-    found = outcome(lambda r: r.turning(velocity), limits=Limits())
+    found = outcome(lambda r: r.turning(velocity), limits=AxisLimits())
     assert (found[0] != REFUSED) is fits
 
 
 @pytest.mark.parametrize(("velocity", "fits"), [(4_294_967.295, True), (4_294_967.297, False)])
 def test_a_profile_velocity_fits_its_object(velocity, fits):
-    found = outcome(lambda r: r.profile(velocity), limits=Limits())
+    found = outcome(lambda r: r.profile(velocity), limits=AxisLimits())
     assert (found[0] != REFUSED) is fits
 
 
@@ -278,37 +278,49 @@ def jumping(**told) -> SimpleNamespace:
     return SimpleNamespace(duration=1.0, position=lambda _: 0.0, **told)
 
 
-NO_LIMIT = {"limits": Limits()}
-NOTHING = {"limits": Limits(), "defaults": Defaults()}
+NO_LIMIT = {"limits": AxisLimits()}
+NOTHING = {"limits": AxisLimits(), "defaults": Defaults()}
 
 
 @pytest.mark.parametrize(
     ("trajectory", "changes", "message"),
     [
-        (Trapezoid(0.0, 20.0, 400.0, 800.0), BOUNDS, None),
-        (Trapezoid(0.0, 20.001, 10.0, 800.0), BOUNDS, None),  # an increment of arithmetic
-        (Trapezoid(0.0, 20.002, 10.0, 800.0), BOUNDS, "the trajectory leaves the position limits"),
-        (Trapezoid(0.0, -10.002, 10.0, 800.0), BOUNDS, "the trajectory leaves the position limits"),
-        (Trapezoid(30.0, 0.0, 10.0, 800.0), BOUNDS, None),  # back from outside
-        (Trapezoid(30.0, 31.0, 10.0, 800.0), BOUNDS, "the trajectory leaves the position limits"),
-        (Trapezoid(0.0, 9.0, 10.0, 800.01), BOUNDS, "acceleration 800.01 deg/s² is beyond the limit"),
+        (TrapezoidalTrajectory(0.0, 20.0, 400.0, 800.0), BOUNDS, None),
+        (TrapezoidalTrajectory(0.0, 20.001, 10.0, 800.0), BOUNDS, None),  # an increment of arithmetic
         (
-            Trapezoid(0.0, 900.0, 400.1, 800.0),
-            {"limits": Limits(velocity=400.0)},
+            TrapezoidalTrajectory(0.0, 20.002, 10.0, 800.0),
+            BOUNDS,
+            "the trajectory leaves the position limits",
+        ),
+        (
+            TrapezoidalTrajectory(0.0, -10.002, 10.0, 800.0),
+            BOUNDS,
+            "the trajectory leaves the position limits",
+        ),
+        (TrapezoidalTrajectory(30.0, 0.0, 10.0, 800.0), BOUNDS, None),  # back from outside
+        (TrapezoidalTrajectory(30.0, 31.0, 10.0, 800.0), BOUNDS, "the trajectory leaves the position limits"),
+        (
+            TrapezoidalTrajectory(0.0, 9.0, 10.0, 800.01),
+            BOUNDS,
+            "acceleration 800.01 deg/s² is beyond the limit",
+        ),
+        (
+            TrapezoidalTrajectory(0.0, 900.0, 400.1, 800.0),
+            {"limits": AxisLimits(velocity=400.0)},
             "velocity 400.1 deg/s is beyond the limit",
         ),
-        (Trapezoid(0.0, 900.0, 400.0000001, 800.0), {"limits": Limits(velocity=400.0)}, None),
-        (Trapezoid(0.0, 900.0, 900.0, 900.0), NO_LIMIT, None),
-        (Trapezoid(0.0, 900.0, 900.0, 900.0), NOTHING, None),
-        (Sampled([0.0, 1.0], 0.01), NO_LIMIT, None),
-        (Sampled([0.0, 1.0], 0.01), NOTHING, "max_velocity is missing"),
+        (TrapezoidalTrajectory(0.0, 900.0, 400.0000001, 800.0), {"limits": AxisLimits(velocity=400.0)}, None),
+        (TrapezoidalTrajectory(0.0, 900.0, 900.0, 900.0), NO_LIMIT, None),
+        (TrapezoidalTrajectory(0.0, 900.0, 900.0, 900.0), NOTHING, None),
+        (SampledTrajectory([0.0, 1.0], 0.01), NO_LIMIT, None),
+        (SampledTrajectory([0.0, 1.0], 0.01), NOTHING, "max_velocity is missing"),
         (jumping(), BOUNDS, None),
         (
             jumping(),
-            {"limits": Limits(position=(0.0, 1.0), velocity=1.0), "defaults": Defaults()},
+            {"limits": AxisLimits(position=(0.0, 1.0), velocity=1.0), "defaults": Defaults()},
             "acceleration is missing",
         ),
-        (jumping(), {"limits": Limits(velocity=1.0), "defaults": Defaults()}, None),
+        (jumping(), {"limits": AxisLimits(velocity=1.0), "defaults": Defaults()}, None),
         (
             SimpleNamespace(duration=math.inf, position=lambda _: 0.0),
             BOUNDS,

@@ -10,18 +10,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus.cell import reader
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.nmt import NmtState
 from axisbus.cli.monitor import listen
 from axisbus.core.files import load_dictionaries
-from axisbus.machine.bus_monitor import Overview
+from axisbus.machine.bus_monitor import BusMonitor
 
 CELL = reader.load(Path(__file__).parents[2] / "examples" / "cell.toml")
 FILES = load_dictionaries(CELL)
 
 
-def heard(*frames: Frame) -> Overview:
-    overview = Overview(CELL, FILES)
+def heard(*frames: CanFrame) -> BusMonitor:
+    overview = BusMonitor(CELL, FILES)
     for frame in frames:
         overview.feed(frame, 1000.0 + frame.time)
     return overview
@@ -31,7 +31,7 @@ COB_IDS = st.sampled_from(
     [0, 0x80, 0x81, 0x100, 0x181, 0x201, 0x381, 0x581, 0x601, 0x701, 0x77F, 0x7E4, 0x7E5]
 )
 FRAMES = st.builds(
-    Frame,
+    CanFrame,
     st.floats(0, 10),
     COB_IDS | st.integers(0, 0x7FF) | st.integers(0, 0x1FFF_FFFF),
     st.binary(max_size=8),
@@ -43,7 +43,7 @@ FRAMES = st.builds(
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(FRAMES, max_size=120))
-def test_whatever_comes_can_be_told(frames: list[Frame]) -> None:
+def test_whatever_comes_can_be_told(frames: list[CanFrame]) -> None:
     overview = heard(*frames)
     assert overview.frames == len(frames)
     json.dumps(listen._plain(overview, 0.0, 1010.0), allow_nan=False)
@@ -54,7 +54,7 @@ def test_whatever_comes_can_be_told(frames: list[Frame]) -> None:
 
 
 def test_the_periods_are_those_of_the_adapters_times() -> None:
-    overview = heard(*(Frame(tick * 0.004, 0x80) for tick in range(10)), Frame(0.05, 0x701, b"\x05"))
+    overview = heard(*(CanFrame(tick * 0.004, 0x80) for tick in range(10)), CanFrame(0.05, 0x701, b"\x05"))
     assert overview.sync.intervals == pytest.approx((0.004, 0.004, 0.004))
     assert overview.nodes[1].beat.intervals is None
     assert overview.nodes[1].state is NmtState.OPERATIONAL
@@ -62,22 +62,26 @@ def test_the_periods_are_those_of_the_adapters_times() -> None:
 
 
 def test_a_boot_up_begins_the_heartbeats_anew() -> None:
-    beats = [Frame(0.1 * tick, 0x701, b"\x05") for tick in range(4)]
-    overview = heard(*beats, Frame(5.0, 0x701, b"\0"), Frame(5.1, 0x701, b"\x7f"), Frame(5.2, 0x701, b"\x7f"))
+    beats = [CanFrame(0.1 * tick, 0x701, b"\x05") for tick in range(4)]
+    overview = heard(
+        *beats, CanFrame(5.0, 0x701, b"\0"), CanFrame(5.1, 0x701, b"\x7f"), CanFrame(5.2, 0x701, b"\x7f")
+    )
     assert overview.nodes[1].state is NmtState.PRE_OPERATIONAL
     assert overview.nodes[1].beat.intervals == pytest.approx((0.1, 0.1, 0.1))
     assert [one.kind.value for one in overview.take_news()] == ["boot-up"]
 
 
 def test_the_newest_of_a_pdo_replaces_the_one_before() -> None:
-    overview = heard(*(Frame(0.01 * count, 0x181, bytes(8)) for count in range(3)))
+    overview = heard(*(CanFrame(0.01 * count, 0x181, bytes(8)) for count in range(3)))
     (newest,) = overview.nodes[1].newest.values()
     assert newest.count == 3
     assert newest.taken == pytest.approx(1000.02)
 
 
 def test_news_that_are_too_many_are_counted() -> None:
-    overview = heard(*(Frame(0.01 * count, 0x081, bytes.fromhex("2043080000000000")) for count in range(70)))
+    overview = heard(
+        *(CanFrame(0.01 * count, 0x081, bytes.fromhex("2043080000000000")) for count in range(70))
+    )
     told = listen.lines(overview, 70.0, 1001.0)
     assert sum("EMCY" in line for line in told) == 5
     assert "65 more are not shown" in told[-1]
@@ -85,14 +89,14 @@ def test_news_that_are_too_many_are_counted() -> None:
 
 
 def test_a_node_that_goes_mad_does_not_hide_what_another_says() -> None:
-    storm = [Frame(0.001 * count, 0x081, bytes.fromhex("2043080000000000")) for count in range(500)]
-    overview = heard(Frame(0.0, 0x702, b"\0"), *storm)
+    storm = [CanFrame(0.001 * count, 0x081, bytes.fromhex("2043080000000000")) for count in range(500)]
+    overview = heard(CanFrame(0.0, 0x702, b"\0"), *storm)
     told = listen.lines(overview, 500.0, 1001.0)
     assert any("!! 2 boot-up" in line for line in told) or any("2 y boot-up" in line for line in told)
 
 
 def test_what_was_against_the_protocol_is_counted_by_service_and_node() -> None:
-    short, emcy = Frame(0.0, 0x181, b"\x37"), Frame(0.1, 0x085, b"\x20\x43\x08")
+    short, emcy = CanFrame(0.0, 0x181, b"\x37"), CanFrame(0.1, 0x085, b"\x20\x43\x08")
     overview = heard(short, short, short, emcy)
     assert overview.tally.words() == "against the protocol: 1 EMCY (node 5), 3 TPDO (node 1)"
     assert overview.tally.plain()[1] == {"kind": "TPDO", "node": 1, "count": 3}

@@ -8,23 +8,23 @@ import random
 
 import pytest
 
-from axisbus.motion.blending.blended_profile import Course, Leg, course_of, extended
+from axisbus.motion.blending.blended_profile import BlendedProfile, Leg, course_of, extended
 from axisbus.motion.blending.mode import BufferMode
 
 STEP = 0.001
 MODES = [mode for mode in BufferMode if mode.blends]
 
 
-def sampled(course: Course) -> list[float]:
+def sampled(course: BlendedProfile) -> list[float]:
     return [course.position(number * STEP) for number in range(int(course.duration / STEP) + 3)]
 
 
-def speed_near(course: Course, t: float) -> float:
+def speed_near(course: BlendedProfile, t: float) -> float:
     """By places alone, around a time."""
     return abs(course.position(t + STEP) - course.position(t - STEP)) / (2 * STEP)
 
 
-def must_hold(course: Course, legs: list[Leg], start: float) -> None:
+def must_hold(course: BlendedProfile, legs: list[Leg], start: float) -> None:
     """No place jumps, no acceleration is higher than a leg's, no speed higher than both legs' around it."""
     places = sampled(course)
     hardest = max(max(leg.up, leg.down) for leg in legs)
@@ -178,7 +178,7 @@ def test_random_legs_that_join_at_random_times_keep_their_limits_and_what_was_pl
         must_hold(course, all_legs, start)
 
 
-def must_keep_speeds(course: Course, t: float, legs: list[Leg]) -> None:
+def must_keep_speeds(course: BlendedProfile, t: float, legs: list[Leg]) -> None:
     """From ``t`` on: within the ramps of the legs, and at each joint no faster than was asked."""
     times = [t + number * STEP for number in range(int((course.duration - t) / STEP) + 2)]
     ramp = max(max(leg.up, leg.down) for leg in legs)

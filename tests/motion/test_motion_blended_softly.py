@@ -9,11 +9,11 @@ from itertools import pairwise
 
 import pytest
 
-from axisbus.motion.blending.blended_profile import Course, Leg, course_along, course_of, extended
-from axisbus.motion.blending.jerk_limited import Ahead
+from axisbus.motion.blending.blended_profile import BlendedProfile, Leg, course_along, course_of, extended
+from axisbus.motion.blending.jerk_limited import SmoothedProfile
 from axisbus.motion.blending.mode import BufferMode
-from axisbus.motion.jerk.online_profile import Gait, Led
-from axisbus.motion.moves.profile_from_speed import Onward, Start
+from axisbus.motion.jerk.online_profile import JerkLimits, ReferenceState
+from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
 
 T = 0.004
 WINDOW = 50
@@ -21,12 +21,12 @@ MEAN = WINDOW * T
 MODES = [mode for mode in BufferMode if mode.blends]
 
 
-def ahead_on(course: Course, ramp: float, window: int = WINDOW) -> Ahead:
+def ahead_on(course: BlendedProfile, ramp: float, window: int = WINDOW) -> SmoothedProfile:
     here = course.position(0.0)
-    return Ahead(course, deque([here] * window, maxlen=window), Led(here), ramp, T)
+    return SmoothedProfile(course, deque([here] * window, maxlen=window), ReferenceState(here), ramp, T)
 
 
-def gone(ahead: Ahead) -> list[tuple[float, float]]:
+def gone(ahead: SmoothedProfile) -> list[tuple[float, float]]:
     """Time of the mean, and place, from rest to the end."""
     rows = [(ahead.t, ahead.led.place)]
     while ahead.t < ahead.course.duration:
@@ -157,7 +157,7 @@ def test_what_goes_on_from_it_to_another_target_has_its_velocity_and_its_acceler
     for _ in range(60):
         ahead.advance(T)
         places.append(ahead.led.place)
-    walk = ahead.walk(50.0, Gait(60.0, 200.0, 90.0), 0.0)
+    walk = ahead.walk(50.0, JerkLimits(60.0, 200.0, 90.0), 0.0)
     while walk.t == 0.0:
         walk.advance(T)
         places.append(walk.led.place)
@@ -167,7 +167,7 @@ def test_what_goes_on_from_it_to_another_target_has_its_velocity_and_its_acceler
 
 @pytest.mark.parametrize("moment", [0.02, 0.3, 1.2])
 def test_what_joins_behind_a_move_that_goes_on_already_changes_nothing_before(moment):
-    way = Onward(Start(3.0, 40.0), 100.0, 60.0, 200.0, 200.0)
+    way = ProfileFromSpeed(Start(3.0, 40.0), 100.0, 60.0, 200.0, 200.0)
     course = course_along(way, MEAN)
     legs = [Leg(100.0, 60.0, 200.0, 200.0), Leg(180.0, 90.0, 200.0, 200.0, BufferMode.PREVIOUS)]
     longer = extended(course, moment, legs)

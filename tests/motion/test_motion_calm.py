@@ -8,16 +8,16 @@ from enum import Enum
 
 import pytest
 
-from axisbus.cia402.port import Sample, Source
-from axisbus.cia402.state import State
+from axisbus.cia402.port import Sample, ValueTransport
+from axisbus.cia402.state import PowerState
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.axis.fast_path import Cruise
-from axisbus.motion.command_status import Ticket
+from axisbus.motion.axis.fast_path import FastPath
+from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.commands import FollowTrajectory
 from axisbus.motion.group.commands import MoveLinear
 from axisbus.motion.group.core import GroupCore
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.motion.randomplay import Play
 from kit.motion.rig import PERIOD, SCALE, rig
 
@@ -84,7 +84,7 @@ class GroupPlay(Play):
         if not core.powered or core.ladder is not None or self.random.random() < 0.3:
             return super()._some_command()
         return FollowTrajectory(
-            Trapezoid(self.here, self.here + self.random.choice((-90.0, 90.0)), 40.0, 300.0)
+            TrapezoidalTrajectory(self.here, self.here + self.random.choice((-90.0, 90.0)), 40.0, 300.0)
         )
 
     @property
@@ -98,7 +98,7 @@ class GroupPlay(Play):
             return
         line = MoveLinear({"x": self.here + self.random.choice((-20.0, 4.0, 35.0))}, 40.0, 300.0)
         for group, tickets in zip(self.groups, self.tickets, strict=True):
-            tickets.append(Ticket("line"))
+            tickets.append(CommandStatus("line"))
             group.accept(line, tickets[-1])
 
     def inputs(self, cycles):
@@ -149,14 +149,14 @@ def test_the_lives_have_calm_cycles_in_every_state_that_is_powered_and_others():
 
 @pytest.mark.parametrize("kind", [Play, GroupPlay])
 def test_the_lives_have_cycles_that_are_done_by_one_function(kind, monkeypatch):
-    taken, step = [], Cruise.step
+    taken, step = [], FastPath.step
 
     def noted(cruise, inputs):
         outputs = step(cruise, inputs)
         taken.append((outputs is not None, cruise._follow._own_clock, inputs.demand is not None))
         return outputs
 
-    monkeypatch.setattr(Cruise, "step", noted)
+    monkeypatch.setattr(FastPath, "step", noted)
     for seed in range(16):
         play = kind(seed)
         for inputs in play.inputs(CYCLES):
@@ -172,8 +172,8 @@ def test_the_lives_have_cycles_that_are_done_by_one_function(kind, monkeypatch):
 
 def cruising():
     """An axis on a long trajectory, and the inputs of its next cycle."""
-    made = rig(port={"inputs": {"demand": Source.NONE}}).enabled()
-    made.axis.follow(Trapezoid(0.0, 500.0, 20.0, 400.0))
+    made = rig(port={"inputs": {"demand": ValueTransport.NONE}}).enabled()
+    made.axis.follow(TrapezoidalTrajectory(0.0, 500.0, 20.0, 400.0))
     made.run(0.5)
     core, port, cycle = made.core, made.ports["x"], made.cycle
     cycle.wait_until(core.image.now + PERIOD)
@@ -196,7 +196,7 @@ def test_an_axis_on_its_way_takes_the_short_cycle():
         (lambda core: core, "tripped", "an error"),
         (lambda core: core, "_broken", "an error"),
         (lambda core: core, "_story", "a fault's"),
-        (lambda core: core.order, "goal", State.SWITCHED_ON),
+        (lambda core: core.order, "goal", PowerState.SWITCHED_ON),
         (lambda core: core.order, "mode", 1),
         (lambda core: core.order, "word", 0x06),
         (lambda core: core.order, "bits", 0x10),
@@ -279,7 +279,7 @@ def test_one_value_out_of_the_ordinary_leaves_the_cycle_to_the_whole_step_and_ch
 @pytest.mark.parametrize(
     ("part", "name", "value"),
     [
-        (lambda core: core.image, "state", State.QUICK_STOP_ACTIVE),
+        (lambda core: core.image, "state", PowerState.QUICK_STOP_ACTIVE),
         (lambda core: core.image, "operational", False),
         (lambda core: core.image, "lost_count", True),
         (lambda core: core.image, "emcy", ("one",)),
@@ -289,7 +289,7 @@ def test_one_value_out_of_the_ordinary_leaves_the_cycle_to_the_whole_step_and_ch
         (lambda core: core, "tripped", "an error"),
         (lambda core: core, "_broken", "an error"),
         (lambda core: core, "_story", "a fault's"),
-        (lambda core: core.order, "goal", State.SWITCHED_ON),
+        (lambda core: core.order, "goal", PowerState.SWITCHED_ON),
         (lambda core: core.stopping, "ladder", "one"),
     ],
 )

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.motion.situations import SITUATIONS
 from kit.motion.watch import Watch
 
@@ -43,7 +43,7 @@ COMMANDS: dict[str, Callable] = {
     "probe abort": lambda x: x.probe_abort(),
     "superimposed": lambda x: x.move_superimposed(5.0),
     "halt superimposed": lambda x: x.halt_superimposed(),
-    "follow": lambda x: x.follow(Trapezoid(x.position, x.position + 2.0, 20.0, 100.0)),
+    "follow": lambda x: x.follow(TrapezoidalTrajectory(x.position, x.position + 2.0, 20.0, 100.0)),
 }
 
 

@@ -14,9 +14,9 @@ from axisbus import Cam
 from axisbus.errors import ArgumentError
 from axisbus.ipc.messages import CODEC
 from axisbus.motion.commands import PhaseBy
-from axisbus.motion.coupling.gear_and_cam import CamLaw, Due, Gear
-from axisbus.motion.coupling.phase import Phase
-from axisbus.motion.coupling.sync_in_curve import Blend
+from axisbus.motion.coupling.gear_and_cam import CamLaw, Gear, SlaveReference
+from axisbus.motion.coupling.phase import PhaseShift
+from axisbus.motion.coupling.sync_in_curve import SyncInCurve
 
 SAME = settings(deadline=None, derandomize=True)
 PLACES = st.floats(-50.0, 50.0)
@@ -85,7 +85,7 @@ def test_laws_cross_to_the_core_as_they_are():
 @given(PLACES, st.floats(0.1, 50.0), st.booleans(), *[st.floats(-20.0, 20.0)] * 5)
 def test_a_blend_joins_place_slope_and_bend(begin, length, back, p, s, q, u, b):
     end = begin - length if back else begin + length
-    blend = Blend(begin, end, Due(p, s, 0.0), Due(q, u, b))
+    blend = SyncInCurve(begin, end, SlaveReference(p, s, 0.0), SlaveReference(q, u, b))
     large = 1.0 + max(map(abs, (p, q))) + length * max(map(abs, (s, u))) + length**2 * abs(b)
     assert blend.at(begin) == pytest.approx(p, abs=1e-9 * large)
     assert blend.at(end) == pytest.approx(q, abs=1e-9 * large)
@@ -99,7 +99,7 @@ def test_a_blend_joins_place_slope_and_bend(begin, length, back, p, s, q, u, b):
 
 
 def test_a_blend_from_rest_to_rest_never_turns_round():
-    blend = Blend(0.0, 10.0, Due(0.0, 0.0, 0.0), Due(5.0, 0.0, 0.0))
+    blend = SyncInCurve(0.0, 10.0, SlaveReference(0.0, 0.0, 0.0), SlaveReference(5.0, 0.0, 0.0))
     places = [blend.at(n / 10.0) for n in range(101)]
     assert all(a <= b for a, b in pairwise(places))
 
@@ -151,7 +151,7 @@ def test_a_cam_is_read_from_a_file(tmp_path):
 @pytest.mark.parametrize("seed", range(20))
 def test_a_shift_never_changes_harder_or_faster_than_it_may_however_often_it_is_changed(seed):
     chance, period = random.Random(seed), 0.004
-    phase, places, total = Phase(period), [0.0, 0.0], 0.0
+    phase, places, total = PhaseShift(period), [0.0, 0.0], 0.0
     for _ in range(12):
         shift = chance.uniform(-20.0, 20.0)
         total += shift

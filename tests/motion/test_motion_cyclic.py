@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from axisbus.cia402.controlword import HALT
 from axisbus.errors import ArgumentError, LimitError, StateError
-from axisbus.motion.axis.cycle_outputs import Order
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.cyclic.ramps import TorqueRamp, VelocityRamp, next_velocity
-from axisbus.motion.parameters import Limits, Units
+from axisbus.motion.parameters import AxisLimits, Units
 from axisbus.motion.stop.limits import stop_of
-from axisbus.motion.stop.stop_sequence import Rung
-from axisbus.motion.stop_deceleration import Braking, Course
+from axisbus.motion.stop.stop_sequence import StopLevel
+from axisbus.motion.stop_deceleration import Braking, CommandedMotion
 from axisbus.sim.motor import MotorParams
 from axisbus.units import Scale
 from kit.motion.rig import rig
@@ -52,7 +52,7 @@ def test_a_turn_brakes_with_the_deceleration_and_speeds_up_with_the_acceleration
 
 
 def test_the_ramp_of_a_halt_ends_at_0_and_rests():
-    ramp, order = VelocityRamp(1000.0, 500.0, 20_000.0, 0.01), Order()
+    ramp, order = VelocityRamp(1000.0, 500.0, 20_000.0, 0.01), CycleOutputs()
     assert not ramp.at_rest
     assert ramp.begin_braking()
     sent = []
@@ -65,7 +65,7 @@ def test_the_ramp_of_a_halt_ends_at_0_and_rests():
 
 
 def test_what_is_held_is_the_velocity_of_now():
-    ramp, order = VelocityRamp(0.0, 10_000.0, 10_000.0, 0.01), Order()
+    ramp, order = VelocityRamp(0.0, 10_000.0, 10_000.0, 0.01), CycleOutputs()
     ramp.aim(1000, 10_000.0, 10_000.0)
     ramp.step(IMAGE, order)
     ramp.hold()
@@ -78,7 +78,7 @@ def test_what_is_held_is_the_velocity_of_now():
 
 @given(st.integers(-3000, 3000), st.integers(-3000, 3000), st.integers(1, 10_000))
 def test_a_torque_comes_to_its_target_by_its_slope_and_no_farther(start, target, slope):
-    ramp, order = TorqueRamp(float(start), slope, 0.01, lets_go=True), Order()
+    ramp, order = TorqueRamp(float(start), slope, 0.01, lets_go=True), CycleOutputs()
     ramp.aim(target, slope)
     before = float(start)
     for _ in range(40):
@@ -93,7 +93,7 @@ def test_a_torque_comes_to_its_target_by_its_slope_and_no_farther(start, target,
 
 
 def test_a_torque_that_holds_a_load_is_not_let_go_by_a_halt():
-    ramp, order = TorqueRamp(300.0, 1000, 0.01, lets_go=False), Order()
+    ramp, order = TorqueRamp(300.0, 1000, 0.01, lets_go=False), CycleOutputs()
     assert not ramp.begin_braking()
     ramp.step(IMAGE, order)
     assert order.target_torque == 300
@@ -102,8 +102,8 @@ def test_a_torque_that_holds_a_load_is_not_let_go_by_a_halt():
 def test_what_brakes_an_axis_that_is_led_is_its_own_ramp_whatever_605d_says(dictionary_parameters):
     for halt in (0, 1, 2):
         parameters = dictionary_parameters(halt)
-        course = Course(1000.0, 500.0, 800.0, by_core=True)
-        assert stop_of(parameters, course) == (Rung.HALT, 800.0)
+        course = CommandedMotion(1000.0, 500.0, 800.0, by_core=True)
+        assert stop_of(parameters, course) == (StopLevel.HALT, 800.0)
 
 
 @pytest.fixture
@@ -138,7 +138,7 @@ def test_the_drives_own_slope_serves_and_one_too_flat_is_refused():
 def test_an_axis_whose_velocities_cannot_be_compared_is_refused_at_the_call():
     scale = Scale.of(1, "increments")
     units = Units(scale, scale, scale, ratio_known=False)
-    r = rig(units=units, limits=Limits()).enabled()
+    r = rig(units=units, limits=AxisLimits()).enabled()
     with pytest.raises(ArgumentError, match="velocity_scale"):
         r.axis.cyclic_velocity(10.0)
 

@@ -6,20 +6,20 @@ import math
 
 import pytest
 
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import ValueTransport
 from axisbus.errors import FollowingError
-from axisbus.motion.parameters import DemandUse, Handshake, Homing
+from axisbus.motion.parameters import DemandUse, Handshake, HomingParameters
 from axisbus.motion.states import AxisState
 from kit.motion.rig import Rig, rig
 
 # How 6062h travels.
 WAYS = {
     "with each SYNC": {},
-    "polled by SDO": {"inputs": {"demand": Source.SDO}, "sdo_poll": 0.25},
-    "on change": {"inputs": {"demand": Source.EVENT_PDO}},
-    "by event timer": {"inputs": {"demand": Source.EVENT_PDO}, "event_timer": 0.2},
+    "polled by SDO": {"inputs": {"demand": ValueTransport.SDO}, "sdo_poll": 0.25},
+    "on change": {"inputs": {"demand": ValueTransport.EVENT_PDO}},
+    "by event timer": {"inputs": {"demand": ValueTransport.EVENT_PDO}, "event_timer": 0.2},
     "position on change, demand polled": {
-        "inputs": {"demand": Source.SDO, "position": Source.EVENT_PDO},
+        "inputs": {"demand": ValueTransport.SDO, "position": ValueTransport.EVENT_PDO},
         "event_timer": 0.02,
         "sdo_poll": 0.25,
     },
@@ -33,7 +33,7 @@ HABITS = {
 
 
 def drive_with(habit: str, way: str, **changes) -> Rig:
-    r = rig(port=WAYS[way], homing=Homing(method=35), **changes)
+    r = rig(port=WAYS[way], homing=HomingParameters(method=35), **changes)
     r.device.write(0x6065, 0, 0xFFFF_FFFF)  # the drive itself does not watch
     if HABITS[habit]:
         setattr(r.drive.dials, HABITS[habit], True)
@@ -197,14 +197,19 @@ OTHERS = {
     "6061h late": ({"mode_delay": 0.3}, {}, {}),
     "all on change, without event timer": (
         {},
-        {"inputs": dict.fromkeys(INPUTS, Source.EVENT_PDO), "max_age": dict.fromkeys(SILENT, math.inf)},
+        {
+            "inputs": dict.fromkeys(INPUTS, ValueTransport.EVENT_PDO),
+            "max_age": dict.fromkeys(SILENT, math.inf),
+        },
         {},
     ),
     "all but statusword, position and controlword by SDO": (
         {},
         {
-            "inputs": dict.fromkeys(("mode", "velocity", "torque", "demand"), Source.SDO),
-            "outputs": dict.fromkeys(("target_position", "target_velocity", "target_torque"), Source.SDO),
+            "inputs": dict.fromkeys(("mode", "velocity", "torque", "demand"), ValueTransport.SDO),
+            "outputs": dict.fromkeys(
+                ("target_position", "target_velocity", "target_torque"), ValueTransport.SDO
+            ),
             "sdo_time": 0.01,
         },
         {},
@@ -216,7 +221,7 @@ OTHERS = {
 @pytest.mark.parametrize("habit", HABITS)
 def test_other_habits_of_such_drives_change_nothing(habit, other):
     dials, port, changes = OTHERS[other]
-    r = rig(port=port, homing=Homing(method=35), **changes)
+    r = rig(port=port, homing=HomingParameters(method=35), **changes)
     r.device.write(0x6065, 0, 0xFFFF_FFFF)
     for name, value in (dials | ({HABITS[habit]: True} if HABITS[habit] else {})).items():
         setattr(r.drive.dials, name, value)

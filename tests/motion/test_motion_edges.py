@@ -10,29 +10,29 @@ import pytest
 
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.core.lateness import Lateness
 from axisbus.core.scan import Scan
 from axisbus.core.waiting import PumpWaiter
 from axisbus.errors import DriveError, LimitError, StateError
 from axisbus.machine import handle as handles
 from axisbus.machine.handle import Handle
-from axisbus.motion.command_status import Status, Ticket
+from axisbus.motion.command_status import CommandStatus, Status
 from axisbus.motion.group.path_builder import plan_line
-from axisbus.motion.moves.adopt_enabled_drive import Takeover, resting_target
+from axisbus.motion.moves.adopt_enabled_drive import DriveAdoption, resting_target
 from axisbus.motion.moves.lookahead import excess
 from axisbus.motion.moves.profile import braking_distance, duration
-from axisbus.motion.moves.profile_from_speed import Onward, Start
+from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
 from axisbus.motion.numbers import number, told
-from axisbus.motion.parameters import Defaults, HoldsLoad, Limits
-from axisbus.motion.path_limit_check import Pace, Step, brakes_smoothly, pace_of
+from axisbus.motion.parameters import AxisLimits, Defaults, HoldsLoad
+from axisbus.motion.path_limit_check import PathLimitCheck, PathSample, brakes_smoothly, pace_of
 from axisbus.motion.position_limits import widened
 from axisbus.motion.stop.active_stop import StopKind, Stopping, stop_error
 from axisbus.motion.stop.diagnosis import remedy
-from axisbus.motion.stop.stop_sequence import Rung, Then
+from axisbus.motion.stop.stop_sequence import AfterStop, StopLevel
 from axisbus.motion.stop.velocity_following import RampedWay
-from axisbus.motion.trajectory import Sampled, Trapezoid
-from axisbus.motion.velocity_estimator import Track
+from axisbus.motion.trajectory import SampledTrajectory, TrapezoidalTrajectory
+from axisbus.motion.velocity_estimator import VelocityEstimator
 from kit.motion.rig import GENERIC, dictionary_of, parameters, rig
 from kit.motion.steps import Drive, T
 
@@ -49,8 +49,8 @@ def ladder(**changes) -> SimpleNamespace:
         "spared": False,
         "held": False,
         "takes_power": False,
-        "seen": State.OPERATION_ENABLED,
-        "path": [Rung.HALT],
+        "seen": PowerState.OPERATION_ENABLED,
+        "path": [StopLevel.HALT],
         "unseen": "",
         "running_down": "",
     }
@@ -72,14 +72,14 @@ def ladder(**changes) -> SimpleNamespace:
         ({"held": True, "spared": True}, "stands, but its drive did not do the quick stop"),
         ({"late": ["disable_time"], "takes_power": True}, "stands, but could not be switched off"),
         (
-            {"late": ["disable_time"], "takes_power": True, "seen": State.UNKNOWN},
+            {"late": ["disable_time"], "takes_power": True, "seen": PowerState.UNKNOWN},
             "stands, but could not be switched off",
         ),
         (
-            {"late": ["disable_time"], "takes_power": True, "seen": State.SWITCHED_ON},
+            {"late": ["disable_time"], "takes_power": True, "seen": PowerState.SWITCHED_ON},
             "stopped only by a harder stop than was asked for",
         ),
-        ({"takes_power": True, "seen": State.SWITCH_ON_DISABLED}, None),
+        ({"takes_power": True, "seen": PowerState.SWITCH_ON_DISABLED}, None),
     ],
 )
 def test_what_is_told_of_a_stop(changes, message):
@@ -91,11 +91,11 @@ def test_what_was_seen_of_a_stop_is_told_in_order():
     made = ladder(
         confirmed=False,
         late=["halt_time", "quick_stop_time"],
-        path=[Rung.HALT, Rung.QUICK_STOP, Rung.NMT_STOP],
+        path=[StopLevel.HALT, StopLevel.QUICK_STOP, StopLevel.NMT_STOP],
         unseen="a",
         running_down="b",
         spared=True,
-        seen=State.FAULT,
+        seen=PowerState.FAULT,
     )
     assert stop_error(made, "x").observed == (
         "stop ladder: halt > quick stop > NMT stop; passed: halt_time, quick_stop_time; a; b; "
@@ -117,26 +117,26 @@ def test_a_halt_whose_path_brakes_too_slowly_is_not_put_down_to_the_drive():
 def test_a_stop_that_is_asked_for_again_keeps_the_harder_kind_and_its_lock():
     stopping = Stopping(Drive().parameters)
     assert stopping.interruptible
-    first, second = (Ticket(name) for name in ("a", "b"))
-    stopping.ask(StopKind.STOP, Then.HOLD, Rung.HALT, "first", first, None)
+    first, second = (CommandStatus(name) for name in ("a", "b"))
+    stopping.ask(StopKind.STOP, AfterStop.HOLD, StopLevel.HALT, "first", first, None)
     assert (stopping.locks, stopping.interruptible, stopping.name, first.status) == (
         True,
         False,
         "a",
         Status.ACTIVE,
     )
-    stopping.ask(StopKind.HALT, Then.HOLD, Rung.HALT, "second", second, None)
+    stopping.ask(StopKind.HALT, AfterStop.HOLD, StopLevel.HALT, "second", second, None)
     assert (stopping.kind, stopping.reason, stopping.locks) == (StopKind.STOP, "first", True)
-    stopping.ask(StopKind.STOP, Then.DISABLE, Rung.QUICK_STOP, "third", None, None)
+    stopping.ask(StopKind.STOP, AfterStop.DISABLE, StopLevel.QUICK_STOP, "third", None, None)
     assert (stopping.reason, stopping.ladder.rung, stopping.ladder.takes_power) == (
         "third",
-        Rung.QUICK_STOP,
+        StopLevel.QUICK_STOP,
         True,
     )
     assert stopping.drop() == [first, second]
     assert (stopping.ladder, stopping.locks, stopping.interruptible) == (None, False, True)
     assert stopping.drop() == []
-    stopping.ask(StopKind.HALT, Then.HOLD, Rung.HALT, "again", None, None)
+    stopping.ask(StopKind.HALT, AfterStop.HOLD, StopLevel.HALT, "again", None, None)
     assert stopping.interruptible
     assert not stopping.locks
     assert stopping.name == "x's stop"
@@ -230,7 +230,7 @@ M = ModeOfOperation
 def test_the_modes_into_which_a_drive_that_is_taken_over_can_be_brought_without_a_jump(
     mode, offset, moving, candidates, chosen
 ):
-    taken = Takeover(mode, Drive().parameters)
+    taken = DriveAdoption(mode, Drive().parameters)
     taken._read.values[objects.TORQUE_OFFSET, 0] = offset
     image = SimpleNamespace(standstill=not moving)
     if chosen is None:
@@ -253,7 +253,7 @@ def test_the_modes_into_which_a_drive_that_is_taken_over_can_be_brought_without_
     ],
 )
 def test_how_long_the_targets_of_a_drive_that_is_taken_over_are_held(found, asked, holds, held):
-    assert Takeover(found, Drive(holds_load=holds).parameters).holds_until(asked) is held
+    assert DriveAdoption(found, Drive(holds_load=holds).parameters).holds_until(asked) is held
 
 
 @pytest.mark.parametrize(
@@ -269,7 +269,7 @@ def test_how_long_the_targets_of_a_drive_that_is_taken_over_are_held(found, aske
     ],
 )
 def test_what_a_drive_that_is_taken_over_does_it_goes_on_doing(mode, standstill, torque, targets):
-    taken = Takeover(mode, Drive().parameters)
+    taken = DriveAdoption(mode, Drive().parameters)
     taken._read.values.update(
         {
             (objects.TARGET_POSITION, 0): 900,
@@ -330,7 +330,7 @@ def test_the_seconds_of_a_trapezoid(distance, speed, ramp, seconds):
     ],
 )
 def test_a_move_goes_on_from_the_speed_that_the_axis_has(velocity, end, top, up, down, times, positions):
-    way = Onward(Start(0.0, velocity), end, top, up, down)
+    way = ProfileFromSpeed(Start(0.0, velocity), end, top, up, down)
     assert [way.position(t) for t in times] == pytest.approx(positions)
     assert way.position(-1.0) == 0.0
     assert way.position(way.duration) == end
@@ -339,25 +339,25 @@ def test_a_move_goes_on_from_the_speed_that_the_axis_has(velocity, end, top, up,
 
 
 def test_a_move_to_where_the_axis_stands_takes_no_time():
-    way = Onward(Start(5.0, 0.0), 5.0, 1.0, 1.0, 1.0)
+    way = ProfileFromSpeed(Start(5.0, 0.0), 5.0, 1.0, 1.0, 1.0)
     assert (way.duration, way.position(0.0), way.position(1.0), way.span) == (0.0, 5.0, 5.0, (5.0, 5.0))
 
 
 # The pace of a path.
 
-PACE = Pace("deg", 4.0, 8.0, "max_acceleration", 0.5, 0.0)
+PACE = PathLimitCheck("deg", 4.0, 8.0, "max_acceleration", 0.5, 0.0)
 
 
 @pytest.mark.parametrize(
     ("before", "position", "told"),
     [
-        (Step(0.0, 4.0), 2.0, None),
-        (Step(0.0, 4.0), 2.001, "faster than max_velocity"),
-        (Step(0.0, -4.0), -2.001, "faster than max_velocity"),
-        (Step(0.0, 0.0), 2.0, None),
-        (Step(0.0, -0.01), 2.0, "harder than max_acceleration"),
-        (Step(0.0, 4.0), 0.0, None),
-        (Step(0.0, 4.0), -0.01, "harder than max_acceleration"),
+        (PathSample(0.0, 4.0), 2.0, None),
+        (PathSample(0.0, 4.0), 2.001, "faster than max_velocity"),
+        (PathSample(0.0, -4.0), -2.001, "faster than max_velocity"),
+        (PathSample(0.0, 0.0), 2.0, None),
+        (PathSample(0.0, -0.01), 2.0, "harder than max_acceleration"),
+        (PathSample(0.0, 4.0), 0.0, None),
+        (PathSample(0.0, 4.0), -0.01, "harder than max_acceleration"),
     ],
 )
 def test_a_step_is_held_against_velocity_and_acceleration(before, position, told):
@@ -367,13 +367,13 @@ def test_a_step_is_held_against_velocity_and_acceleration(before, position, told
 
 def test_what_arithmetic_may_be_off_is_still_allowed():
     most = 4.0 * (1.0 + 1e-6) + 8.0 * math.ulp(2.0) / 0.5
-    before = Step(2.0, 4.0)
-    assert PACE.excess(before, Step(2.0, most)) is None
-    assert PACE.excess(before, Step(2.0, math.nextafter(most, 5.0))).what == "faster than max_velocity"
+    before = PathSample(2.0, 4.0)
+    assert PACE.excess(before, PathSample(2.0, most)) is None
+    assert PACE.excess(before, PathSample(2.0, math.nextafter(most, 5.0))).what == "faster than max_velocity"
 
 
 def test_what_a_path_is_allowed_in_any_case():
-    before = Step(0.0, 4.0)
+    before = PathSample(0.0, 4.0)
     after = PACE.next(before, -1.0)
     assert PACE.excess(before, after, 11.0).what == "harder than max_acceleration"
     assert PACE.excess(before, after, 12.0) is None
@@ -387,29 +387,42 @@ def test_what_a_path_is_allowed_in_any_case():
 
 def test_numbers_far_from_0_are_as_exact_as_they_can_be():
     far = 2.0**40  # its last place is 2**-12: 8 of them in half a second are 1/256 per s
-    before = Step(far, 4.0)
+    before = PathSample(far, 4.0)
     assert PACE.excess(before, PACE.next(before, far + 2.0 + 1 / 1024)) is None
     assert PACE.excess(before, PACE.next(before, far + 2.0 + 1 / 256)) is not None
 
 
 def test_where_a_limit_comes_from_is_not_a_part_of_it():
-    assert repr(Limits(velocity=4.0)) == "Limits(position=None, velocity=4.0, acceleration=None, torque=None)"
+    assert (
+        repr(AxisLimits(velocity=4.0))
+        == "Limits(position=None, velocity=4.0, acceleration=None, torque=None)"
+    )
 
 
 @pytest.mark.parametrize(
     ("limits", "defaults", "trajectory", "expected"),
     [
         (
-            Limits(velocity=4.0, acceleration=8.0),
+            AxisLimits(velocity=4.0, acceleration=8.0),
             Defaults(acceleration=5.0),
-            Sampled([0.0, 1.0], 1.0),
+            SampledTrajectory([0.0, 1.0], 1.0),
             (4.0, 8.0),
         ),
-        (Limits(velocity=4.0), Defaults(acceleration=5.0), Sampled([0.0, 1.0], 1.0), (4.0, None)),
-        (Limits(), Defaults(acceleration=5.0), Sampled([0.0, 1.0], 1.0), (None, 5.0)),
-        (Limits(), Defaults(acceleration=5.0), Trapezoid(0.0, 1.0, 1.0, 3.0), (None, 3.0)),
-        (Limits(), Defaults(), Sampled([0.0, 1.0], 1.0), (None, None)),
-        (Limits(acceleration=8.0), Defaults(acceleration=5.0), Trapezoid(0.0, 1.0, 1.0, 3.0), (None, 8.0)),
+        (
+            AxisLimits(velocity=4.0),
+            Defaults(acceleration=5.0),
+            SampledTrajectory([0.0, 1.0], 1.0),
+            (4.0, None),
+        ),
+        (AxisLimits(), Defaults(acceleration=5.0), SampledTrajectory([0.0, 1.0], 1.0), (None, 5.0)),
+        (AxisLimits(), Defaults(acceleration=5.0), TrapezoidalTrajectory(0.0, 1.0, 1.0, 3.0), (None, 3.0)),
+        (AxisLimits(), Defaults(), SampledTrajectory([0.0, 1.0], 1.0), (None, None)),
+        (
+            AxisLimits(acceleration=8.0),
+            Defaults(acceleration=5.0),
+            TrapezoidalTrajectory(0.0, 1.0, 1.0, 3.0),
+            (None, 8.0),
+        ),
     ],
 )
 def test_what_a_path_may_ask_for(limits, defaults, trajectory, expected):
@@ -464,7 +477,7 @@ def test_one_from_outside_may_come_back():
 
 def line(ends: dict[str, float], velocity: float = 5.0, acceleration: float = 10.0, **limits):
     axes = {
-        name: parameters(name, dictionary_of(GENERIC), limits=limits.get(name, Limits())) for name in ends
+        name: parameters(name, dictionary_of(GENERIC), limits=limits.get(name, AxisLimits())) for name in ends
     }
     return plan_line(dict.fromkeys(ends, 0.0), ends, axes, velocity, acceleration)
 
@@ -476,9 +489,9 @@ def test_a_line_has_the_speed_of_its_length_and_no_axis_is_faster_than_it_may_be
     assert (way.at(0.0), way.at(way.length)) == ((0.0, 0.0), (30.0, -40.0))
     assert tuple(speed * share for share in way.shares) == pytest.approx((3.0, 4.0))
     assert (way.lowest, way.highest) == ((0.0, -40.0), (30.0, 0.0))
-    slow, _ = line({"x": 30.0, "y": -40.0}, y=Limits(velocity=2.0))
+    slow, _ = line({"x": 30.0, "y": -40.0}, y=AxisLimits(velocity=2.0))
     assert slow.speeds == pytest.approx((1.5, 2.0))
-    soft, _ = line({"x": 30.0, "y": -40.0}, x=Limits(acceleration=3.0))
+    soft, _ = line({"x": 30.0, "y": -40.0}, x=AxisLimits(acceleration=3.0))
     assert soft.accelerations == pytest.approx((3.0, 4.0))
 
 
@@ -516,7 +529,7 @@ def test_a_value_is_told_in_a_line():
 
 
 def test_three_speeds_have_a_median_already():
-    speeds = Track()
+    speeds = VelocityEstimator()
     for stamp, value in ((0.0, 0), (1.0, 10), (2.0, 40), (3.0, 60)):
         speeds.take(value, stamp)
     assert speeds.motion == (20.0, 0.0)
@@ -662,7 +675,7 @@ def test_a_drive_that_falls_out_of_a_velocity_mode_does_not_go_to_an_old_target(
 )
 def test_a_relative_move_may_end_at_its_limit(distance, fits):
     """It counts from a measured position, which may be off by 4 increments: an end beyond by that is at the limit."""
-    r = rig(limits=Limits(position=(-5.0, 5.0), velocity=400.0)).enabled()
+    r = rig(limits=AxisLimits(position=(-5.0, 5.0), velocity=400.0)).enabled()
     r.axis.home(37).wait(3)
     moved = r.axis.move_relative(distance)
     r.run(1.0)
@@ -709,7 +722,7 @@ def test_what_was_seen_last_is_not_of_now_after_ten_periods_and_a_quarter_of_a_s
     scan.disown()
     assert "forked" in scan.dead
     with pytest.raises(StateError):
-        scan.submit("x", None, Ticket("h"))
+        scan.submit("x", None, CommandStatus("h"))
 
 
 def test_a_pump_waits_in_virtual_time():
@@ -760,7 +773,7 @@ def test_a_failure_that_nobody_has_looked_at_is_reported(look, caplog):
 )
 def test_a_weaker_deceleration_is_refused_where_it_would_not_stop_the_axis_in_time(at, deceleration, fits):
     """From 50 deg/s: 2.5 deg with 500 deg/s², 15.6 with 80, 62.5 with 20."""
-    r = rig(limits=Limits(position=(-100.0, 100.0), velocity=400.0)).enabled()
+    r = rig(limits=AxisLimits(position=(-100.0, 100.0), velocity=400.0)).enabled()
     r.axis.home(37).wait(3)
     r.axis.move_velocity(50.0).wait(3)
     r.until(lambda: r.axis.position > at)
@@ -775,7 +788,7 @@ def test_a_weaker_deceleration_is_refused_where_it_would_not_stop_the_axis_in_ti
 
 @pytest.mark.parametrize("deceleration", [500.0, 20.0])
 def test_a_move_to_a_target_brings_no_deceleration_that_is_too_weak(deceleration):
-    r = rig(limits=Limits(position=(-100.0, 100.0), velocity=400.0)).enabled()
+    r = rig(limits=AxisLimits(position=(-100.0, 100.0), velocity=400.0)).enabled()
     r.axis.home(37).wait(3)
     r.axis.move_velocity(50.0).wait(3)
     r.until(lambda: r.axis.position > 80.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from axisbus.cia402.modes import FACTS, ModeOfOperation
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.errors import (
     AxisbusError,
     DriveError,
@@ -15,9 +15,9 @@ from axisbus.errors import (
     TransitionError,
     UncommandedMotion,
 )
-from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.modes import CONDUCT, RESTING_MODES
-from axisbus.motion.moves.enable import Enable
+from axisbus.motion.moves.enable import EnableActivity
 from axisbus.motion.moves.power_transition import StateWalk
 from axisbus.motion.parameters import StopTimes
 from kit.motion.steps import Drive, T
@@ -28,12 +28,12 @@ WORDS = {0x06: READY, 0x07: SWITCHED_ON, 0x0F: ENABLED, 0x00: DISABLED}
 PP, CSP, PV = MODE.PROFILE_POSITION, MODE.CYCLIC_SYNC_POSITION, MODE.PROFILE_VELOCITY
 
 
-def enable(drive: Drive, modes=(PP,), **options) -> Enable:
-    return Enable(drive.parameters, modes, **options)
+def enable(drive: Drive, modes=(PP,), **options) -> EnableActivity:
+    return EnableActivity(drive.parameters, modes, **options)
 
 
 def obey(
-    drive: Drive, activity: Enable, cycles: int = 400, word: int = DISABLED, **values: int
+    drive: Drive, activity: EnableActivity, cycles: int = 400, word: int = DISABLED, **values: int
 ) -> list[tuple[int, int | None]]:
     """Let the drive take each controlword and answer each transfer at once; return the statuswords with what was sent."""
     seen = []
@@ -164,7 +164,7 @@ def test_an_axis_that_is_caught_in_motion_is_not_told_that_it_moves_by_itself():
             activity.step(*at_rest.cycle(statusword=ENABLED, mode=1, position=position))
 
 
-def obey_until_enabled(drive: Drive, activity: Enable) -> None:
+def obey_until_enabled(drive: Drive, activity: EnableActivity) -> None:
     """Let the drive take each word until it has power, at rest."""
     word = DISABLED
     while word != ENABLED:
@@ -236,9 +236,9 @@ def test_out_of_a_quick_stop_it_is_enabled_only_once_it_stands():
     for _ in range(20):
         position += 10
         assert not activity.step(*drive.cycle(statusword=QUICK, mode=1, position=position))
-        assert drive.order.goal is State.QUICK_STOP_ACTIVE
+        assert drive.order.goal is PowerState.QUICK_STOP_ACTIVE
         assert drive.order.controlword(drive.image.state) == 0x02
-    while drive.order.goal is State.QUICK_STOP_ACTIVE:
+    while drive.order.goal is PowerState.QUICK_STOP_ACTIVE:
         activity.step(*drive.cycle(position=position))
         assert drive.now < 20.0
     assert drive.image.standstill
@@ -266,7 +266,7 @@ def test_a_drive_without_a_position_decides_itself_when_its_quick_stop_is_over()
 
 def test_several_wait_for_each_other_in_switched_on():
     drive, other = Drive(), Drive()
-    gate = Gate()
+    gate = StartBarrier()
     first, second = enable(drive, gate=gate), enable(other, gate=gate)
     word = DISABLED
     for _ in range(200):  # more than the two seconds of a transition
@@ -316,17 +316,17 @@ def test_each_new_state_has_its_time_and_one_seen_before_has_none():
     walk = StateWalk(drive.parameters)
     for word in (DISABLED, READY, SWITCHED_ON):
         drive.later(1.75)
-        assert not walk.step(*drive.cycle(statusword=word), State.OPERATION_ENABLED)
+        assert not walk.step(*drive.cycle(statusword=word), PowerState.OPERATION_ENABLED)
     since = drive.now
     for word in (READY, SWITCHED_ON, READY):
         drive.later(0.5)
-        assert not walk.step(*drive.cycle(statusword=word), State.OPERATION_ENABLED)
+        assert not walk.step(*drive.cycle(statusword=word), PowerState.OPERATION_ENABLED)
     drive.later(since + 2.0 - drive.now - T)
-    assert not walk.step(*drive.cycle(), State.OPERATION_ENABLED)
+    assert not walk.step(*drive.cycle(), PowerState.OPERATION_ENABLED)
     with pytest.raises(
         TransitionError, match="does not go on from 'ready to switch on' to 'operation enabled'"
     ) as caught:
-        walk.step(*drive.cycle(), State.OPERATION_ENABLED)
+        walk.step(*drive.cycle(), PowerState.OPERATION_ENABLED)
     assert caught.value.observed.startswith(
         "controlword 0x0007 (switch on / disable operation) was sent, statusword 0x0231 for 2 s; "
     )
@@ -338,23 +338,23 @@ def test_each_new_state_has_its_time_and_one_seen_before_has_none():
 def test_a_walk_that_is_held_has_its_time_again():
     drive = Drive()
     walk = StateWalk(drive.parameters)
-    walk.step(*drive.cycle(statusword=READY), State.SWITCHED_ON)
+    walk.step(*drive.cycle(statusword=READY), PowerState.SWITCHED_ON)
     drive.later(1.75)
     walk.hold(drive.cycle()[0])
     drive.later(2.0 - T)
-    assert not walk.step(*drive.cycle(), State.SWITCHED_ON)
+    assert not walk.step(*drive.cycle(), PowerState.SWITCHED_ON)
     with pytest.raises(TransitionError):
-        walk.step(*drive.cycle(), State.SWITCHED_ON)
+        walk.step(*drive.cycle(), PowerState.SWITCHED_ON)
 
 
 def test_a_walk_without_a_statusword_sends_nothing_and_says_so():
     drive = Drive()
     walk = StateWalk(drive.parameters)
-    walk.step(*drive.cycle(statusword=None), State.SWITCHED_ON)
+    walk.step(*drive.cycle(statusword=None), PowerState.SWITCHED_ON)
     assert drive.order.controlword(drive.image.state) is None
     drive.later(2.0)
     with pytest.raises(StaleError, match="its statusword") as caught:
-        walk.step(*drive.cycle(), State.SWITCHED_ON)
+        walk.step(*drive.cycle(), PowerState.SWITCHED_ON)
     assert "2 s" in caught.value.observed
 
 
@@ -366,7 +366,7 @@ def test_a_drive_found_moving_is_halted_and_given_up_after_the_time_of_a_halt():
             position += 100
             activity.step(*drive.cycle(statusword=ENABLED, mode=1, position=position, demand=position))
             halted += drive.order.halt
-            assert drive.order.goal is State.OPERATION_ENABLED
+            assert drive.order.goal is PowerState.OPERATION_ENABLED
     assert halted == 65
     braked = Drive(stop_times=StopTimes(halt=1.0))
     activity = enable(braked)

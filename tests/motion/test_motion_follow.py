@@ -8,11 +8,11 @@ from itertools import pairwise
 
 import pytest
 
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import ValueTransport
 from axisbus.errors import ArgumentError, DriveError, LimitError, MotionTimeout, Replaced, StateError, Stopped
-from axisbus.motion.parameters import Defaults, Homing, Limits
+from axisbus.motion.parameters import AxisLimits, Defaults, HomingParameters
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Sampled, Trapezoid
+from axisbus.motion.trajectory import SampledTrajectory, TrapezoidalTrajectory
 from axisbus.sim.motor import MotorParams
 from kit.motion.rig import BLIND, PERIOD, rig
 from kit.motion.watch import Watch
@@ -35,7 +35,7 @@ class Sine:
 class Own:
     """A user's own trajectory: nobody knows in advance how far and how fast it goes."""
 
-    path: Trapezoid | Sampled
+    path: TrapezoidalTrajectory | SampledTrajectory
 
     @property
     def duration(self) -> float:
@@ -56,7 +56,7 @@ def targets(watch: Watch) -> list[float]:
 def test_a_trapezoid_is_followed_to_its_end_in_its_own_time():
     r = rig().enabled()
     watch = Watch(r)
-    r.axis.follow(Trapezoid(0.0, 90.0, 100.0, 500.0)).wait(5)
+    r.axis.follow(TrapezoidalTrajectory(0.0, 90.0, 100.0, 500.0)).wait(5)
     r.run(0.1)
     begin, end = watch.moving()
     assert end - begin == pytest.approx(90 / 100 + 100 / 500, abs=0.03)
@@ -85,7 +85,7 @@ def test_there_is_one_target_in_each_cycle_and_each_lies_on_the_path():
 def test_sampled_positions_are_joined_by_straight_lines():
     r = rig().enabled()
     watch = Watch(r)
-    r.axis.follow(Sampled([0.0, 0.0, 1.0, 3.0, 4.0, 4.0], 0.05)).wait(3)
+    r.axis.follow(SampledTrajectory([0.0, 0.0, 1.0, 3.0, 4.0, 4.0], 0.05)).wait(3)
     r.run(0.1)
     assert r.drive.position == 4_000
     steps = {round((b - a) * 1000) for a, b in pairwise(targets(watch))}
@@ -113,7 +113,7 @@ def test_a_trajectory_counts_in_the_user_s_own_count():
     r.axis.move_absolute(20.0).wait(5)
     r.run(0.2)
     r.axis.set_position(500.0).wait(1)
-    r.axis.follow(Trapezoid(r.axis.position, 490.0, 50.0, 500.0)).wait(5)
+    r.axis.follow(TrapezoidalTrajectory(r.axis.position, 490.0, 50.0, 500.0)).wait(5)
     r.run(0.1)
     assert r.drive.position == pytest.approx(10_000, abs=60)
     assert r.axis.position == pytest.approx(490.0, abs=0.002)
@@ -121,14 +121,14 @@ def test_a_trajectory_counts_in_the_user_s_own_count():
 
 def test_after_the_end_the_axis_is_held_and_moves_on_in_any_mode():
     r = rig().enabled()
-    r.axis.follow(Trapezoid(0.0, 10.0, 100.0, 500.0)).wait(5)
+    r.axis.follow(TrapezoidalTrajectory(0.0, 10.0, 100.0, 500.0)).wait(5)
     watch = Watch(r)
     r.run(1.0)
     assert watch.displacement < 60
     r.axis.move_additive(5.0).wait(5)  # from the trajectory's last target
     r.run(0.2)
     assert r.drive.position == 15_000
-    r.axis.follow(Trapezoid(15.0, 0.0, 100.0, 500.0)).wait(5)
+    r.axis.follow(TrapezoidalTrajectory(15.0, 0.0, 100.0, 500.0)).wait(5)
     r.run(0.1)
     assert r.drive.position == 0
 
@@ -142,7 +142,7 @@ def test_the_scan_period_and_offsets_are_written_and_read_back_before_the_mode_c
         if index in r.core.parameters.objects:
             r.device.write(index, 0, 30)  # another tool's offset would be a jump
     watch = Watch(r)
-    r.axis.follow(Trapezoid(0.0, 5.0, 50.0, 500.0)).wait(5)
+    r.axis.follow(TrapezoidalTrajectory(0.0, 5.0, 50.0, 500.0)).wait(5)
     assert watch.writes[-2:] == [(0x60C2, 1, 10), (0x60C2, 2, -3)]  # 10 ms
     assert {(index, value) for index, _, value in watch.writes[:-2]} <= {
         (0x60B0, 0),
@@ -161,7 +161,7 @@ def test_a_drive_that_does_not_take_the_period_is_not_moved():
     r.device.dials.sdo_write_aborts[0x60C2, 1] = 0x06090030
     watch = Watch(r)
     with pytest.raises(DriveError, match="interpolation time") as caught:
-        r.axis.follow(Trapezoid(0.0, 5.0, 50.0, 500.0)).wait(5)
+        r.axis.follow(TrapezoidalTrajectory(0.0, 5.0, 50.0, 500.0)).wait(5)
     assert "60C2h" in caught.value.observed
     assert "scan_period" in caught.value.remedy
     assert watch.displacement == 0.0
@@ -180,7 +180,7 @@ def test_a_drive_that_rounds_the_period_is_found_out_by_reading_back():
     r.device.write = deaf
     watch = Watch(r)
     with pytest.raises(DriveError) as caught:
-        r.axis.follow(Trapezoid(0.0, 5.0, 50.0, 500.0)).wait(5)
+        r.axis.follow(TrapezoidalTrajectory(0.0, 5.0, 50.0, 500.0)).wait(5)
     assert "is to be 10 x 10^-3 s and reads 4 x 10^-3 s" in caught.value.observed
     assert watch.displacement == 0.0
 
@@ -189,7 +189,7 @@ def test_a_trajectory_that_begins_elsewhere_is_refused_and_nothing_moves():
     r = rig().enabled()
     watch = Watch(r)
     with pytest.raises(LimitError, match="does not begin where the axis stands") as caught:
-        r.axis.follow(Trapezoid(1.0, 5.0, 50.0, 500.0)).wait(5)
+        r.axis.follow(TrapezoidalTrajectory(1.0, 5.0, 50.0, 500.0)).wait(5)
     r.run(0.5)
     assert "begins at 1 deg, the axis stands at 0 deg" in caught.value.observed
     assert watch.displacement < 1.0
@@ -197,40 +197,40 @@ def test_a_trajectory_that_begins_elsewhere_is_refused_and_nothing_moves():
 
 @pytest.mark.parametrize("name", ["statusword", "position"])
 def test_inputs_that_do_not_travel_with_sync_refuse_a_cyclic_mode(name):
-    r = rig(port={"inputs": {name: Source.EVENT_PDO}, "event_timer": 0.05}).enabled()
+    r = rig(port={"inputs": {name: ValueTransport.EVENT_PDO}, "event_timer": 0.05}).enabled()
     with pytest.raises(StateError, match="synchronous PDOs") as caught:
-        r.axis.follow(Trapezoid(0.0, 5.0, 50.0, 500.0)).wait(2)
+        r.axis.follow(TrapezoidalTrajectory(0.0, 5.0, 50.0, 500.0)).wait(2)
     assert f"{name} travels by event-driven PDO" in caught.value.observed
     assert r.axis.state is AxisState.STANDSTILL
 
 
 def test_a_target_by_sdo_refuses_a_cyclic_mode():
-    r = rig(port={"outputs": {"target_position": Source.SDO}}).enabled()
+    r = rig(port={"outputs": {"target_position": ValueTransport.SDO}}).enabled()
     with pytest.raises(StateError, match="synchronous PDOs"):
-        r.axis.follow(Trapezoid(0.0, 5.0, 50.0, 500.0)).wait(2)
+        r.axis.follow(TrapezoidalTrajectory(0.0, 5.0, 50.0, 500.0)).wait(2)
 
 
 def test_what_is_no_trajectory_raises_at_the_call():
     for wrong in (
-        lambda: Trapezoid(0.0, 1.0, 0.0, 1.0),
-        lambda: Trapezoid(0.0, math.nan, 1.0, 1.0),
-        lambda: Sampled([1.0], 0.1),
-        lambda: Sampled([0.0, math.inf], 0.1),
-        lambda: Sampled([0.0, 1.0], 0.0),
+        lambda: TrapezoidalTrajectory(0.0, 1.0, 0.0, 1.0),
+        lambda: TrapezoidalTrajectory(0.0, math.nan, 1.0, 1.0),
+        lambda: SampledTrajectory([1.0], 0.1),
+        lambda: SampledTrajectory([0.0, math.inf], 0.1),
+        lambda: SampledTrajectory([0.0, 1.0], 0.0),
         lambda: rig().axis.follow(Sine(1.0, math.nan)),
     ):
         with pytest.raises(ArgumentError):
             wrong()
-    required = rig(homing=Homing(method=37, required=True)).enabled()
+    required = rig(homing=HomingParameters(method=37, required=True)).enabled()
     with pytest.raises(ArgumentError, match="not homed"):
-        required.axis.follow(Trapezoid(0.0, 1.0, 1.0, 1.0))
+        required.axis.follow(TrapezoidalTrajectory(0.0, 1.0, 1.0, 1.0))
 
 
 def test_a_trajectory_during_a_motion_is_refused():
     r = rig().enabled()
     r.axis.move_velocity(10.0).wait(2)
     with pytest.raises(StateError, match="moves"):
-        r.axis.follow(Trapezoid(0.0, 1.0, 1.0, 1.0)).wait(1)
+        r.axis.follow(TrapezoidalTrajectory(0.0, 1.0, 1.0, 1.0)).wait(1)
 
 
 # Time.
@@ -239,7 +239,7 @@ def test_a_trajectory_during_a_motion_is_refused():
 def test_late_cycles_make_the_axis_late_and_never_jump():
     r = rig().enabled()
     watch = Watch(r)
-    handle = r.axis.follow(Trapezoid(0.0, 90.0, 100.0, 500.0))
+    handle = r.axis.follow(TrapezoidalTrajectory(0.0, 90.0, 100.0, 500.0))
     r.run(0.4)
     for _ in range(5):
         r.cycle.dials.send_blocks = 0.036  # more than three periods and a half
@@ -257,7 +257,7 @@ def test_late_cycles_make_the_axis_late_and_never_jump():
 def test_the_number_of_targets_is_the_number_of_executed_cycles():
     r = rig().enabled()
     watch = Watch(r)
-    handle = r.axis.follow(Trapezoid(0.0, 90.0, 100.0, 500.0))
+    handle = r.axis.follow(TrapezoidalTrajectory(0.0, 90.0, 100.0, 500.0))
     r.run(0.5)
     r.cycle.dials.send_blocks = 0.055
     handle.wait(5)
@@ -272,14 +272,16 @@ def test_the_number_of_targets_is_the_number_of_executed_cycles():
 @pytest.mark.parametrize(
     ("path", "told"),
     [
-        (Trapezoid(0.0, 90.0, 100.0, 500.0), "velocity 100 deg/s is beyond the limit"),
-        (Trapezoid(0.0, -11.0, 50.0, 500.0), "leaves the position limits"),
-        (Sampled([0.0, 0.0, 5.0, 5.0], 0.06), "velocity 83.3333 deg/s is beyond the limit"),
-        (Sampled([0.0, 4.0, 12.0, 0.0, 0.0], 0.5), "leaves the position limits"),
+        (TrapezoidalTrajectory(0.0, 90.0, 100.0, 500.0), "velocity 100 deg/s is beyond the limit"),
+        (TrapezoidalTrajectory(0.0, -11.0, 50.0, 500.0), "leaves the position limits"),
+        (SampledTrajectory([0.0, 0.0, 5.0, 5.0], 0.06), "velocity 83.3333 deg/s is beyond the limit"),
+        (SampledTrajectory([0.0, 4.0, 12.0, 0.0, 0.0], 0.5), "leaves the position limits"),
     ],
 )
 def test_a_trajectory_that_is_known_in_advance_is_refused_at_the_call(path, told):
-    r = rig(limits=Limits(position=(-10.0, 95.0 if "velocity" in told else 10.0), velocity=80.0)).enabled()
+    r = rig(
+        limits=AxisLimits(position=(-10.0, 95.0 if "velocity" in told else 10.0), velocity=80.0)
+    ).enabled()
     watch = Watch(r)
     with pytest.raises(LimitError, match=told):
         r.axis.follow(path)
@@ -289,15 +291,15 @@ def test_a_trajectory_that_is_known_in_advance_is_refused_at_the_call(path, told
 
 
 def test_a_short_trapezoid_that_never_gets_fast_is_taken():
-    r = rig(limits=Limits(velocity=80.0)).enabled()
-    r.axis.follow(Trapezoid(0.0, 10.0, 100.0, 500.0)).wait(5)  # 70.7 deg/s at most
+    r = rig(limits=AxisLimits(velocity=80.0)).enabled()
+    r.axis.follow(TrapezoidalTrajectory(0.0, 10.0, 100.0, 500.0)).wait(5)  # 70.7 deg/s at most
 
 
 def test_a_trajectory_faster_than_the_limit_is_braked_along_its_path():
-    r = rig(limits=Limits(velocity=80.0)).enabled()
+    r = rig(limits=AxisLimits(velocity=80.0)).enabled()
     watch = Watch(r)
     with pytest.raises(LimitError, match="faster than max_velocity"):
-        r.axis.follow(Own(Trapezoid(0.0, 90.0, 100.0, 500.0))).wait(5)
+        r.axis.follow(Own(TrapezoidalTrajectory(0.0, 90.0, 100.0, 500.0))).wait(5)
     r.until(lambda: r.core.ladder is None)
     assert watch.speed <= 80_000 * 1.001
     assert watch.acceleration() <= 500_000 * 1.1
@@ -307,10 +309,10 @@ def test_a_trajectory_faster_than_the_limit_is_braked_along_its_path():
 
 
 def test_a_trajectory_that_jumps_never_reaches_the_drive():
-    r = rig(limits=Limits(velocity=400.0)).enabled()
+    r = rig(limits=AxisLimits(velocity=400.0)).enabled()
     watch = Watch(r)
     with pytest.raises(LimitError, match="faster than max_velocity"):
-        r.axis.follow(Own(Sampled([0.0, 0.0, 50.0, 50.0], PERIOD))).wait(5)
+        r.axis.follow(Own(SampledTrajectory([0.0, 0.0, 50.0, 50.0], PERIOD))).wait(5)
     r.run(0.5)
     assert watch.displacement < 100
     assert max(targets(watch)) < 0.1
@@ -330,7 +332,7 @@ class Kink:
 
 @pytest.mark.parametrize("velocity", [20.0, -20.0])
 def test_no_step_of_velocity_beyond_the_limit_of_acceleration_is_sent(velocity):
-    r = rig(limits=Limits(velocity=400.0, acceleration=1000.0)).enabled()
+    r = rig(limits=AxisLimits(velocity=400.0, acceleration=1000.0)).enabled()
     watch = Watch(r)
     with pytest.raises(LimitError, match="harder than max_acceleration") as caught:
         r.axis.follow(Kink(velocity)).wait(5)
@@ -341,42 +343,44 @@ def test_no_step_of_velocity_beyond_the_limit_of_acceleration_is_sent(velocity):
     r.axis.follow(Kink(0.4 * velocity)).wait(5)  # 8 deg/s within 10 ms are 800 deg/s²
 
 
-@pytest.mark.parametrize("limits", [Limits(), Limits(acceleration=500.0)], ids=["no limits", "acceleration"])
+@pytest.mark.parametrize(
+    "limits", [AxisLimits(), AxisLimits(acceleration=500.0)], ids=["no limits", "acceleration"]
+)
 def test_without_max_velocity_a_jump_is_told_by_what_the_axis_can_make(limits):
     r = rig(limits=limits).enabled()
     watch = Watch(r)
     with pytest.raises(LimitError, match="harder than"):
-        r.axis.follow(Own(Sampled([0.0, 0.0, 50.0, 50.0], PERIOD))).wait(5)
+        r.axis.follow(Own(SampledTrajectory([0.0, 0.0, 50.0, 50.0], PERIOD))).wait(5)
     r.run(0.5)
     assert watch.displacement < 2
     r.axis.reset().wait(1)
-    r.axis.follow(Own(Trapezoid(0.0, 50.0, 100.0, 500.0))).wait(5)
+    r.axis.follow(Own(TrapezoidalTrajectory(0.0, 50.0, 100.0, 500.0))).wait(5)
     assert r.drive.position == 50_000
 
 
 def test_a_trapezoid_names_its_own_acceleration():
-    r = rig(limits=Limits()).enabled()
-    r.axis.follow(Trapezoid(0.0, 50.0, 100.0, 3000.0)).wait(5)
-    limited = rig(limits=Limits(acceleration=1000.0)).enabled()
+    r = rig(limits=AxisLimits()).enabled()
+    r.axis.follow(TrapezoidalTrajectory(0.0, 50.0, 100.0, 3000.0)).wait(5)
+    limited = rig(limits=AxisLimits(acceleration=1000.0)).enabled()
     with pytest.raises(LimitError, match="beyond the limit"):
-        limited.axis.follow(Trapezoid(0.0, 50.0, 100.0, 1001.0))
-    limited.axis.follow(Trapezoid(0.0, 50.0, 100.0, 1000.0)).wait(5)
+        limited.axis.follow(TrapezoidalTrajectory(0.0, 50.0, 100.0, 1001.0))
+    limited.axis.follow(TrapezoidalTrajectory(0.0, 50.0, 100.0, 1000.0)).wait(5)
 
 
 def test_where_nothing_would_tell_a_jump_a_path_of_one_s_own_is_refused():
-    r = rig(limits=Limits(), defaults=Defaults(velocity=100.0)).enabled()
+    r = rig(limits=AxisLimits(), defaults=Defaults(velocity=100.0)).enabled()
     with pytest.raises(ArgumentError, match="max_velocity is missing"):
-        r.axis.follow(Own(Trapezoid(0.0, 50.0, 100.0, 500.0)))
+        r.axis.follow(Own(TrapezoidalTrajectory(0.0, 50.0, 100.0, 500.0)))
 
 
 def test_a_jump_on_the_way_ends_in_the_drive_s_quick_stop():
     """Along the path it could not be braked: there is none where it jumps."""
-    r = rig(limits=Limits(velocity=400.0, acceleration=600.0)).enabled()
+    r = rig(limits=AxisLimits(velocity=400.0, acceleration=600.0)).enabled()
     r.device.write(0x6085, 0, 600_000)
 
     class Broken:
         duration = 2.0
-        path = Trapezoid(0.0, 200.0, 100.0, 500.0)
+        path = TrapezoidalTrajectory(0.0, 200.0, 100.0, 500.0)
 
         def position(self, t: float) -> float:
             return self.path.position(t) + (30.0 if t > 1.0 else 0.0)
@@ -392,21 +396,24 @@ def test_a_jump_on_the_way_ends_in_the_drive_s_quick_stop():
 
 # Position limits ahead.
 
-TEN = Limits(position=(-10.0, 10.0), velocity=400.0)
+TEN = AxisLimits(position=(-10.0, 10.0), velocity=400.0)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(
     ("path", "braked_at"),
     [
-        (Trapezoid(0.0, 20.0, 50.0, 500.0), 10.0 - 50.0**2 / (2 * 500)),  # in its constant part
-        (Trapezoid(0.0, 20.0, 400.0, 500.0), 5.0),  # while it speeds up, as hard as it is braked: half way
+        (TrapezoidalTrajectory(0.0, 20.0, 50.0, 500.0), 10.0 - 50.0**2 / (2 * 500)),  # in its constant part
+        (
+            TrapezoidalTrajectory(0.0, 20.0, 400.0, 500.0),
+            5.0,
+        ),  # while it speeds up, as hard as it is braked: half way
     ],
 )
 def test_a_trajectory_that_would_leave_the_position_limits_is_braked_ahead_of_them(path, braked_at, sign):
     r = rig(limits=TEN).enabled()
     watch = Watch(r)
-    turned = Trapezoid(0.0, sign * path.end, path.velocity, path.acceleration)
+    turned = TrapezoidalTrajectory(0.0, sign * path.end, path.velocity, path.acceleration)
     handle = r.axis.follow(Own(turned))
     r.until(lambda: not handle.busy)
     failed = r.drive.position * sign / 1000
@@ -431,9 +438,9 @@ def test_a_trajectory_that_would_leave_the_position_limits_is_braked_ahead_of_th
 
 def test_a_trajectory_that_brakes_in_time_by_itself_is_left_alone_however_hard_it_does():
     r = rig(limits=TEN, defaults=Defaults(velocity=100.0, acceleration=100.0)).enabled()
-    r.axis.follow(Own(Trapezoid(0.0, 10.0, 100.0, 2000.0))).wait(5)
+    r.axis.follow(Own(TrapezoidalTrajectory(0.0, 10.0, 100.0, 2000.0))).wait(5)
     assert r.drive.position == 10_000
-    r.axis.follow(Own(Trapezoid(10.0, -10.0, 100.0, 2000.0))).wait(5)
+    r.axis.follow(Own(TrapezoidalTrajectory(10.0, -10.0, 100.0, 2000.0))).wait(5)
     assert r.drive.position == -10_000
 
 
@@ -457,19 +464,19 @@ def test_a_path_that_turns_round_at_the_limit_is_told_from_one_that_goes_beyond(
 
 
 def test_a_path_that_jumps_beyond_the_limit_is_held_where_it_is():
-    r = rig(limits=Limits(position=(-10.0, 10.0))).enabled()
+    r = rig(limits=AxisLimits(position=(-10.0, 10.0))).enabled()
     watch = Watch(r)
     with pytest.raises(LimitError, match="leaves the position limits"):
-        r.axis.follow(Own(Sampled([0.0, 0.0, 50.0, 50.0], PERIOD))).wait(5)
+        r.axis.follow(Own(SampledTrajectory([0.0, 0.0, 50.0, 50.0], PERIOD))).wait(5)
     r.run(0.5)
     assert watch.displacement < 100
 
 
 def test_the_limits_count_in_the_user_s_own_count():
-    r = rig(limits=Limits(position=(490.0, 510.0))).enabled()
+    r = rig(limits=AxisLimits(position=(490.0, 510.0))).enabled()
     r.axis.set_position(500.0).wait(1)
     watch = Watch(r)
-    handle = r.axis.follow(Own(Trapezoid(500.0, 520.0, 50.0, 500.0)))
+    handle = r.axis.follow(Own(TrapezoidalTrajectory(500.0, 520.0, 50.0, 500.0)))
     r.until(lambda: not handle.busy and r.core.ladder is None)
     assert 9_000 <= watch.travel[1] <= 10_001
 
@@ -480,28 +487,28 @@ def test_an_axis_that_stands_outside_its_limits_may_come_back_and_go_no_farther_
     r = rig(limits=TEN, motor=MotorParams(start_position=15_000)).enabled()
     watch = Watch(r)
     with pytest.raises(LimitError, match="leaves the position limits"):
-        r.axis.follow(wrap(Trapezoid(15.0, 16.0, 50.0, 500.0))).wait(5)
+        r.axis.follow(wrap(TrapezoidalTrajectory(15.0, 16.0, 50.0, 500.0))).wait(5)
     r.until(lambda: r.core.ladder is None)
     assert watch.travel[1] <= 15_001
     r.axis.reset().wait(1)
-    r.axis.follow(wrap(Trapezoid(r.axis.position, 5.0, 50.0, 500.0))).wait(5)
+    r.axis.follow(wrap(TrapezoidalTrajectory(r.axis.position, 5.0, 50.0, 500.0))).wait(5)
     assert r.drive.position == 5_000
 
 
 def test_without_a_deceleration_a_path_of_one_s_own_is_not_begun_within_position_limits():
     r = rig(limits=TEN, defaults=Defaults(velocity=100.0)).enabled()
     with pytest.raises(ArgumentError, match="acceleration is missing") as caught:
-        r.axis.follow(Own(Trapezoid(0.0, 5.0, 50.0, 500.0)))
+        r.axis.follow(Own(TrapezoidalTrajectory(0.0, 5.0, 50.0, 500.0)))
     assert "[axes.x.defaults]" in caught.value.remedy
-    r.axis.follow(Trapezoid(0.0, 5.0, 50.0, 500.0)).wait(5)  # known in advance: it is within them
+    r.axis.follow(TrapezoidalTrajectory(0.0, 5.0, 50.0, 500.0)).wait(5)  # known in advance: it is within them
 
 
 def test_the_other_axis_of_the_group_is_braked_along_its_own_path():
     slow = {"defaults": Defaults(velocity=100.0, acceleration=100.0)}
-    r = rig("xy", limits=TEN, each={"y": slow | {"limits": Limits(velocity=400.0)}}).enabled()
+    r = rig("xy", limits=TEN, each={"y": slow | {"limits": AxisLimits(velocity=400.0)}}).enabled()
     watches = {name: Watch(r, name) for name in "xy"}
-    first = r.axes["x"].follow(Own(Trapezoid(0.0, 20.0, 50.0, 500.0)))
-    second = r.axes["y"].follow(Own(Trapezoid(0.0, -40.0, 80.0, 500.0)))
+    first = r.axes["x"].follow(Own(TrapezoidalTrajectory(0.0, 20.0, 50.0, 500.0)))
+    second = r.axes["y"].follow(Own(TrapezoidalTrajectory(0.0, -40.0, 80.0, 500.0)))
     r.until(lambda: not first.busy)
     r.until(lambda: all(core.ladder is None for core in r.scan.axes.values()))
     assert watches["x"].travel[1] <= 10_001
@@ -533,7 +540,7 @@ def test_a_trajectory_with_a_mistake_ends_its_command_and_not_the_scan(wrong):
 def test_an_axis_that_does_not_come_up_with_its_end_fails():
     r = rig(position_window=100, following_error=BLIND).enabled()
     r.device.write(0x6065, 0, 0xFFFFFFFF)
-    handle = r.axis.follow(Trapezoid(0.0, 10.0, 100.0, 500.0))
+    handle = r.axis.follow(TrapezoidalTrajectory(0.0, 10.0, 100.0, 500.0))
     r.until(lambda: r.drive.position > 5_000)
     r.drive.dials.blocked = True
     with pytest.raises(MotionTimeout, match="end of its trajectory"):
@@ -546,7 +553,7 @@ def test_an_axis_that_does_not_come_up_with_its_end_fails():
 @pytest.mark.parametrize("how", ["halt", "stop", "disable"])
 def test_a_stop_brakes_along_the_path_with_the_axis_s_deceleration(how):
     r = rig(defaults=Defaults(velocity=100.0, acceleration=500.0, deceleration=250.0)).enabled()
-    handle = r.axis.follow(Trapezoid(0.0, 300.0, 100.0, 500.0))
+    handle = r.axis.follow(TrapezoidalTrajectory(0.0, 300.0, 100.0, 500.0))
     r.until(lambda: r.drive.position > 50_000)
     watch = Watch(r)
     getattr(r.axis, how)().wait(5)
@@ -573,7 +580,7 @@ def test_a_halt_on_a_path_that_turns_round_stays_on_it():
 def test_a_quick_stop_does_not_wait_for_the_path():
     r = rig().enabled()
     r.device.write(0x6085, 0, 2_000_000)
-    handle = r.axis.follow(Trapezoid(0.0, 300.0, 100.0, 500.0))
+    handle = r.axis.follow(TrapezoidalTrajectory(0.0, 300.0, 100.0, 500.0))
     r.until(lambda: r.drive.position > 50_000)
     watch = Watch(r)
     r.axis.quick_stop().wait(5)
@@ -599,7 +606,7 @@ def test_a_quick_stop_does_not_wait_for_the_path():
 def test_a_command_takes_over_from_a_trajectory_without_a_jolt(command, mode_delay):
     """Drives take up to some cycles for a mode: until then the targets go on, or the axis would stop dead on the last one."""
     r = rig().enabled()
-    handle = r.axis.follow(Trapezoid(0.0, 250.0, 100.0, 500.0))
+    handle = r.axis.follow(TrapezoidalTrajectory(0.0, 250.0, 100.0, 500.0))
     r.until(lambda: r.drive.position > 50_000)
     r.drive.dials.mode_delay = mode_delay
     watch = Watch(r)
@@ -612,7 +619,7 @@ def test_a_command_takes_over_from_a_trajectory_without_a_jolt(command, mode_del
 
 def test_a_command_takes_over_from_a_halt_on_the_path_without_a_jolt():
     r = rig(defaults=Defaults(velocity=100.0, acceleration=200.0)).enabled()
-    r.axis.follow(Trapezoid(0.0, 300.0, 100.0, 500.0))
+    r.axis.follow(TrapezoidalTrajectory(0.0, 300.0, 100.0, 500.0))
     r.until(lambda: r.drive.position > 50_000)
     r.drive.dials.mode_delay = 0.05
     r.axis.halt()
@@ -626,7 +633,7 @@ def test_a_command_takes_over_from_a_halt_on_the_path_without_a_jolt():
 
 def test_a_mode_that_is_refused_on_the_way_stops_the_axis_by_quick_stop():
     r = rig().enabled()
-    r.axis.follow(Trapezoid(0.0, 300.0, 100.0, 500.0))
+    r.axis.follow(TrapezoidalTrajectory(0.0, 300.0, 100.0, 500.0))
     r.until(lambda: r.drive.position > 50_000)
     r.drive.dials.modes_refused = frozenset({3})
     watch = Watch(r)
@@ -641,7 +648,7 @@ def test_a_mode_that_is_refused_on_the_way_stops_the_axis_by_quick_stop():
 
 def test_a_lost_position_on_the_way_ends_in_a_quick_stop():
     r = rig(port={"max_age": {"position": 0.05}}).enabled()
-    handle = r.axis.follow(Trapezoid(0.0, 300.0, 100.0, 500.0))
+    handle = r.axis.follow(TrapezoidalTrajectory(0.0, 300.0, 100.0, 500.0))
     r.until(lambda: r.drive.position > 50_000)
     read = r.ports["x"].read
     r.ports["x"].read = lambda now: read(now)._replace(position=None, demand=None)

@@ -6,18 +6,18 @@ import math
 
 import pytest
 
-from axisbus.motion.axis.active_command import Running
+from axisbus.motion.axis.active_command import ActiveCommand
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.axis.demand import DemandTrust
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.axis.loss import Loss
-from axisbus.motion.axis.reference import Led
+from axisbus.motion.axis.reference import ReferenceTracker
 from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.parameters import DemandUse
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.active_stop import Stopping
-from axisbus.motion.stop.following import Following
-from axisbus.motion.stop.standstill_monitor import Resting
+from axisbus.motion.stop.following import FollowingErrorMonitor
+from axisbus.motion.stop.standstill_monitor import StandstillMonitor
 from kit.motion.rig import Rig, rig
 
 INF = math.inf
@@ -179,13 +179,13 @@ KEPT = {
 }
 PARTS = {
     "": AxisCore,
-    "image": Image,
-    "image.led": Led,
+    "image": AxisImage,
+    "image.led": ReferenceTracker,
     "image.led.trust": DemandTrust,
-    "running": Running,
+    "running": ActiveCommand,
     "stopping": Stopping,
-    "supervision.following": Following,
-    "supervision._resting": Resting,
+    "supervision.following": FollowingErrorMonitor,
+    "supervision._resting": StandstillMonitor,
 }
 
 

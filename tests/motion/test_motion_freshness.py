@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.cia402.port import Capabilities, Inputs, Sample, Source
+from axisbus.cia402.port import Capabilities, Inputs, Sample, ValueTransport
 from axisbus.errors import NodeError, StaleError, StateError
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.parameters import DemandUse
 from axisbus.motion.states import AxisState
 from kit.motion.rig import PERIOD, rig
@@ -14,11 +14,11 @@ from kit.motion.watch import HALT, Watch
 
 NAMES = ("statusword", "mode", "position", "velocity", "torque", "demand")
 AGES = {"statusword": 0.5, "mode": 1.0, "position": 0.1, "velocity": 0.2, "torque": 0.3, "demand": 0.1}
-SYNC = dict.fromkeys(NAMES, Source.SYNC_PDO)
+SYNC = dict.fromkeys(NAMES, ValueTransport.SYNC_PDO)
 
 
-def image(ages=AGES) -> Image:
-    return Image(Capabilities(SYNC, {}, True, ages), PERIOD, 2.0, 0.05, DemandUse.USE)
+def image(ages=AGES) -> AxisImage:
+    return AxisImage(Capabilities(SYNC, {}, True, ages), PERIOD, 2.0, 0.05, DemandUse.USE)
 
 
 def inputs(now: float, stamp: float, **changes) -> Inputs:
@@ -34,11 +34,11 @@ def inputs(now: float, stamp: float, **changes) -> Inputs:
     return Inputs(now, True, **(values | changes))
 
 
-def known(img: Image) -> dict[str, bool]:
+def known(img: AxisImage) -> dict[str, bool]:
     return {name: getattr(img, name) is not None for name in NAMES}
 
 
-def run_silent(img: Image, stamp: float, seconds: float) -> None:
+def run_silent(img: AxisImage, stamp: float, seconds: float) -> None:
     """Cycles in time, in which nothing new is received."""
     for number in range(round(seconds / PERIOD) + 1):
         img.update(inputs(stamp + number * PERIOD, stamp))
@@ -206,7 +206,7 @@ def test_a_short_suspension_is_only_lateness():
 
 
 def test_a_drive_that_sends_its_word_only_on_change_is_not_stale_in_silence():
-    events = dict.fromkeys(("statusword", "mode"), Source.EVENT_PDO)
+    events = dict.fromkeys(("statusword", "mode"), ValueTransport.EVENT_PDO)
     r = rig(port={"inputs": events, "event_timer": 0.4}).enabled()
     r.run(5.0)
     assert r.axis.state is AxisState.STANDSTILL
@@ -214,7 +214,7 @@ def test_a_drive_that_sends_its_word_only_on_change_is_not_stale_in_silence():
 
 
 def test_an_event_word_without_a_timer_is_polled_by_sdo_and_stays_known():
-    r = rig(port={"inputs": {"statusword": Source.SDO, "mode": Source.SDO}}).enabled()
+    r = rig(port={"inputs": {"statusword": ValueTransport.SDO, "mode": ValueTransport.SDO}}).enabled()
     r.run(5.0)
     assert r.axis.state is AxisState.STANDSTILL
     r.axis.move_absolute(10.0).wait(5)

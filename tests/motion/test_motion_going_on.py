@@ -8,29 +8,29 @@ from itertools import pairwise
 import pytest
 
 from axisbus.errors import LimitError, MotionTimeout, StaleError
-from axisbus.motion.group.start_barrier import OPEN, Gate
-from axisbus.motion.moves.coast_and_reset import Coast, Reset
+from axisbus.motion.group.start_barrier import OPEN, StartBarrier
+from axisbus.motion.moves.coast_and_reset import Coast, ResetActivity
 from axisbus.motion.moves.continuous_motion import TorqueMove, VelocityMove
-from axisbus.motion.moves.csp_move import GoingOn
-from axisbus.motion.moves.enable import Enable
+from axisbus.motion.moves.csp_move import CspMove
+from axisbus.motion.moves.enable import EnableActivity
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.homing import HomingRun
 from axisbus.motion.moves.jog import Jog
 from axisbus.motion.moves.position import PositionMove
-from axisbus.motion.moves.profile import Profile
-from axisbus.motion.parameters import Limits
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.moves.profile import MoveProfile
+from axisbus.motion.parameters import AxisLimits
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.motion.rig import Rig, rig
 from kit.motion.steps import Drive
 
-PROFILE = Profile(20_000, 40, 40, 20_000.0, 40_000.0, None, 40_000.0, 40_000.0)
+PROFILE = MoveProfile(20_000, 40, 40, 20_000.0, 40_000.0, None, 40_000.0, 40_000.0)
 PERIOD = 0.01
 
 
 def led(**changes) -> tuple[Drive, Follow]:
     """An axis that a trajectory leads at 20 deg/s."""
     drive = Drive(scan_period=PERIOD, **changes)
-    follow = Follow(Trapezoid(0.0, 400.0, 20.0, 40.0), drive.parameters, OPEN)
+    follow = Follow(TrapezoidalTrajectory(0.0, 400.0, 20.0, 40.0), drive.parameters, OPEN)
     for _ in range(100):
         step(drive, follow)
     assert not follow.at_rest
@@ -47,13 +47,15 @@ def step(drive: Drive, activity) -> int | None:
     return drive.order.target_position
 
 
-def going_on(drive: Drive, before: Follow, target: int = 60_000, gate: Gate = OPEN, **changes) -> GoingOn:
-    return GoingOn(target, PROFILE._replace(**changes), drive.parameters, gate, before)
+def going_on(
+    drive: Drive, before: Follow, target: int = 60_000, gate: StartBarrier = OPEN, **changes
+) -> CspMove:
+    return CspMove(target, PROFILE._replace(**changes), drive.parameters, gate, before)
 
 
 def test_until_it_begins_the_trajectory_before_leads():
     drive, before = led()
-    gate = Gate()
+    gate = StartBarrier()
     move = going_on(drive, before, gate=gate)
     targets = [step(drive, move) for _ in range(10)]
     assert [b - a for a, b in pairwise(targets)] == [200] * 9
@@ -71,7 +73,7 @@ def test_until_it_begins_the_trajectory_before_leads():
 def test_one_that_replaces_another_before_that_begins_is_led_by_what_led_it():
     drive, before = led()
     replaced = going_on(drive, before)
-    move = going_on(drive, replaced, gate=Gate())
+    move = going_on(drive, replaced, gate=StartBarrier())
     targets = [step(drive, move) for _ in range(10)]
     assert [b - a for a, b in pairwise(targets)] == [200] * 9
     assert move.last_step == before.last_step
@@ -79,7 +81,7 @@ def test_one_that_replaces_another_before_that_begins_is_led_by_what_led_it():
 
 def test_one_that_is_stopped_before_it_begins_never_begins():
     drive, before = led()
-    gate = Gate()
+    gate = StartBarrier()
     move = going_on(drive, before, gate=gate)
     step(drive, move)
     gate.update(1)
@@ -125,7 +127,7 @@ def test_it_needs_room_to_brake_within_the_limits(room, way, fits):
     """From 20 deg/s with 40 deg/s² it comes to rest 5 deg on at the nearest."""
     drive, before = led()
     where = before.last_step.position
-    limits = Limits(position=(-10.0, where + room), velocity=400.0)
+    limits = AxisLimits(position=(-10.0, where + room), velocity=400.0)
     drive.parameters = replace(drive.parameters, limits=limits)
     move = going_on(drive, before, round((where + way) * 1000))
     if fits:
@@ -141,7 +143,7 @@ def turned(r: Rig) -> float:
 
 def test_on_the_plant_it_goes_on_without_a_jolt():
     r = rig().enabled()
-    r.axis.follow(Trapezoid(0.0, 100.0, 20.0, 40.0))
+    r.axis.follow(TrapezoidalTrajectory(0.0, 100.0, 20.0, 40.0))
     r.run(1.0)
     moved = r.axis.move_absolute(40.0, velocity=20.0, acceleration=40.0)
     speeds = []
@@ -158,15 +160,15 @@ def test_on_the_plant_it_goes_on_without_a_jolt():
 @pytest.mark.parametrize(
     ("activity", "mode", "goes_on", "clears_error", "ends_at_rest"),
     [
-        (Enable, None, False, False, False),
+        (EnableActivity, None, False, False, False),
         (Coast, None, False, False, False),
-        (Reset, None, False, True, False),
+        (ResetActivity, None, False, True, False),
         (PositionMove, 1, False, False, True),
         (VelocityMove, 3, True, False, False),
         (TorqueMove, 4, True, False, False),
         (HomingRun, 6, False, False, True),
         (Follow, 8, False, False, True),
-        (GoingOn, 8, False, False, True),
+        (CspMove, 8, False, False, True),
         (Jog, 3, True, False, False),
     ],
 )
@@ -187,7 +189,7 @@ def test_a_trajectory_that_is_planned_begins_at_the_demand_or_else_where_the_axi
 
 def test_an_axis_has_two_seconds_to_come_up_with_the_end_of_its_trajectory():
     drive = Drive(scan_period=PERIOD)
-    follow = Follow(Trapezoid(0.0, 1.0, 20.0, 40.0), drive.parameters, OPEN)
+    follow = Follow(TrapezoidalTrajectory(0.0, 1.0, 20.0, 40.0), drive.parameters, OPEN)
     ended = None
     with pytest.raises(MotionTimeout, match="does not come up with the end of its trajectory, 1 deg"):
         for _ in range(400):
@@ -202,7 +204,7 @@ def test_an_axis_has_two_seconds_to_come_up_with_the_end_of_its_trajectory():
 @pytest.mark.parametrize(("position", "arrived"), [(992, False), (993, True), (1007, True), (1008, False)])
 def test_an_axis_has_come_up_when_it_stands_within_its_window(position, arrived):
     drive = Drive(scan_period=PERIOD, position_window=7)
-    follow = Follow(Trapezoid(0.0, 1.0, 20.0, 40.0), drive.parameters, OPEN)
+    follow = Follow(TrapezoidalTrajectory(0.0, 1.0, 20.0, 40.0), drive.parameters, OPEN)
     for _ in range(60):
         for request in drive.order.sdo:
             drive.answers(request.id)

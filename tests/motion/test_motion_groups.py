@@ -19,8 +19,8 @@ from axisbus.errors import (
     Stopped,
     TransitionError,
 )
-from axisbus.motion.group.start_barrier import OPEN, Gate
-from axisbus.motion.parameters import Defaults, Limits, Units
+from axisbus.motion.group.start_barrier import OPEN, StartBarrier
+from axisbus.motion.parameters import AxisLimits, Defaults, Units
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.policy import FaultPolicy
 from axisbus.sim.fault_injection import NEVER
@@ -244,7 +244,10 @@ def test_a_short_line_is_a_triangle():
 
 
 def test_the_slowest_axis_slows_all_and_the_line_stays_straight():
-    r = rig("xyz", each={"y": {"limits": Limits(velocity=10.0)}, "z": {"limits": Limits(acceleration=40.0)}})
+    r = rig(
+        "xyz",
+        each={"y": {"limits": AxisLimits(velocity=10.0)}, "z": {"limits": AxisLimits(acceleration=40.0)}},
+    )
     r.enabled()
     seen = watches(r)
     r.groups["all"].move_linear((20.0, 20.0, 10.0), velocity=300.0, acceleration=1000.0).wait(10)
@@ -393,7 +396,7 @@ def test_a_member_that_refuses_the_mode_stops_the_others_before_they_start():
 
 
 def test_a_line_needs_a_number_for_each_axis_and_keeps_the_limits():
-    r = rig("xy", limits=Limits(position=(-50.0, 50.0), velocity=400.0)).enabled()
+    r = rig("xy", limits=AxisLimits(position=(-50.0, 50.0), velocity=400.0)).enabled()
     group = r.groups["all"]
     with pytest.raises(ArgumentError, match="1 position for 2 axes"):
         group.move_linear((1.0,), velocity=10.0)
@@ -407,7 +410,7 @@ def test_a_line_needs_a_number_for_each_axis_and_keeps_the_limits():
 
 def test_a_line_leads_an_axis_back_that_stands_outside_its_limits():
     outside = MotorParams(start_position=15_000)
-    r = rig("xy", motor=outside, each={"x": {"limits": Limits(position=(-10.0, 10.0))}}).enabled()
+    r = rig("xy", motor=outside, each={"x": {"limits": AxisLimits(position=(-10.0, 10.0))}}).enabled()
     watch = Watch(r, "x")
     r.groups["all"].move_linear((5.0, 20.0), velocity=50.0, acceleration=200.0).wait(5)
     assert [device.drives[0].position for device in r.devices] == [5_000, 20_000]
@@ -466,7 +469,7 @@ def test_move_direct_starts_all_in_the_same_cycle_each_by_its_own_profile():
 
 
 def test_move_direct_at_a_common_velocity_and_its_refusals():
-    r = rig("xy", limits=Limits(position=(-50.0, 50.0), velocity=400.0)).enabled()
+    r = rig("xy", limits=AxisLimits(position=(-50.0, 50.0), velocity=400.0)).enabled()
     seen = watches(r)
     r.groups["all"].move_direct((30.0, -30.0), velocity=60.0).wait(5)
     assert seen["x"].speed == pytest.approx(60_000, rel=0.01)
@@ -598,7 +601,7 @@ def test_new_commands_wait_until_the_policy_s_stop_stands():
 
 
 def test_a_gate_opens_in_the_cycle_after_all_that_are_still_coming_stood_before_it():
-    gate = Gate()
+    gate = StartBarrier()
     a, b, c = object(), object(), object()
     assert not gate.pass_through(a)
     assert not gate.pass_through(a)
@@ -611,14 +614,14 @@ def test_a_gate_opens_in_the_cycle_after_all_that_are_still_coming_stood_before_
     gate.update(3)
     assert gate.is_open
     assert gate.pass_through(a)
-    leaving = Gate()
+    leaving = StartBarrier()
     assert not leaving.pass_through(a)
     leaving.update(1)  # the other needs no gate any more
     assert leaving.pass_through(a)
 
 
 def test_one_that_has_gone_away_from_a_gate_is_not_counted_any_more():
-    gate = Gate()
+    gate = StartBarrier()
     gone, here, coming = object(), object(), object()
     gate.pass_through(gone)
     gate.pass_through(here)
@@ -633,7 +636,7 @@ def test_one_that_has_gone_away_from_a_gate_is_not_counted_any_more():
 
 
 def test_a_gate_that_is_shut_opens_no_more_and_an_open_one_is_not_shut():
-    gate = Gate()
+    gate = StartBarrier()
     gate.pass_through(gate)
     gate.shut()
     gate.update(1)

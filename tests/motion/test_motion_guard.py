@@ -9,25 +9,25 @@ import pytest
 
 from axisbus.cia402.options import Ramp
 from axisbus.errors import LimitError, StaleError
-from axisbus.motion.parameters import Defaults, HoldsLoad, Limits
+from axisbus.motion.parameters import AxisLimits, Defaults, HoldsLoad
 from axisbus.motion.states import AxisState
-from axisbus.motion.stop.following import Following, Peak
-from axisbus.motion.stop.limits import Guard, stop_of
-from axisbus.motion.stop.stop_sequence import Rung
-from axisbus.motion.stop_deceleration import Braking, Course
+from axisbus.motion.stop.following import FollowingErrorMonitor, RecentPeak
+from axisbus.motion.stop.limits import LimitMonitor, stop_of
+from axisbus.motion.stop.stop_sequence import StopLevel
+from axisbus.motion.stop_deceleration import Braking, CommandedMotion
 from kit.motion.steps import Drive, T
 
 FREE, MOVE = AxisState.CONTINUOUS_MOTION, AxisState.DISCRETE_MOTION
-LIMITS = Limits(position=(0.0, 100.0), velocity=400.0)  # deg of 1000 increments
+LIMITS = AxisLimits(position=(0.0, 100.0), velocity=400.0)  # deg of 1000 increments
 DOWN = 640_000.0  # increments per s²
 
 
 class Bounded:
     """A guard over an axis between 0 and 100 deg that goes so many increments in each cycle."""
 
-    def __init__(self, step: float, limits: Limits = LIMITS, **changes) -> None:
+    def __init__(self, step: float, limits: AxisLimits = LIMITS, **changes) -> None:
         self.drive = Drive(limits=limits, **changes)
-        self.guard = Guard(self.drive.parameters)
+        self.guard = LimitMonitor(self.drive.parameters)
         self.step = step
 
     def to(self, last: float, *, demand: float | None = None, cycles: int = 8, **values) -> Bounded:
@@ -39,14 +39,14 @@ class Bounded:
             self.guard.look(self.drive.image)
         return self
 
-    def rest(self, state: AxisState = FREE, course: Course | None = None, **options) -> float | None:
+    def rest(self, state: AxisState = FREE, course: CommandedMotion | None = None, **options) -> float | None:
         """Return where it could come to rest, by the error's text; None where there is no danger."""
         error = self.guard.danger(self.drive.image, state, course=course, **options)
         return None if error is None else float(error.observed.split("rest at ")[1].split(";")[0])
 
 
-def turning(step: float, down: float = DOWN) -> Course:
-    return Course(speed=step / T, up=1.0, down=down)
+def turning(step: float, down: float = DOWN) -> CommandedMotion:
+    return CommandedMotion(speed=step / T, up=1.0, down=down)
 
 
 # 1000 increments per cycle are 64 000 per s: 4000 pass in four cycles before a stop acts, and 3200 on its ramp.
@@ -78,7 +78,7 @@ def test_an_older_position_counts_with_what_has_passed_since():
 
 
 def test_a_drive_that_cannot_brake_counts_with_its_way_until_a_stop_acts():
-    unknown = Course(speed=64_000.0, up=1.0)
+    unknown = CommandedMotion(speed=64_000.0, up=1.0)
     parameters = {"defaults": replace(Drive().parameters.defaults, acceleration=None)}
     assert Bounded(1000, **parameters).to(96_000).rest(course=unknown) is None
     assert Bounded(1000, **parameters).to(96_001).rest(course=unknown) == 100.001
@@ -86,7 +86,7 @@ def test_a_drive_that_cannot_brake_counts_with_its_way_until_a_stop_acts():
 
 def test_where_the_limits_do_not_hold_or_are_not_set_nothing_is_stopped():
     assert Bounded(1000).to(99_000).rest(course=turning(1000), bounded=False) is None
-    assert Bounded(1000, limits=Limits()).to(999_000).guard.danger(Bounded(0).drive.image, FREE) is None
+    assert Bounded(1000, limits=AxisLimits()).to(999_000).guard.danger(Bounded(0).drive.image, FREE) is None
     for state in (
         AxisState.STANDSTILL,
         AxisState.STOPPING,
@@ -106,11 +106,11 @@ def test_the_limits_count_from_where_the_user_has_set_0():
 
 def test_a_command_that_speeds_up_counts_with_the_speed_that_it_may_have_by_then():
     """From 64 000/s with 64 000/s² for 5.5 cycles: 69 500/s."""
-    faster = Course(speed=128_000.0, up=64_000.0, down=DOWN)
+    faster = CommandedMotion(speed=128_000.0, up=64_000.0, down=DOWN)
     # 4343.75 until a stop acts and 3773.6328 on the ramp
     assert Bounded(1000).to(100_000 - 8118).rest(course=faster) is None
     assert Bounded(1000).to(100_000 - 8117).rest(course=faster) == pytest.approx(100.0, abs=0.002)
-    slower = Course(speed=64_000.0, up=64_000.0, down=DOWN)
+    slower = CommandedMotion(speed=64_000.0, up=64_000.0, down=DOWN)
     assert Bounded(1000).to(100_000 - 8117).rest(course=slower) is None
 
 
@@ -119,7 +119,7 @@ def test_an_axis_that_stands_and_may_move_counts_only_since_then():
     for _ in range(20):
         still.drive.cycle()  # it sends on change
         still.guard.look(still.drive.image)
-    course = Course(speed=64_000.0, up=640_000.0, down=DOWN)
+    course = CommandedMotion(speed=64_000.0, up=640_000.0, down=DOWN)
     # from now on: 4 cycles until a stop acts, 5.5 to speed up: 55 000/s, 3437 and 2363 increments
     assert still.rest(course=course) == pytest.approx(99.999 + 3.437 + 2.363, abs=0.01)
     still.drive.cycle()
@@ -131,7 +131,7 @@ def test_an_axis_that_stands_and_may_move_counts_only_since_then():
 def test_without_a_command_the_acceleration_that_is_seen_counts():
     """Positions 16 k²: 131 072/s², seen at 1024 (2 n - 3) per s; 704 * 16 more until a stop acts."""
     drive = Drive(limits=LIMITS)
-    guard = Guard(drive.parameters)
+    guard = LimitMonitor(drive.parameters)
     for k in range(20):
         drive.cycle(statusword=0x0237, position=91_000 + 16 * k * k)
         guard.look(drive.image)
@@ -169,7 +169,9 @@ def test_without_a_demand_the_lag_that_was_seen_last_counts():
     assert axis.rest(MOVE, course=course) is None
     assert axis.rest(course=course) == 100.2  # it is one of the drive
     # the motor of an axis that is pushed lags as much
-    assert axis.rest(course=Course(by_torque=True, down=DOWN), lag=9.0) == axis.rest(course=course, lag=9.0)
+    assert axis.rest(course=CommandedMotion(by_torque=True, down=DOWN), lag=9.0) == axis.rest(
+        course=course, lag=9.0
+    )
     assert axis.rest(course=course, lag=0.0) is None
     # a demand of this motion knows better
     assert Bounded(1000).to(90_000, demand=2800).rest(course=course, lag=3.0 * T) is None
@@ -177,7 +179,7 @@ def test_without_a_demand_the_lag_that_was_seen_last_counts():
 
 def test_until_weaker_ramps_are_written_an_axis_speeds_up_by_those_that_it_has():
     axis = Bounded(1000).to(90_000)
-    before = Course(speed=100_000.0, up=DOWN, down=2 * DOWN, by_target=True)
+    before = CommandedMotion(speed=100_000.0, up=DOWN, down=2 * DOWN, by_target=True)
     assert axis.guard.overrun(axis.drive.image, DOWN) is None
     # 100 000/s for nine periods, and 7812.5 to brake from them
     assert axis.guard.overrun(axis.drive.image, DOWN, before) == pytest.approx(111.875)
@@ -190,7 +192,7 @@ def test_until_weaker_ramps_are_written_an_axis_speeds_up_by_those_that_it_has()
 def test_a_demand_that_comes_seldom_gives_the_lag_alone(sign, late, found_at):
     """The axis gets faster all the time, and its demand, which comes with every 8th position, is some cycles ahead of it."""
     axis, first = Bounded(0, ages={"position": 1.0, "demand": 1.0}), 0 if sign > 0 else 100_000
-    course = Course(speed=sign * 3000 / T, up=20 / T / T, down=DOWN)
+    course = CommandedMotion(speed=sign * 3000 / T, up=20 / T / T, down=DOWN)
     for cycle in range(110):
         demand = {} if cycle % 8 else {"demand": first + sign * 10 * (cycle + late) ** 2}
         axis.drive.cycle(statusword=0x0237, position=first + sign * 10 * cycle**2, **demand)
@@ -225,7 +227,7 @@ def test_a_position_that_is_not_known_any_more_is_a_danger_where_limits_hold():
     for limits, bounded, told in (
         (LIMITS, True, True),
         (LIMITS, False, False),
-        (Limits(velocity=400.0), True, False),
+        (AxisLimits(velocity=400.0), True, False),
     ):
         blind = Bounded(1000, limits=limits).to(50_000)
         blind.drive.cycle(position=None)
@@ -239,7 +241,7 @@ def test_a_position_that_is_not_known_any_more_is_a_danger_where_limits_hold():
 
 @pytest.mark.parametrize(("step", "told"), [(6877, False), (6879, True), (-6877, False), (-6879, True)])
 def test_a_free_motion_is_stopped_where_it_is_a_tenth_too_fast(step, told):
-    fast = Bounded(step, limits=Limits(velocity=400.0)).to(0)
+    fast = Bounded(step, limits=AxisLimits(velocity=400.0)).to(0)
     error = fast.guard.danger(fast.drive.image, FREE, course=turning(step))
     assert (error is not None) is told
     assert not told or error.message == "x: faster than max_velocity"
@@ -249,15 +251,15 @@ def test_a_free_motion_is_stopped_where_it_is_a_tenth_too_fast(step, told):
 @pytest.mark.parametrize("sign", [1, -1])
 def test_an_axis_that_is_pushed_is_stopped_before_it_is_too_fast(count, told, sign):
     """16 k²: 1024 (2 n - 3) + 11 264 per s by the time that a stop acts; 400 192 are allowed."""
-    drive = Drive(limits=Limits(velocity=400.0))
-    guard = Guard(drive.parameters)
+    drive = Drive(limits=AxisLimits(velocity=400.0))
+    guard = LimitMonitor(drive.parameters)
     for k in range(count - 8, count + 1):
         drive.cycle(statusword=0x0237, position=sign * 16 * k * k)
         guard.look(drive.image)
-    error = guard.danger(drive.image, FREE, course=Course(by_torque=True))
+    error = guard.danger(drive.image, FREE, course=CommandedMotion(by_torque=True))
     assert (error is not None) is told
     assert not told or error.message == "x: about to be faster than max_velocity"
-    braking = guard.danger(drive.image, FREE, course=Course())
+    braking = guard.danger(drive.image, FREE, course=CommandedMotion())
     assert braking is None
 
 
@@ -266,9 +268,9 @@ def test_an_axis_that_is_pushed_is_stopped_before_it_is_too_fast(count, told, si
 
 def test_the_noise_of_an_encoder_is_no_speed_of_which_a_move_to_a_position_cannot_brake():
     """64 per cycle need 8389 increments to brake; 68, as ±2 make of it, 9470."""
-    course = Course(down=1000.0, by_target=True)
+    course = CommandedMotion(down=1000.0, by_target=True)
     drive = Drive(limits=LIMITS)
-    guard = Guard(drive.parameters)
+    guard = LimitMonitor(drive.parameters)
     end = 100_000 - 8700
     for number, noise in enumerate((0, 0, 0, -2, 2, -2, 2)):
         drive.cycle(statusword=0x0237, position=end + 64 * (number - 6) + noise)
@@ -277,7 +279,7 @@ def test_the_noise_of_an_encoder_is_no_speed_of_which_a_move_to_a_position_canno
 
 
 def test_a_move_that_begins_too_fast_for_its_ramp_is_stopped():
-    course = Course(down=DOWN, by_target=True)
+    course = CommandedMotion(down=DOWN, by_target=True)
     # 64 000/s, less 85 for a position that wanders: 3191.5 to brake, less 20 and 2000 that it may be off
     assert Bounded(1000).to(98_828).rest(MOVE, course=course) is None
     assert Bounded(1000).to(98_829).rest(MOVE, course=course) == 100.0
@@ -285,7 +287,7 @@ def test_a_move_that_begins_too_fast_for_its_ramp_is_stopped():
     assert Bounded(-1000).to(1170).rest(MOVE, course=course) == pytest.approx(-0.0015, abs=1e-4)
     assert Bounded(1000).to(98_829).rest(MOVE, course=course, bounded=False) is None
     assert Bounded(1000).to(98_829).rest(MOVE) is None
-    assert Bounded(1000).to(98_829).rest(MOVE, course=Course(by_target=True)) is None
+    assert Bounded(1000).to(98_829).rest(MOVE, course=CommandedMotion(by_target=True)) is None
     assert Bounded(1000, position_window=21).to(98_829).rest(MOVE, course=course) is None
     assert Bounded(1000, position_window=19).to(98_829).rest(MOVE, course=course) == 100.0
 
@@ -296,7 +298,9 @@ def test_the_way_that_braking_would_take_beyond_the_limits():
     assert Bounded(1000).to(92_000).guard.overrun(over.drive.image, DOWN) is None
     pushed = Bounded(1000).to(93_000)
     # a motor that is pushed is seized 20 ms later
-    assert pushed.guard.overrun(pushed.drive.image, DOWN, Course(by_torque=True)) == pytest.approx(101.48)
+    assert pushed.guard.overrun(pushed.drive.image, DOWN, CommandedMotion(by_torque=True)) == pytest.approx(
+        101.48
+    )
     assert Bounded(1000).to(93_000, cycles=2).guard.overrun(over.drive.image, DOWN) is None
 
 
@@ -308,49 +312,61 @@ QUICK = Braking(quick_stop=Ramp.QUICK, quick=2000.0)
 @pytest.mark.parametrize(
     ("changes", "course", "expected"),
     [
-        ({}, Course(), (Rung.HALT, 500_000.0)),
-        ({}, Course(down=7.0), (Rung.HALT, 7.0)),
-        ({"braking": Braking(halt=Ramp.QUICK, quick=9.0)}, Course(down=7.0), (Rung.HALT, 9.0)),
-        ({"braking": Braking(halt=Ramp.QUICK)}, Course(down=7.0), (Rung.HALT, None)),
-        ({"braking": Braking(halt=Ramp.LIMIT, quick=9.0)}, Course(down=7.0), (Rung.HALT, 7.0)),
-        ({"braking": replace(QUICK, halt=Ramp.COAST)}, Course(down=7.0), (Rung.QUICK_STOP, 2000.0)),
-        ({"braking": Braking(halt=Ramp.COAST)}, Course(down=7.0), (Rung.HALT, None)),
+        ({}, CommandedMotion(), (StopLevel.HALT, 500_000.0)),
+        ({}, CommandedMotion(down=7.0), (StopLevel.HALT, 7.0)),
+        ({"braking": Braking(halt=Ramp.QUICK, quick=9.0)}, CommandedMotion(down=7.0), (StopLevel.HALT, 9.0)),
+        ({"braking": Braking(halt=Ramp.QUICK)}, CommandedMotion(down=7.0), (StopLevel.HALT, None)),
+        ({"braking": Braking(halt=Ramp.LIMIT, quick=9.0)}, CommandedMotion(down=7.0), (StopLevel.HALT, 7.0)),
+        (
+            {"braking": replace(QUICK, halt=Ramp.COAST)},
+            CommandedMotion(down=7.0),
+            (StopLevel.QUICK_STOP, 2000.0),
+        ),
+        ({"braking": Braking(halt=Ramp.COAST)}, CommandedMotion(down=7.0), (StopLevel.HALT, None)),
         # what the drive does not let be written, or limits (60C6h)
-        ({"fixed_ramps": ((0x6084, 40),)}, Course(), (Rung.HALT, 40.0)),
-        ({"fixed_ramps": ((0x6084, 0),)}, Course(), (Rung.HALT, None)),
-        ({"fixed_ramps": ((0x6084, None),)}, Course(), (Rung.HALT, None)),
-        ({}, Course(unknown=True), (Rung.HALT, None)),
-        ({"braking": Braking(most_down=5.0)}, Course(down=7.0), (Rung.HALT, 5.0)),
-        ({"braking": replace(QUICK, most_down=5.0)}, Course(by_torque=True), (Rung.QUICK_STOP, 5.0)),
-        ({"braking": Braking(halt=Ramp.COAST, most_down=5.0)}, Course(down=7.0), (Rung.HALT, None)),
-        ({"braking": QUICK}, Course(down=7.0), (Rung.HALT, 7.0)),
+        ({"fixed_ramps": ((0x6084, 40),)}, CommandedMotion(), (StopLevel.HALT, 40.0)),
+        ({"fixed_ramps": ((0x6084, 0),)}, CommandedMotion(), (StopLevel.HALT, None)),
+        ({"fixed_ramps": ((0x6084, None),)}, CommandedMotion(), (StopLevel.HALT, None)),
+        ({}, CommandedMotion(unknown=True), (StopLevel.HALT, None)),
+        ({"braking": Braking(most_down=5.0)}, CommandedMotion(down=7.0), (StopLevel.HALT, 5.0)),
+        (
+            {"braking": replace(QUICK, most_down=5.0)},
+            CommandedMotion(by_torque=True),
+            (StopLevel.QUICK_STOP, 5.0),
+        ),
+        (
+            {"braking": Braking(halt=Ramp.COAST, most_down=5.0)},
+            CommandedMotion(down=7.0),
+            (StopLevel.HALT, None),
+        ),
+        ({"braking": QUICK}, CommandedMotion(down=7.0), (StopLevel.HALT, 7.0)),
         # a move to a target: the harder of both
-        ({"braking": QUICK}, Course(down=7.0, by_target=True), (Rung.QUICK_STOP, 2000.0)),
-        ({"braking": QUICK}, Course(down=2000.0, by_target=True), (Rung.HALT, 2000.0)),
-        ({"braking": QUICK}, Course(down=3000.0, by_target=True), (Rung.HALT, 3000.0)),
+        ({"braking": QUICK}, CommandedMotion(down=7.0, by_target=True), (StopLevel.QUICK_STOP, 2000.0)),
+        ({"braking": QUICK}, CommandedMotion(down=2000.0, by_target=True), (StopLevel.HALT, 2000.0)),
+        ({"braking": QUICK}, CommandedMotion(down=3000.0, by_target=True), (StopLevel.HALT, 3000.0)),
         (
             {"braking": Braking(quick_stop=Ramp.COAST, quick=2000.0)},
-            Course(down=7.0, by_target=True),
-            (Rung.HALT, 7.0),
+            CommandedMotion(down=7.0, by_target=True),
+            (StopLevel.HALT, 7.0),
         ),
         (
             {"braking": replace(QUICK, quick=0.5), "defaults": Defaults()},
-            Course(by_target=True),
-            (Rung.QUICK_STOP, 0.5),
+            CommandedMotion(by_target=True),
+            (StopLevel.QUICK_STOP, 0.5),
         ),
         (
             {"braking": replace(QUICK, quick=None), "defaults": Defaults()},
-            Course(by_target=True),
-            (Rung.HALT, None),
+            CommandedMotion(by_target=True),
+            (StopLevel.HALT, None),
         ),
         # a torque: a halt would only let it go
-        ({"braking": QUICK}, Course(down=7.0, by_torque=True), (Rung.QUICK_STOP, 2000.0)),
+        ({"braking": QUICK}, CommandedMotion(down=7.0, by_torque=True), (StopLevel.QUICK_STOP, 2000.0)),
         (
             {"braking": QUICK, "holds_load": HoldsLoad.BRAKE},
-            Course(down=7.0, by_torque=True),
-            (Rung.HALT, 7.0),
+            CommandedMotion(down=7.0, by_torque=True),
+            (StopLevel.HALT, 7.0),
         ),
-        ({}, Course(down=7.0, by_torque=True), (Rung.HALT, 7.0)),
+        ({}, CommandedMotion(down=7.0, by_torque=True), (StopLevel.HALT, 7.0)),
     ],
 )
 def test_which_stop_brakes_and_how_hard(changes, course, expected):
@@ -362,7 +378,7 @@ def test_which_stop_brakes_and_how_hard(changes, course, expected):
 
 @pytest.mark.parametrize("begin", [0.0, 1000.0])
 def test_the_highest_speed_of_the_last_half_to_whole_second(begin):
-    peak = Peak()
+    peak = RecentPeak()
     seen = [
         peak.note(value, begin + now)
         for now, value in [
@@ -382,7 +398,7 @@ def test_the_highest_speed_of_the_last_half_to_whole_second(begin):
 def lag(behind: list[float], speed: float = 0.0, **changes) -> list[bool]:
     """Return in which cycles an axis that is so far behind is given up."""
     drive = Drive(**changes)
-    watch = Following(drive.parameters)
+    watch = FollowingErrorMonitor(drive.parameters)
     activity = SimpleNamespace(behind=None, led_speed=speed, mode=3)
     told = []
     for number, way in enumerate(behind):
@@ -419,7 +435,7 @@ def test_an_axis_that_is_too_far_behind_is_given_up(behind, speed, changes, told
 
 def test_only_positions_that_are_new_count_for_the_lag():
     drive = Drive()
-    watch = Following(drive.parameters)
+    watch = FollowingErrorMonitor(drive.parameters)
     activity = SimpleNamespace(behind=5000.0, led_speed=0.0, mode=3)
     assert watch.error(drive.cycle(mode=3, position=0)[0], activity) is None
     for _ in range(5):
@@ -435,7 +451,7 @@ def test_only_positions_that_are_new_count_for_the_lag():
 
 def test_a_position_of_before_is_one_however_often_it_is_looked_at():
     drive = Drive()
-    watch = Following(drive.parameters)
+    watch = FollowingErrorMonitor(drive.parameters)
     activity = SimpleNamespace(behind=5000.0, led_speed=0.0, mode=3)
     drive.cycle(mode=3, position=0)
     for _ in range(4):
@@ -445,7 +461,7 @@ def test_a_position_of_before_is_one_however_often_it_is_looked_at():
 
 def test_a_position_that_is_gone_is_none_of_the_two():
     drive = Drive()
-    watch = Following(drive.parameters)
+    watch = FollowingErrorMonitor(drive.parameters)
     activity = SimpleNamespace(behind=5000.0, led_speed=0.0, mode=3)
     drive.cycle(mode=3, position=0)
     drive.cycle(position=None)
@@ -458,7 +474,7 @@ def test_a_position_that_is_gone_is_none_of_the_two():
 def test_a_lag_is_excused_by_the_speed_of_the_last_second_alone_however_often_positions_come(every):
     """By the cycle's clock: 64 cycles of 1/64 s, and the next position."""
     drive = Drive()
-    watch = Following(drive.parameters)
+    watch = FollowingErrorMonitor(drive.parameters)
     activity = SimpleNamespace(behind=4100.0, led_speed=1000.0, mode=3)
     for number in range(100):
         fresh = {"position": number} if number % every == 0 else {}
@@ -471,7 +487,7 @@ def test_a_lag_is_excused_by_the_speed_of_the_last_second_alone_however_often_po
 def led(pairs: list[tuple[int, int | None]], mode: int = 1, shown: int | None = 1, **changes) -> list[bool]:
     """The same for a position mode: positions with the demand."""
     drive = Drive(**changes)
-    watch = Following(drive.parameters)
+    watch = FollowingErrorMonitor(drive.parameters)
     activity = SimpleNamespace(behind=None, led_speed=0.0, mode=mode)
     told = []
     for position, demand in pairs:
@@ -498,7 +514,7 @@ def test_in_a_position_mode_the_demand_leads():
 @pytest.mark.parametrize("between", [{"mode": 6}, {"demand": None}])
 def test_what_is_not_to_be_compared_between_two_positions_begins_the_count_anew(between):
     drive = Drive()
-    watch = Following(drive.parameters)
+    watch = FollowingErrorMonitor(drive.parameters)
     activity = SimpleNamespace(behind=None, led_speed=0.0, mode=1)
     told = []
     for changes in ({}, between, {}, {}):
@@ -509,7 +525,7 @@ def test_what_is_not_to_be_compared_between_two_positions_begins_the_count_anew(
 
 def test_who_is_watched_by_how_far_a_position_mode_leads_it():
     drive = Drive()
-    watch = Following(drive.parameters)
+    watch = FollowingErrorMonitor(drive.parameters)
     for behind, mode, used in ((None, 8, True), (None, 1, True), (None, 3, False), (0.0, 8, False)):
         activity = SimpleNamespace(behind=behind, led_speed=0.0, mode=mode)
         assert not watch.is_used_to(activity)
@@ -521,7 +537,7 @@ def test_who_is_watched_by_how_far_a_position_mode_leads_it():
 def test_a_demand_that_comes_less_often_than_the_position_has_the_speed_of_its_own_times(behind, gives_up):
     """4096 increments per s excuse 1024 beyond the window of 4000, as of the time of the demand, however old it is by now."""
     drive = Drive()
-    watch = Following(drive.parameters)
+    watch = FollowingErrorMonitor(drive.parameters)
     activity = SimpleNamespace(behind=None, led_speed=0.0, mode=1, course=None)
     told = []
     for number in range(12):
@@ -542,7 +558,7 @@ def test_a_demand_that_comes_less_often_than_the_position_has_the_speed_of_its_o
 )
 def test_where_no_demand_is_known_bit_13_tells_a_following_error(bits, told):
     drive = Drive(drive_following_error=500, drive_following_time=4 * T)
-    watch = Following(drive.parameters)
+    watch = FollowingErrorMonitor(drive.parameters)
     activity = SimpleNamespace(behind=None, led_speed=0.0, mode=1, course=None)
     words = [0x0237 | (0x2000 if bit == "1" else 0) for bit in bits]
     seen = [
@@ -552,10 +568,10 @@ def test_where_no_demand_is_known_bit_13_tells_a_following_error(bits, told):
     assert seen == told
 
 
-def targets(*, closely: bool = False) -> tuple[Drive, Following, SimpleNamespace]:
+def targets(*, closely: bool = False) -> tuple[Drive, FollowingErrorMonitor, SimpleNamespace]:
     """An axis in csp that is led by 64 increments in each of seven cycles, after some at rest, and is there."""
     drive = Drive()
-    watch = Following(drive.parameters)
+    watch = FollowingErrorMonitor(drive.parameters)
     activity = SimpleNamespace(behind=None, led_speed=0.0, mode=8)
     for number in range(-4, 8):
         target = 64 * max(0, number)

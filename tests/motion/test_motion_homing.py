@@ -7,10 +7,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import ValueTransport
 from axisbus.errors import ArgumentError, DriveFault, HomingError, StateError, Stopped
 from axisbus.motion.moves.homing import HomingJob, HomingRun
-from axisbus.motion.parameters import Homing
+from axisbus.motion.parameters import HomingParameters
 from axisbus.motion.states import AxisState
 from axisbus.sim.motor import MotorParams
 from kit.motion.rig import PERIOD, rig
@@ -19,7 +19,7 @@ from kit.motion.watch import HALT, Watch
 
 BIT_4 = 0x10
 TURN = 16_384
-SEARCH = Homing(speed_switch=50.0, speed_zero=5.0, acceleration=500.0)
+SEARCH = HomingParameters(speed_switch=50.0, speed_zero=5.0, acceleration=500.0)
 # Limit switches at -40 and +30 degrees, an index pulse 1000 increments into each turn, power-up at 10 degrees.
 MACHINE = MotorParams(
     limit_switches=(-40_000.0, 30_000.0),
@@ -196,7 +196,7 @@ def test_a_slow_statusword_of_the_homing_before_is_not_the_end_of_the_next(poll)
 
 def test_homing_in_place_ends_on_an_event_driven_drive_whose_word_does_not_change():
     events = dict.fromkeys(
-        ("statusword", "mode", "position", "velocity", "torque", "demand"), Source.EVENT_PDO
+        ("statusword", "mode", "position", "velocity", "torque", "demand"), ValueTransport.EVENT_PDO
     )
     r = rig(port={"inputs": events, "event_timer": 0.1}).enabled()
     r.axis.home(37).wait(3)
@@ -312,7 +312,7 @@ def test_what_was_seen_of_a_homing_that_failed(word, told):
 
 def test_the_cell_s_time_out_counts_where_the_call_gives_none():
     nowhere = MotorParams(limit_switches=(-4e9, 4e9))
-    r = rig(motor=nowhere, homing=Homing(17, 50.0, 5.0, 500.0, timeout=0.7)).enabled()
+    r = rig(motor=nowhere, homing=HomingParameters(17, 50.0, 5.0, 500.0, timeout=0.7)).enabled()
     start = r.now
     with pytest.raises(HomingError):
         r.axis.home().wait(10)
@@ -379,12 +379,12 @@ def test_a_fault_during_the_search_names_what_it_interrupted():
 
 
 def test_speeds_are_not_guessed():
-    r = rig(motor=MACHINE, homing=Homing(17)).enabled()
+    r = rig(motor=MACHINE, homing=HomingParameters(17)).enabled()
     with pytest.raises(ArgumentError, match="speed_switch is missing"):
         r.axis.home()
     r.axis.home(37).wait(3)  # nothing moves by this one
     with pytest.raises(ArgumentError, match="method is missing"):
-        rig(homing=Homing()).axis.home()
+        rig(homing=HomingParameters()).axis.home()
     with pytest.raises(ArgumentError, match="6098h"):
         rig(homing=SEARCH).axis.home(200)
 

@@ -10,17 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus.cia402.port import Capabilities, Inputs, Outputs, Sample, SdoReply
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.errors import SetPointError
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
-from axisbus.motion.moves.profile import Profile
-from axisbus.motion.moves.setpoint import Phase, SetPoint
-from axisbus.motion.moves.setpoint_confirmation import Proof, proof_of
-from axisbus.motion.moves.setpoint_without_ack import OnChange
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.moves.profile import MoveProfile
+from axisbus.motion.moves.setpoint import HandshakePhase, SetPoint
+from axisbus.motion.moves.setpoint_confirmation import SetPointConfirmation, proof_of
+from axisbus.motion.moves.setpoint_without_ack import TimedSetPoint
 from axisbus.motion.parameters import DemandUse, HoldsLoad, StopTimes
-from axisbus.motion.stop.coast_down import RunDown
-from axisbus.motion.stop.stop_sequence import Rung, StopLadder, Then
+from axisbus.motion.stop.coast_down import CoastDown
+from axisbus.motion.stop.stop_sequence import AfterStop, StopLevel, StopSequence
 from kit.motion.rig import GENERIC, dictionary_of, parameters
 from kit.motion.steps import Drive
 from kit.motion.steps import T as STEP
@@ -29,14 +29,14 @@ T = 0.01
 HALF, SPAN = 2**31, 2**32
 # Statuswords by table 29 of CiA 402-2, typed off: (word, state, the controlword that keeps the state).
 STATES = [
-    (0x0000, State.NOT_READY_TO_SWITCH_ON, 0x00),
-    (0x0040, State.SWITCH_ON_DISABLED, 0x00),
-    (0x0021, State.READY_TO_SWITCH_ON, 0x06),
-    (0x0023, State.SWITCHED_ON, 0x07),
-    (0x0027, State.OPERATION_ENABLED, 0x0F),
-    (0x0007, State.QUICK_STOP_ACTIVE, 0x02),
-    (0x000F, State.FAULT_REACTION_ACTIVE, 0x00),
-    (0x0008, State.FAULT, 0x00),
+    (0x0000, PowerState.NOT_READY_TO_SWITCH_ON, 0x00),
+    (0x0040, PowerState.SWITCH_ON_DISABLED, 0x00),
+    (0x0021, PowerState.READY_TO_SWITCH_ON, 0x06),
+    (0x0023, PowerState.SWITCHED_ON, 0x07),
+    (0x0027, PowerState.OPERATION_ENABLED, 0x0F),
+    (0x0007, PowerState.QUICK_STOP_ACTIVE, 0x02),
+    (0x000F, PowerState.FAULT_REACTION_ACTIVE, 0x00),
+    (0x0008, PowerState.FAULT, 0x00),
 ]
 OUTSIDE = [0x0001, 0x0002, 0x0022, 0x0043, 0x0047, 0x006F, 0x0067]  # no row of the table
 
@@ -46,11 +46,11 @@ def wrapped(position: int) -> int:
     return (position + HALF) % SPAN - HALF
 
 
-def fresh_image(tolerance: float = 2.0, window: float = 0.05) -> Image:
-    return Image(Capabilities({}, {}, True, {}), T, tolerance, window, DemandUse.USE)
+def fresh_image(tolerance: float = 2.0, window: float = 0.05) -> AxisImage:
+    return AxisImage(Capabilities({}, {}, True, {}), T, tolerance, window, DemandUse.USE)
 
 
-def seen(img: Image, now: float, **values) -> Image:
+def seen(img: AxisImage, now: float, **values) -> AxisImage:
     """Give the image one cycle in which ``values`` are received."""
     samples = {name: Sample(value, now) for name, value in values.items()}
     none = dict.fromkeys(("statusword", "mode", "position", "velocity", "torque", "demand"))
@@ -70,7 +70,7 @@ def test_the_state_is_what_table_29_says_whatever_the_other_bits_are(word, state
 @pytest.mark.parametrize("word", OUTSIDE)
 def test_a_word_outside_the_table_is_unknown_and_no_crash(word):
     img = seen(fresh_image(), 0.0, statusword=word)
-    assert img.state is State.UNKNOWN
+    assert img.state is PowerState.UNKNOWN
     assert img.statusword == word
 
 
@@ -164,65 +164,67 @@ def test_a_drive_that_has_restarted_counts_from_its_own_value():
 # Order.
 
 
-def order_for(goal: State | None) -> Order:
-    order = Order()
+def order_for(goal: PowerState | None) -> CycleOutputs:
+    order = CycleOutputs()
     order.goal = goal
     return order
 
 
-@pytest.mark.parametrize("state", list(State))
+@pytest.mark.parametrize("state", list(PowerState))
 def test_without_a_goal_nothing_holds_a_controlword(state):
     order = order_for(None)
     order.halt, order.bits = True, 0x30
     assert order.outputs(state).controlword is None
 
 
-@pytest.mark.parametrize("goal", [State.OPERATION_ENABLED, State.SWITCH_ON_DISABLED, State.QUICK_STOP_ACTIVE])
+@pytest.mark.parametrize(
+    "goal", [PowerState.OPERATION_ENABLED, PowerState.SWITCH_ON_DISABLED, PowerState.QUICK_STOP_ACTIVE]
+)
 def test_an_unknown_statusword_sends_no_controlword(goal):
     order = order_for(goal)
     order.halt, order.bits = True, 0x30
-    assert order.outputs(State.UNKNOWN).controlword is None
+    assert order.outputs(PowerState.UNKNOWN).controlword is None
 
 
 @pytest.mark.parametrize(("_", "state", "word"), STATES)
 def test_the_word_that_keeps_a_state_is_the_standard_s(_, state, word):
-    if state in (State.NOT_READY_TO_SWITCH_ON, State.FAULT, State.FAULT_REACTION_ACTIVE):
-        assert order_for(State.OPERATION_ENABLED).controlword(state) == word
+    if state in (PowerState.NOT_READY_TO_SWITCH_ON, PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE):
+        assert order_for(PowerState.OPERATION_ENABLED).controlword(state) == word
     else:
         assert order_for(state).controlword(state) == word
 
 
 def test_the_way_up_is_one_step_at_a_time():
-    up = order_for(State.OPERATION_ENABLED)
+    up = order_for(PowerState.OPERATION_ENABLED)
     words = [up.controlword(state) for _, state, _ in STATES[1:5]]
     assert words == [0x06, 0x07, 0x0F, 0x0F]
 
 
 def test_the_way_down_is_5_6_7():
-    down = order_for(State.SWITCH_ON_DISABLED)
+    down = order_for(PowerState.SWITCH_ON_DISABLED)
     words = [down.controlword(state) for _, state, _ in reversed(STATES[1:5])]
     assert words == [0x07, 0x06, 0x00, 0x00]
 
 
 def test_halt_and_mode_bits_go_only_to_an_enabled_drive():
-    order = order_for(State.OPERATION_ENABLED)
+    order = order_for(PowerState.OPERATION_ENABLED)
     order.halt, order.bits = True, 0x30
-    assert order.controlword(State.OPERATION_ENABLED) == 0x13F
-    assert order.controlword(State.SWITCHED_ON) == 0x0F
-    assert order.controlword(State.READY_TO_SWITCH_ON) == 0x07
-    order.goal = State.SWITCH_ON_DISABLED
-    assert order.controlword(State.OPERATION_ENABLED) == 0x107  # halted until it has left the state
+    assert order.controlword(PowerState.OPERATION_ENABLED) == 0x13F
+    assert order.controlword(PowerState.SWITCHED_ON) == 0x0F
+    assert order.controlword(PowerState.READY_TO_SWITCH_ON) == 0x07
+    order.goal = PowerState.SWITCH_ON_DISABLED
+    assert order.controlword(PowerState.OPERATION_ENABLED) == 0x107  # halted until it has left the state
 
 
 def test_targets_are_wrapped_and_wishes_last_one_cycle():
-    order = order_for(State.OPERATION_ENABLED)
+    order = order_for(PowerState.OPERATION_ENABLED)
     order.target_position, order.target_velocity, order.word = HALF + 7, -3, 0x02
     number = order.request(0x6081, 0, 5)
-    out = order.outputs(State.OPERATION_ENABLED)
+    out = order.outputs(PowerState.OPERATION_ENABLED)
     assert (out.controlword, out.target_position, out.target_velocity) == (0x02, -HALF + 7, -3)
     assert [(r.id, r.index, r.subindex, r.value) for r in out.sdo] == [(number, 0x6081, 0, 5)]
     order.clear()
-    assert order.outputs(State.OPERATION_ENABLED) == Outputs(0x0F)
+    assert order.outputs(PowerState.OPERATION_ENABLED) == Outputs(0x0F)
     assert order.request(0x6081, 0, 5) != number
 
 
@@ -231,7 +233,7 @@ def test_targets_are_wrapped_and_wishes_last_one_cycle():
 
 def test_a_set_point_is_taken_only_by_a_word_received_after_bit_4_went_low():
     """A drive may take bit 12 back by itself, or the word was on its way already: bit 10 in it spoke of the move before."""
-    img, order, point = fresh_image(), Order(), SetPoint(5_000, "x", 1.0)
+    img, order, point = fresh_image(), CycleOutputs(), SetPoint(5_000, "x", 1.0)
 
     def cycle(now: float, word: int, stamp: float) -> tuple[bool, int]:
         img.update(Inputs(now, True, Sample(word, stamp), None, None, None, None, None))
@@ -247,7 +249,7 @@ def test_a_set_point_is_taken_only_by_a_word_received_after_bit_4_went_low():
 
 
 def test_a_set_point_is_not_offered_while_the_old_acknowledge_stands():
-    img, order, point = fresh_image(), Order(), SetPoint(5_000, "x", 1.0)
+    img, order, point = fresh_image(), CycleOutputs(), SetPoint(5_000, "x", 1.0)
     for number in range(100):
         seen(img, number * T, statusword=0x1427)
         order.clear()
@@ -261,8 +263,8 @@ def test_a_set_point_is_not_offered_while_the_old_acknowledge_stands():
 
 @pytest.mark.parametrize("delay", [0, 1, 2])
 def test_the_target_goes_ahead_of_the_edge_by_as_many_cycles_as_the_port_wants(delay):
-    img = Image(Capabilities({}, {}, True, {}, delay), T, 2.0, 0.05)
-    order, point = Order(), SetPoint(5_000, "x", 1.0)
+    img = AxisImage(Capabilities({}, {}, True, {}, delay), T, 2.0, 0.05)
+    order, point = CycleOutputs(), SetPoint(5_000, "x", 1.0)
     sent = []
     for number in range(4):
         seen(img, number * T, statusword=0x0427)
@@ -275,8 +277,8 @@ def test_the_target_goes_ahead_of_the_edge_by_as_many_cycles_as_the_port_wants(d
 
 def test_the_edge_waits_for_the_statusword_also_behind_its_target():
     """The drive shows an acknowledge that nobody asked for: an edge now could not be told from it."""
-    img = Image(Capabilities({}, {}, True, {}, 1), T, 2.0, 0.05)
-    order, point = Order(), SetPoint(5_000, "x", 1.0)
+    img = AxisImage(Capabilities({}, {}, True, {}, 1), T, 2.0, 0.05)
+    order, point = CycleOutputs(), SetPoint(5_000, "x", 1.0)
     sent = []
     for number, word in enumerate((0x0427, 0x1427, 0x1427, 0x0427)):
         seen(img, number * T, statusword=word)
@@ -292,14 +294,14 @@ def test_the_edge_waits_for_the_statusword_also_behind_its_target():
 class Fall:
     """A ladder against a drive of which every cycle is told by hand."""
 
-    def __init__(self, *, then=Then.HOLD, start=Rung.HALT, **changes) -> None:
+    def __init__(self, *, then=AfterStop.HOLD, start=StopLevel.HALT, **changes) -> None:
         times = StopTimes(halt=0.3, quick_stop=0.2, disable=0.2)
         self.parameters = parameters("x", dictionary_of(GENERIC), stop_times=times, **changes)
-        self.ladder = StopLadder(self.parameters, then, start=start)
-        self.run_down = RunDown(self.parameters)
+        self.ladder = StopSequence(self.parameters, then, start=start)
+        self.run_down = CoastDown(self.parameters)
         self.image = fresh_image()
-        self.order = Order()
-        self.order.goal = State.OPERATION_ENABLED
+        self.order = CycleOutputs()
+        self.order.goal = PowerState.OPERATION_ENABLED
         self.now = 0.0
         self.place = 0
 
@@ -335,7 +337,7 @@ def test_standstill_on_the_first_rung_ends_the_ladder():
     fall.steps(0.1, ENABLED, moving=False)
     assert fall.done
     assert fall.ladder.confirmed
-    assert fall.ladder.path == [Rung.HALT]
+    assert fall.ladder.path == [StopLevel.HALT]
     assert not fall.ladder.descended
 
 
@@ -352,7 +354,12 @@ def test_deadlines_lead_down_one_rung_after_the_other():
     assert words[1][1] == pytest.approx(0.3, abs=0.03)
     assert words[2][1] == pytest.approx(0.5, abs=0.05)
     assert last.nmt_stop
-    assert fall.ladder.path == [Rung.HALT, Rung.QUICK_STOP, Rung.DISABLE_VOLTAGE, Rung.NMT_STOP]
+    assert fall.ladder.path == [
+        StopLevel.HALT,
+        StopLevel.QUICK_STOP,
+        StopLevel.DISABLE_VOLTAGE,
+        StopLevel.NMT_STOP,
+    ]
     assert not fall.ladder.confirmed
     assert fall.ladder.late == ["halt_time", "quick_stop_time", "disable_time"]
 
@@ -361,15 +368,15 @@ def test_asking_again_gives_no_more_time():
     fall = Fall()
     for _ in range(29):
         fall.step(ENABLED, moving=True)
-        fall.ladder.harden(Then.HOLD, Rung.HALT)
+        fall.ladder.harden(AfterStop.HOLD, StopLevel.HALT)
     out = fall.steps(0.03, ENABLED, moving=True)
     assert out.controlword & 0x0F == 0x02
 
 
 def test_asking_for_less_does_not_climb_up_again():
-    fall = Fall(start=Rung.QUICK_STOP)
+    fall = Fall(start=StopLevel.QUICK_STOP)
     fall.step(ENABLED, moving=True)
-    fall.ladder.harden(Then.HOLD, Rung.HALT)
+    fall.ladder.harden(AfterStop.HOLD, StopLevel.HALT)
     assert fall.step(ENABLED, moving=True).controlword & 0x0F == 0x02
 
 
@@ -396,7 +403,7 @@ def test_what_the_sdo_reads_back_confirms_the_stop():
         if fall.done:
             break
     assert fall.ladder.confirmed
-    assert fall.ladder.seen is State.SWITCH_ON_DISABLED
+    assert fall.ladder.seen is PowerState.SWITCH_ON_DISABLED
 
 
 def test_a_drive_that_is_not_driven_has_stopped():
@@ -408,10 +415,10 @@ def test_a_drive_that_is_not_driven_has_stopped():
 
 
 def test_disabling_waits_for_the_last_step_down():
-    fall = Fall(then=Then.DISABLE)
+    fall = Fall(then=AfterStop.DISABLE)
     fall.steps(0.1, ENABLED, moving=False)
     assert not fall.done
-    assert fall.order.goal is State.SWITCH_ON_DISABLED
+    assert fall.order.goal is PowerState.SWITCH_ON_DISABLED
     assert fall.step(ENABLED, moving=False).controlword == 0x07
     assert fall.step(0x23, moving=False).controlword == 0x06
     assert fall.step(0x21, moving=False).controlword == 0x00
@@ -456,7 +463,7 @@ def test_a_load_in_a_torque_mode_is_taken_over_by_a_mode_that_holds():
 
 
 def test_without_bit_12_bit_4_is_low_for_a_time_before_it_rises_under_halt_or_beside_another_set_point():
-    img, order, point = fresh_image(), Order(), OnChange(5_000, "x", 1.0)
+    img, order, point = fresh_image(), CycleOutputs(), TimedSetPoint(5_000, "x", 1.0)
     highs = []
     for number in range(40):
         seen(img, number * T, statusword=0x1427)
@@ -490,7 +497,7 @@ def test_without_bit_12_bit_4_is_low_for_a_time_before_it_rises_under_halt_or_be
     ],
 )
 def test_without_bit_12_bit_4_stands_until_any_drive_has_looked_at_it(period, words, cycles):
-    img, order, point = fresh_image(), Order(), OnChange(5_000, "x", 1.0)
+    img, order, point = fresh_image(), CycleOutputs(), TimedSetPoint(5_000, "x", 1.0)
     highs = []
     for number in range(2 * cycles + 1):
         stamp = max((word for word in words if word <= number), default=0) * period
@@ -500,28 +507,28 @@ def test_without_bit_12_bit_4_stands_until_any_drive_has_looked_at_it(period, wo
         highs.append(bool(order.bits))
     assert highs[: cycles + 1] == [True] * cycles + [False]
     if words == range(40):
-        assert point.phase is Phase.TAKEN  # and it was low for as long
+        assert point.phase is HandshakePhase.TAKEN  # and it was low for as long
 
 
 def test_without_bit_12_how_long_bit_4_stands_counts_from_its_rise():
-    drive, point = Drive(start=1_000.0), OnChange(5_000, "x", 1.0)
+    drive, point = Drive(start=1_000.0), TimedSetPoint(5_000, "x", 1.0)
     highs = []
     for _ in range(14):
         point.step(*drive.cycle())  # no word comes: a tenth of a second, seven cycles of 1/64 s
         highs.append(bool(drive.order.bits))
     assert highs == [True] * 7 + [False] * 7
-    assert point.phase is Phase.RELEASE
+    assert point.phase is HandshakePhase.RELEASE
     assert point.step(*drive.cycle())
 
 
 BIT_10, ENABLED = 0x0400, 0x0027
-RAMPED = Profile(96, 100, 100, 96.0, 100.0, down=100.0)
+RAMPED = MoveProfile(96, 100, 100, 96.0, 100.0, down=100.0)
 
 
-def given_edge(drive: Drive, target: int, profile: Profile = RAMPED, **seen: int) -> Proof:
+def given_edge(drive: Drive, target: int, profile: MoveProfile = RAMPED, **seen: int) -> SetPointConfirmation:
     """A set-point whose edge has just been given to a drive that shows these values."""
     point = SimpleNamespace(target=target, edge_at=math.inf, from_halt=False)
-    proof = Proof(point, profile, drive.parameters)
+    proof = SetPointConfirmation(point, profile, drive.parameters)
     proof.step(drive.cycle(**seen)[0])
     point.edge_at = drive.now
     proof.step(drive.image)
@@ -569,7 +576,7 @@ def test_a_set_point_of_which_nothing_shows_has_its_time_from_the_edge_on(shown)
 def test_where_the_deceleration_is_not_known_two_seconds_more_may_pass_to_turn_round():
     drive = Drive()
     proof = given_edge(
-        drive, 5_000, profile=Profile(96, 100, 100, 96.0, 100.0), statusword=ENABLED, position=0
+        drive, 5_000, profile=MoveProfile(96, 100, 100, 96.0, 100.0), statusword=ENABLED, position=0
     )
     edge = drive.now
     with pytest.raises(SetPointError):
@@ -654,10 +661,10 @@ def test_an_axis_that_stands_at_its_target_is_not_blamed_for_coming_no_nearer():
         assert blamed
 
 
-def proved(word_at) -> tuple[Proof, float]:
+def proved(word_at) -> tuple[SetPointConfirmation, float]:
     """A set-point without 6064h and 6062h, ``word_at(time)`` being the statusword; until it is proved, or 10 s."""
-    img, order, point = fresh_image(), Order(), OnChange(5_000, "x", 1.0)
-    proof = proof_of(point, Profile(100, 100, 100, 100.0, 100.0), parameters("x", dictionary_of(GENERIC)))
+    img, order, point = fresh_image(), CycleOutputs(), TimedSetPoint(5_000, "x", 1.0)
+    proof = proof_of(point, MoveProfile(100, 100, 100, 100.0, 100.0), parameters("x", dictionary_of(GENERIC)))
     now = 0.0
     while not proof.seen and now < 10.0:
         seen(img, now, statusword=word_at(now))
@@ -692,7 +699,7 @@ def test_bit_12_has_no_proof_beside_it():
     assert (
         proof_of(
             SetPoint(5_000, "x", 1.0),
-            Profile(100, 100, 100, None, None),
+            MoveProfile(100, 100, 100, None, None),
             parameters("x", dictionary_of(GENERIC)),
         )
         is None

@@ -18,21 +18,21 @@ from axisbus.cia402.port import (
     Outputs,
     Sample,
     SdoReply,
-    Source,
+    ValueTransport,
 )
 from axisbus.errors import Replaced
 from axisbus.motion import commands as c
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.command_status import Ticket
+from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.moves.coast_and_reset import Coast
-from axisbus.motion.moves.enable import Enable
+from axisbus.motion.moves.enable import EnableActivity
 from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.moves.position import PositionMove
-from axisbus.motion.moves.profile import Profile
-from axisbus.motion.parameters import Homing, StopTimes, Timing, Units
+from axisbus.motion.moves.profile import MoveProfile
+from axisbus.motion.parameters import DriveTimeouts, HomingParameters, StopTimes, Units
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.units import Scale
 from kit.motion.rig import GENERIC, dictionary_of, parameters
 from kit.motion.tiny_drive import CSP, HM, PP, PV, TQ, TinyDrive, state_of
@@ -53,7 +53,7 @@ MAY_MOVE = {
     AxisState.CONTINUOUS_MOTION,
     AxisState.SYNCHRONIZED_MOTION,
 }
-TIMES = Timing(transition=0.5, mode=0.3, acknowledge=0.3, sdo=0.5, progress=0.5, diagnosis=0.1)
+TIMES = DriveTimeouts(transition=0.5, mode=0.3, acknowledge=0.3, sdo=0.5, progress=0.5, diagnosis=0.1)
 
 
 TEMPERS = ("refuses_mode", "ignores_set_points", "keeps_acknowledge", "blocked")
@@ -70,12 +70,12 @@ def make_core(resting: int | None) -> AxisCore:
             limits=replace(base.limits, velocity=None),
             timing=TIMES,
             stop_times=StopTimes(0.3, 0.3, 0.5),
-            homing=Homing(method=37),
+            homing=HomingParameters(method=37),
             modes=base.modes if resting is None else frozenset({ModeOfOperation(resting)}),
         ),
         Capabilities(
-            dict.fromkeys(INPUT_OBJECTS, Source.SYNC_PDO),
-            dict.fromkeys(OUTPUT_OBJECTS, Source.SYNC_PDO),
+            dict.fromkeys(INPUT_OBJECTS, ValueTransport.SYNC_PDO),
+            dict.fromkeys(OUTPUT_OBJECTS, ValueTransport.SYNC_PDO),
             True,
             dict.fromkeys(INPUT_OBJECTS, AGE),
         ),
@@ -130,7 +130,7 @@ class AxisUnderFire(RuleBasedStateMachine):
         self.drive.state, self.drive.lazy = found, lazy
         self.cycles(3)
         if enabled:
-            self.submit(c.Enable())
+            self.submit(c.EnableCommand())
             self.cycles(15)
 
     # -- time ----------------------------------------------------------------------------------------------------------
@@ -150,7 +150,7 @@ class AxisUnderFire(RuleBasedStateMachine):
         self.inputs = self.sample()
         self.ladder = self.core.ladder  # this and the commands may end in this very cycle
         self.was_running = {type(command) for command, _ in self.handles}
-        self.enables = [handle for command, handle in self.handles if isinstance(command, c.Enable)]
+        self.enables = [handle for command, handle in self.handles if isinstance(command, c.EnableCommand)]
         self.outputs = self.core.step(self.inputs)
         self.ladder = self.core.ladder or self.ladder
         kept = self.drive.state == "enabled" and self.core.state is not AxisState.ERRORSTOP
@@ -214,7 +214,9 @@ class AxisUnderFire(RuleBasedStateMachine):
             assert word & ~0x0100 in (0x02, 0x00), f"controlword 0x{word:04X} into the unknown"
             assert self.ladder is not None
         if word & 0x8F == 0x0F:
-            may = seen == "enabled" or (self.running(c.Enable) and seen in ("switched on", "quick stop"))
+            may = seen == "enabled" or (
+                self.running(c.EnableCommand) and seen in ("switched on", "quick stop")
+            )
             assert may, f"0x{word:04X} in {seen}"
         if not word & 0b0010 and seen == "enabled":
             coasting = any(isinstance(x, c.Disable) and x.coast for x, handle in self.handles if handle.busy)
@@ -227,7 +229,7 @@ class AxisUnderFire(RuleBasedStateMachine):
             return
         assert word == 0x80
         assert seen == "fault"
-        assert self.running(c.Reset)
+        assert self.running(c.ResetCommand)
         if not self.words[-1] & 0x80:
             assert not self.words[-2] & 0x80, "the edge came before the drive could see the low bit"
 
@@ -259,7 +261,7 @@ class AxisUnderFire(RuleBasedStateMachine):
         if self.drive.position != position and self.commanded:
             assert self.state in MAY_MOVE, f"it moves in {self.state}"
         self.unheard = self.unheard + 1 if self.silent and self.operational and self.commanded else 0
-        if self.unheard > (GIVEN_UP if isinstance(self.core.activity, Enable) else BRAKED):
+        if self.unheard > (GIVEN_UP if isinstance(self.core.activity, EnableActivity) else BRAKED):
             assert self.drive.velocity == 0
             assert self.drive.state != "enabled", "left enabled although nothing is heard of it"
 
@@ -281,7 +283,7 @@ class AxisUnderFire(RuleBasedStateMachine):
         if error is not None:
             assert error.message
             return
-        if isinstance(command, c.Enable):
+        if isinstance(command, c.EnableCommand):
             assert self.seen == "enabled"
         elif isinstance(command, c.Move):
             assert abs(self.inputs.position.value - handle.target) <= WINDOW
@@ -307,7 +309,7 @@ class AxisUnderFire(RuleBasedStateMachine):
             return
         core = self.core
         if core.touched and core.state in MAY_MOVE - {AxisState.ERRORSTOP, AxisState.STOPPING}:
-            assert core.powered or isinstance(core.activity, Enable) or core.ladder is not None
+            assert core.powered or isinstance(core.activity, EnableActivity) or core.ladder is not None
 
     @invariant()
     def stop_locks_until_release(self) -> None:
@@ -339,7 +341,7 @@ class AxisUnderFire(RuleBasedStateMachine):
 
     @rule(cycles=PAUSE)
     def enable(self, cycles) -> None:
-        self.submit(c.Enable(), cycles)
+        self.submit(c.EnableCommand(), cycles)
 
     @rule()
     def recover(self) -> None:
@@ -347,9 +349,9 @@ class AxisUnderFire(RuleBasedStateMachine):
         self.heal()
         self.heal_drive()
         self.cycles(80)
-        self.submit(c.Reset(), 12)
+        self.submit(c.ResetCommand(), 12)
         self.submit(c.Release())
-        self.submit(c.Enable(), 20)
+        self.submit(c.EnableCommand(), 20)
 
     @rule(coast=st.booleans(), cycles=PAUSE)
     def disable(self, coast, cycles) -> None:
@@ -357,7 +359,14 @@ class AxisUnderFire(RuleBasedStateMachine):
 
     @rule(
         command=st.sampled_from(
-            [c.Reset(), c.Halt(), c.Stop(), c.Release(), c.QuickStop(), c.PolicyStop("another axis failed")]
+            [
+                c.ResetCommand(),
+                c.Halt(),
+                c.Stop(),
+                c.Release(),
+                c.QuickStop(),
+                c.PolicyStop("another axis failed"),
+            ]
         ),
         cycles=PAUSE,
     )
@@ -368,13 +377,15 @@ class AxisUnderFire(RuleBasedStateMachine):
     def leave(self, quick, cycles) -> None:
         self.submit(c.Shutdown("test", quick), cycles)
 
-    @rule(reference=st.sampled_from(list(c.Reference)), value=st.integers(-800, 800), cycles=PAUSE)
+    @rule(reference=st.sampled_from(list(c.TargetReference)), value=st.integers(-800, 800), cycles=PAUSE)
     def move(self, reference, value, cycles) -> None:
-        self.submit(c.Move(reference, value, Profile(1000, 10_000, 10_000, 1000.0, 10_000.0)), cycles)
+        self.submit(c.Move(reference, value, MoveProfile(1000, 10_000, 10_000, 1000.0, 10_000.0)), cycles)
 
     @rule(velocity=st.integers(-500, 500), life=st.sampled_from([None, 0.2]), cycles=PAUSE)
     def move_velocity(self, velocity, life, cycles) -> None:
-        self.submit(c.MoveVelocity(Profile(velocity, 10_000, 10_000, abs(velocity), 10_000.0), life), cycles)
+        self.submit(
+            c.MoveVelocity(MoveProfile(velocity, 10_000, 10_000, abs(velocity), 10_000.0), life), cycles
+        )
 
     @rule(torque=st.integers(-300, 300), cycles=PAUSE)
     def torque(self, torque, cycles) -> None:
@@ -392,7 +403,7 @@ class AxisUnderFire(RuleBasedStateMachine):
     def follow(self, way, velocity, cycles) -> None:
         image = self.core.image
         here = (image.reference or 0) - image.origin
-        self.submit(c.FollowTrajectory(Trapezoid(here, here + way, velocity, 5000.0)), cycles)
+        self.submit(c.FollowTrajectory(TrapezoidalTrajectory(here, here + way, velocity, 5000.0)), cycles)
 
     # -- what happens --------------------------------------------------------------------------------------------------
 
@@ -451,12 +462,20 @@ class AxisUnderFire(RuleBasedStateMachine):
     @precondition(lambda self: isinstance(self.core.activity, PositionMove))
     @rule(value=st.integers(-800, 800), cycles=st.integers(0, 8))
     def another_move(self, value, cycles) -> None:
-        self.move.__wrapped__(self, c.Reference.ABSOLUTE, value, cycles)
+        self.move.__wrapped__(self, c.TargetReference.ABSOLUTE, value, cycles)
 
     @precondition(lambda self: self.core.ladder is not None)
     @rule(
         command=st.sampled_from(
-            [c.Disable(), c.Enable(), c.Halt(), c.QuickStop(), c.Release(), c.Reset(), c.Shutdown("test")]
+            [
+                c.Disable(),
+                c.EnableCommand(),
+                c.Halt(),
+                c.QuickStop(),
+                c.Release(),
+                c.ResetCommand(),
+                c.Shutdown("test"),
+            ]
         ),
         cycles=PAUSE,
     )
@@ -469,7 +488,10 @@ class AxisUnderFire(RuleBasedStateMachine):
         self.submit(c.Stop(), 12)
 
     @precondition(lambda self: self.locked)
-    @rule(command=st.sampled_from([c.Halt(), c.Enable(), c.Reset(), c.PolicyStop("another")]), cycles=PAUSE)
+    @rule(
+        command=st.sampled_from([c.Halt(), c.EnableCommand(), c.ResetCommand(), c.PolicyStop("another")]),
+        cycles=PAUSE,
+    )
     def in_stopping(self, command, cycles) -> None:
         self.submit(command, cycles)
 
@@ -485,7 +507,7 @@ class AxisUnderFire(RuleBasedStateMachine):
     @rule(pause=st.integers(1, 12), cycles=PAUSE)
     def home_after_a_set_point_that_was_not_taken(self, pause, cycles) -> None:
         self.drive.ignores_set_points = True
-        self.move.__wrapped__(self, c.Reference.RELATIVE, 300, pause)
+        self.move.__wrapped__(self, c.TargetReference.RELATIVE, 300, pause)
         self.submit(c.Halt(), 12)
         self.drive.ignores_set_points = False
         self.home.__wrapped__(self, cycles)
@@ -514,7 +536,7 @@ class AxisUnderFire(RuleBasedStateMachine):
         raise AssertionError(f"these have not ended: {self.handles}")
 
 
-class WithTarget(Ticket):
+class WithTarget(CommandStatus):
     """A ticket that remembers where its move was to end."""
 
     target: int | None = None

@@ -6,17 +6,17 @@ import math
 
 import pytest
 
-from axisbus.cia401.port import IoInputs, Known
-from axisbus.cia401.signal import Point
+from axisbus.cia401.port import IoInputs, SignalValidity
+from axisbus.cia401.signal import IoPoint
 from axisbus.cia402.port import Sample
 from axisbus.errors import ArgumentError
-from axisbus.motion.command_status import Status, Ticket
+from axisbus.motion.command_status import CommandStatus, Status
 from axisbus.motion.io.node import NodeIo
 
-LAMP = Point("lamp", 5, 0x6200, 1, 8, False, output=True, bit=3)
-CLAMP = Point("clamp", 5, 0x6200, 1, 8, False, output=True, bit=7, safe=1)
-VALVE = Point("valve", 5, 0x6411, 1, 16, True, output=True, scale=None)
-PART = Point("part", 5, 0x6000, 1, 8, False, output=False, bit=0)
+LAMP = IoPoint("lamp", 5, 0x6200, 1, 8, False, output=True, bit=3)
+CLAMP = IoPoint("clamp", 5, 0x6200, 1, 8, False, output=True, bit=7, safe=1)
+VALVE = IoPoint("valve", 5, 0x6411, 1, 16, True, output=True, scale=None)
+PART = IoPoint("part", 5, 0x6000, 1, 8, False, output=False, bit=0)
 
 
 class Port:
@@ -40,7 +40,7 @@ def node() -> NodeIo:
 
 
 def there(value: int = 1, stamp: float = 0.0) -> IoInputs:
-    return IoInputs(Known.YES, (Sample(value, stamp),))
+    return IoInputs(SignalValidity.YES, (Sample(value, stamp),))
 
 
 def test_nothing_is_sent_before_something_is_set():
@@ -50,9 +50,9 @@ def test_nothing_is_sent_before_something_is_set():
 def test_the_frame_of_an_output_keeps_its_other_bits():
     one = node()
     one.step(0.0, there())
-    one.set({"lamp": 1}, Ticket("lamp"))
+    one.set({"lamp": 1}, CommandStatus("lamp"))
     assert one.step(0.01, there()) == (0x1D, None)
-    one.set({"valve": -3}, Ticket("valve"))
+    one.set({"valve": -3}, CommandStatus("valve"))
     assert one.step(0.02, there()) == (0x1D, -3)
 
 
@@ -69,7 +69,7 @@ def test_the_frame_of_an_output_keeps_its_other_bits():
     ],
 )
 def test_a_command_is_done_once_the_node_was_heard_after_it_has_left(heard, done_at):
-    one, ticket, done = node(), Ticket("lamp"), []
+    one, ticket, done = node(), CommandStatus("lamp"), []
     one.step(0.0, there())
     one.set({"lamp": 1}, ticket)
     assert not one.rests
@@ -81,13 +81,13 @@ def test_a_command_is_done_once_the_node_was_heard_after_it_has_left(heard, done
 
 
 def test_a_command_that_was_sent_fails_as_soon_as_the_loss_is_known():
-    one, ticket = node(), Ticket("lamp")
+    one, ticket = node(), CommandStatus("lamp")
     one.step(0.0, there())
     one.set({"lamp": 1}, ticket)
     for now in (0.01, 0.02, 0.03, 0.04):
         one.step(now, there()._replace(heard=0.01))
     assert ticket.busy
-    one.step(0.05, IoInputs(Known.SILENT, (None,)))
+    one.step(0.05, IoInputs(SignalValidity.SILENT, (None,)))
     assert ticket.status is Status.ERROR
     assert "not confirmed" in ticket.error.message
 
@@ -95,14 +95,14 @@ def test_a_command_that_was_sent_fails_as_soon_as_the_loss_is_known():
 @pytest.mark.parametrize(
     ("known", "sent"),
     [
-        (Known.SILENT, (0x80, None)),
-        (Known.NOT_OPERATIONAL, (0x80, None)),
-        (Known.RESTARTED, (None, None)),
-        (Known.BUS_OFF, (None, None)),
+        (SignalValidity.SILENT, (0x80, None)),
+        (SignalValidity.NOT_OPERATIONAL, (0x80, None)),
+        (SignalValidity.RESTARTED, (None, None)),
+        (SignalValidity.BUS_OFF, (None, None)),
     ],
 )
 def test_a_loss_ends_commands_and_makes_safe(known, sent):
-    one, ticket = node(), Ticket("lamp")
+    one, ticket = node(), CommandStatus("lamp")
     one.step(0.0, there())
     one.set({"lamp": 1}, ticket)
     one.step(0.01, there())
@@ -115,22 +115,22 @@ def test_a_loss_ends_commands_and_makes_safe(known, sent):
 def test_an_input_of_before_a_loss_says_nothing_after_it():
     one = node()
     for now, inputs, known in [
-        (0.00, IoInputs(Known.YES, (None,)), Known.NOT_YET),
-        (0.01, there(stamp=0.005), Known.YES),
-        (0.20, there(stamp=0.005), Known.OLD),
-        (0.21, there(stamp=0.205), Known.YES),
-        (0.22, IoInputs(Known.SILENT, (Sample(1, 0.205),)), Known.SILENT),
-        (0.23, there(stamp=0.205), Known.NOT_YET),
-        (0.24, there(stamp=0.235), Known.YES),
+        (0.00, IoInputs(SignalValidity.YES, (None,)), SignalValidity.NOT_YET),
+        (0.01, there(stamp=0.005), SignalValidity.YES),
+        (0.20, there(stamp=0.005), SignalValidity.OLD),
+        (0.21, there(stamp=0.205), SignalValidity.YES),
+        (0.22, IoInputs(SignalValidity.SILENT, (Sample(1, 0.205),)), SignalValidity.SILENT),
+        (0.23, there(stamp=0.205), SignalValidity.NOT_YET),
+        (0.24, there(stamp=0.235), SignalValidity.YES),
     ]:
         one.step(now, inputs)
         reading = one.readings(now, inputs)["part"]
         assert reading.known is known, now
-        assert (reading.value is not None) is (known is Known.YES)
+        assert (reading.value is not None) is (known is SignalValidity.YES)
 
 
 def test_the_sign_bit_of_a_word_can_be_set():
-    sign = Point("sign", 5, 0x2000, 1, 16, True, output=True, bit=15)
+    sign = IoPoint("sign", 5, 0x2000, 1, 16, True, output=True, bit=15)
     assert sign.into(0, 1) == -0x8000
     assert sign.into(-1, 0) == 0x7FFF
     assert sign.of(-0x8000) == 1

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from axisbus import CoreXY, Delta, Scara
 from axisbus.ipc.messages import CODEC
 from axisbus.motion.group.jerk_limits import Soft
-from axisbus.motion.group.kinematic_segment import Bent, survey
-from axisbus.motion.group.path import Cycle, way_of
+from axisbus.motion.group.kinematic_segment import KinematicSegment, survey
+from axisbus.motion.group.path import CycleVelocity, way_of
 from axisbus.motion.group.path_builder import arc_through, polyline, window
-from axisbus.motion.group.path_speed import Travel
+from axisbus.motion.group.path_speed import PathSpeed
 from axisbus.motion.group.segments import Straight
 from axisbus.motion.override.factor import FASTER
-from axisbus.motion.parameters import Limits
+from axisbus.motion.parameters import AxisLimits
 
 SAME = settings(deadline=None, derandomize=True)
 ARM, ROBOT, BELT = Scara(200.0, 150.0), Delta(100.0, 40.0, 120.0, 280.0), CoreXY()
@@ -103,7 +103,7 @@ def test_no_axis_is_faster_or_harder_than_it_may_be_on_a_way_in_the_workspace(ma
         base = [arc_through(*places(machine, rng, 3))]
     else:
         base, stops = polyline(places(machine, rng, rng.choice([2, 4])), rng.choice([0.0, 3.0, 25.0]))
-    pieces = [Bent(piece, machine) for piece in base]
+    pieces = [KinematicSegment(piece, machine) for piece in base]
     try:
         for piece in pieces:
             survey(piece)
@@ -111,12 +111,12 @@ def test_no_axis_is_faster_or_harder_than_it_may_be_on_a_way_in_the_workspace(ma
         return  # a circle may lead out of reach
     axes = len(pieces[0].at(0.0))
     limits = [
-        Limits(velocity=rng.choice([90.0, 200.0]), acceleration=rng.choice([400.0, 2000.0]))
+        AxisLimits(velocity=rng.choice([90.0, 200.0]), acceleration=rng.choice([400.0, 2000.0]))
         for _ in range(axes)
     ]
     velocity, acceleration = rng.choice([50.0, 400.0]), rng.choice([300.0, 3000.0])
-    way = way_of(pieces, limits, acceleration, stops, Cycle(velocity, PERIOD))
-    travel, found = Travel(), [way.at(0.0)]
+    way = way_of(pieces, limits, acceleration, stops, CycleVelocity(velocity, PERIOD))
+    travel, found = PathSpeed(), [way.at(0.0)]
     travel.begin(way, velocity)
     while travel.t < way.length and len(found) < 20_000:
         if rng.random() < 0.02:
@@ -137,20 +137,20 @@ def test_softly_neither_the_tool_is_more_sudden_nor_an_axis_faster_or_harder_tha
     """Lines with stops and rounded corners, under an override; the jerk is that of the tool, by the differences of its places."""
     rng = random.Random(seed)
     base, stops = polyline(places(machine, rng, rng.choice([2, 4])), rng.choice([0.0, 3.0, 25.0]))
-    pieces = [Bent(piece, machine) for piece in base]
+    pieces = [KinematicSegment(piece, machine) for piece in base]
     axes = len(pieces[0].at(0.0))
     limits = [
-        Limits(velocity=rng.choice([90.0, 200.0]), acceleration=rng.choice([400.0, 2000.0]))
+        AxisLimits(velocity=rng.choice([90.0, 200.0]), acceleration=rng.choice([400.0, 2000.0]))
         for _ in range(axes)
     ]
     velocity, acceleration = rng.choice([50.0, 400.0]), rng.choice([300.0, 3000.0])
-    cycle = Cycle(velocity, PERIOD)
+    cycle = CycleVelocity(velocity, PERIOD)
     hardest = max(way_of(pieces, limits, acceleration, stops, cycle).ramps)
     jerk = hardest * rng.choice([4.5, 20.0, 100.0])
     cycles = window(hardest, jerk, PERIOD, "way")
     soft = Soft(jerk, cycles * PERIOD, hardest, FASTER * velocity)
     way = way_of(pieces, limits, acceleration, stops, cycle, soft)
-    travel, found, tool = Travel(), [way.at(0.0)] * 4, [base[0].at(0.0)] * 4
+    travel, found, tool = PathSpeed(), [way.at(0.0)] * 4, [base[0].at(0.0)] * 4
     travel.begin(way, velocity, window=cycles)
     while travel.t < way.length and len(found) < 30_000:
         if rng.random() < 0.02:
@@ -188,12 +188,12 @@ class Bump:
 @pytest.mark.parametrize("hard", [None, 1000.0])
 def test_where_an_axis_is_at_its_limits_for_a_short_while_a_soft_way_keeps_them_too(hard, jerk):
     """There it is slow, and in time before and behind: what the axes are led to is a mean."""
-    limits, velocity, acceleration = [Limits(velocity=400.0, acceleration=hard)] * 2, 600.0, 1000.0
-    piece = Bent(Straight((-100.0,), (100.0,), 200.0), Bump())
+    limits, velocity, acceleration = [AxisLimits(velocity=400.0, acceleration=hard)] * 2, 600.0, 1000.0
+    piece = KinematicSegment(Straight((-100.0,), (100.0,), 200.0), Bump())
     cycles = window(acceleration, jerk, PERIOD, "line")
     soft = Soft(jerk, cycles * PERIOD, acceleration, FASTER * velocity)
-    way = way_of([piece], limits, acceleration, (), Cycle(velocity, PERIOD), soft)
-    travel, found = Travel(), [way.at(0.0)] * 3
+    way = way_of([piece], limits, acceleration, (), CycleVelocity(velocity, PERIOD), soft)
+    travel, found = PathSpeed(), [way.at(0.0)] * 3
     travel.begin(way, velocity, window=cycles)
     while travel.t < way.length:
         travel.advance(PERIOD)
@@ -210,7 +210,7 @@ def test_where_an_axis_is_at_its_limits_for_a_short_while_a_soft_way_keeps_them_
 def test_a_line_that_comes_too_near_to_the_middle_is_refused():
     straight = Scara(150.0, 150.0)
     with pytest.raises(ValueError, match="too near to a leap"):
-        survey(Bent(Straight((200.0, 0.05), (-200.0, 0.05), 400.0), straight))
+        survey(KinematicSegment(Straight((200.0, 0.05), (-200.0, 0.05), 400.0), straight))
 
 
 @pytest.mark.parametrize("beside", [0.0, 0.3, 1.0, 3.0, 10.0, 40.0])
@@ -218,16 +218,16 @@ def test_a_line_that_comes_too_near_to_the_middle_is_refused():
 def test_near_stretched_arms_a_line_keeps_the_limits_or_is_refused(beside, length):
     """The arms of 350 mm begin ``beside`` mm from stretched; there the axes' parts of the speed grow without bound."""
     reach = 350.0 - beside
-    piece = Bent(Straight((reach, 0.0), (reach - length, 0.0), length), ARM)
-    limits = [Limits(velocity=200.0, acceleration=600.0)] * 2
+    piece = KinematicSegment(Straight((reach, 0.0), (reach - length, 0.0), length), ARM)
+    limits = [AxisLimits(velocity=200.0, acceleration=600.0)] * 2
     try:
         survey(piece)
     except ValueError:
         assert beside <= 1.0
         return
     assert beside > 0.0
-    way = way_of([piece], limits, 400.0, (), Cycle(40.0, 0.002))
-    travel, found = Travel(), [way.at(0.0)] * 2
+    way = way_of([piece], limits, 400.0, (), CycleVelocity(40.0, 0.002))
+    travel, found = PathSpeed(), [way.at(0.0)] * 2
     travel.begin(way, 40.0)
     while travel.t < way.length:
         travel.advance(0.002)
@@ -241,9 +241,11 @@ def test_near_stretched_arms_a_line_keeps_the_limits_or_is_refused(beside, lengt
 
 def test_pieces_cross_to_the_core_as_they_are():
     for machine in (ARM, ROBOT, BELT):
-        piece = Bent(Straight((1.0, 2.0), (3.0, 4.0), math.sqrt(8.0)), machine)
+        piece = KinematicSegment(Straight((1.0, 2.0), (3.0, 4.0), math.sqrt(8.0)), machine)
         assert (
-            CODEC.unpack(CODEC.pack(way_of([Bent(piece.base, BELT)], [Limits()] * 2, 10.0))).pieces[0].base
+            CODEC.unpack(CODEC.pack(way_of([KinematicSegment(piece.base, BELT)], [AxisLimits()] * 2, 10.0)))
+            .pieces[0]
+            .base
             == piece.base
         )
         assert CODEC.unpack(CODEC.pack(machine)) == machine

@@ -12,20 +12,23 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.options import Ramp
 from axisbus.errors import DriveError, LimitError, StateError
 from axisbus.motion.moves.prepare import RampTransfers
-from axisbus.motion.moves.profile import Profile, on_ramps
-from axisbus.motion.parameters import Homing, Limits
+from axisbus.motion.moves.profile import MoveProfile, on_ramps
+from axisbus.motion.parameters import AxisLimits, HomingParameters
 from axisbus.motion.states import AxisState
-from axisbus.motion.stop.limits import Guard
+from axisbus.motion.stop.limits import LimitMonitor
 from axisbus.motion.stop.overspeed import MARGIN, MARGIN_OF_COMMAND, SpeedWatch
-from axisbus.motion.stop_deceleration import Braking, Course
-from axisbus.motion.velocity_estimator import Track
+from axisbus.motion.stop_deceleration import Braking, CommandedMotion
+from axisbus.motion.velocity_estimator import VelocityEstimator
 from axisbus.sim.motor import MotorParams
 from kit.motion.rig import SCALE, rig
 from kit.motion.steps import Drive
 
 MODE = ModeOfOperation
-BOUNDED = {"limits": Limits(position=(-100.0, 100.0), velocity=400.0), "homing": Homing(required=False)}
-PROFILE = Profile(10_000, 500_000, 500_000, 10_000.0, 500_000.0, None, 500_000.0, 500_000.0)
+BOUNDED = {
+    "limits": AxisLimits(position=(-100.0, 100.0), velocity=400.0),
+    "homing": HomingParameters(required=False),
+}
+PROFILE = MoveProfile(10_000, 500_000, 500_000, 10_000.0, 500_000.0, None, 500_000.0, 500_000.0)
 READ_ONLY, LOCAL, GONE, BAD_VALUE = 0x0601_0002, 0x0800_0022, 0x0602_0000, 0x0609_0030
 
 
@@ -130,7 +133,7 @@ def test_limits_are_kept_by_a_drive_that_changes_its_deceleration_with_its_mode(
 
 @pytest.mark.parametrize("command", ["move_velocity", "move_absolute"])
 def test_ramps_harder_than_max_acceleration_are_refused(command):
-    r = rig(limits=Limits(velocity=400.0, acceleration=600.0))
+    r = rig(limits=AxisLimits(velocity=400.0, acceleration=600.0))
     clipped(r, 0x6083, 900_000)
     r.enabled()
     with pytest.raises(LimitError, match="harder than max_acceleration"):
@@ -179,7 +182,7 @@ def test_a_torque_that_could_not_be_stopped_within_its_limits_is_refused(changes
 
 
 def test_where_no_limit_holds_nothing_is_refused():
-    for changes in ({}, {"homing": Homing(required=True), "limits": BOUNDED["limits"]}):
+    for changes in ({}, {"homing": HomingParameters(required=True), "limits": BOUNDED["limits"]}):
         r = rig(**unknown_ratio(), **changes).enabled()
         r.axis.move_velocity(10.0).wait(5)
 
@@ -197,8 +200,8 @@ def test_where_no_limit_holds_nothing_is_refused():
 )
 def test_positions_stop_a_move_whose_way_to_rest_is_not_known(place, step, told):
     drive = Drive(**BOUNDED)
-    guard = Guard(drive.parameters)
-    course, error = Course(speed=640.0, by_target=True, unknown=True), None
+    guard = LimitMonitor(drive.parameters)
+    course, error = CommandedMotion(speed=640.0, by_target=True, unknown=True), None
     for left in range(7, -1, -1):
         drive.cycle(statusword=0x0237, position=place - left * step)
         guard.look(drive.image)
@@ -208,8 +211,8 @@ def test_positions_stop_a_move_whose_way_to_rest_is_not_known(place, step, told)
 
 def test_an_encoder_that_wanders_at_a_limit_stops_no_move_into_the_limits():
     drive = Drive(**BOUNDED)
-    guard, edge = Guard(drive.parameters), 100_000
-    course = Course(speed=5000.0, down=100.0, by_target=True)
+    guard, edge = LimitMonitor(drive.parameters), 100_000
+    course = CommandedMotion(speed=5000.0, down=100.0, by_target=True)
     for wander in (0, 0, -1, -1, 1, -2, 0, 2, -2, 2):
         drive.cycle(statusword=0x0237, position=edge + wander)
         guard.look(drive.image)
@@ -223,12 +226,12 @@ class Watched:
     """A speed watch over an axis that makes so many increments in each cycle."""
 
     def __init__(
-        self, course: Course | None = None, mode: ModeOfOperation = MODE.PROFILE_POSITION, **changes
+        self, course: CommandedMotion | None = None, mode: ModeOfOperation = MODE.PROFILE_POSITION, **changes
     ):
         self.drive = Drive(
-            **({"limits": Limits(velocity=64.0)} | changes)
+            **({"limits": AxisLimits(velocity=64.0)} | changes)
         )  # 64 000 increments per s: 1000 in a cycle
-        self.watch, self.track, self.place = SpeedWatch(self.drive.parameters), Track(), 0.0
+        self.watch, self.track, self.place = SpeedWatch(self.drive.parameters), VelocityEstimator(), 0.0
         self.activity = SimpleNamespace(course=course, mode=mode, leading=None, in_effect=True)
 
     def go(self, step: float, cycles: int = 10) -> LimitError | None:
@@ -255,19 +258,19 @@ def test_an_axis_is_stopped_that_is_a_quarter_faster_than_max_velocity(mode, sig
 
 
 def test_an_axis_is_stopped_that_is_twice_as_fast_as_it_was_asked_to_be():
-    course = Course(speed=6400.0)  # 100 in a cycle
+    course = CommandedMotion(speed=6400.0)  # 100 in a cycle
     assert Watched(course).go(100 * MARGIN_OF_COMMAND + 3, 30) is None
     error = Watched(course).go(100 * MARGIN_OF_COMMAND + 4)
     assert "faster than it was asked to be" in error.message
-    assert Watched(course, limits=Limits()).go(300) is not None
-    assert Watched(None, limits=Limits()).go(30_000) is None
+    assert Watched(course, limits=AxisLimits()).go(300) is not None
+    assert Watched(None, limits=AxisLimits()).go(30_000) is None
 
 
 def test_an_axis_that_brakes_to_a_lower_speed_is_not_too_fast():
-    watched = Watched(Course(speed=64_000.0))
+    watched = Watched(CommandedMotion(speed=64_000.0))
     assert watched.go(1000, 20) is None
     watched.activity = SimpleNamespace(
-        course=Course(speed=6400.0), mode=MODE.PROFILE_VELOCITY, leading=None, in_effect=False
+        course=CommandedMotion(speed=6400.0), mode=MODE.PROFILE_VELOCITY, leading=None, in_effect=False
     )
     assert watched.go(1000, 40) is None  # it goes on as before until the new command acts
     watched.activity.in_effect = True
@@ -278,14 +281,14 @@ def test_an_axis_that_brakes_to_a_lower_speed_is_not_too_fast():
 
 
 def test_what_a_trajectory_before_may_still_do_is_no_overspeed():
-    watched = Watched(Course(speed=640.0))
+    watched = Watched(CommandedMotion(speed=640.0))
     watched.activity.leading, watched.activity.in_effect = object(), False
     for step in range(10, 900, 30):
         assert watched.go(step, 1) is None
 
 
 def test_noise_and_a_position_that_is_set_anew_are_no_speed():
-    watched = Watched(Course(speed=64.0))
+    watched = Watched(CommandedMotion(speed=64.0))
     for number in range(60):
         assert watched.go(4 if number % 2 else -4, 1) is None
     watched.place += 1e6
@@ -299,9 +302,9 @@ def test_a_limit_in_the_drives_own_count_is_compared_with_no_position():
 
 
 @pytest.mark.parametrize("how", ["move_absolute", "move_velocity", "home"])
-@pytest.mark.parametrize("limits", [Limits(), Limits(velocity=20.0)])
+@pytest.mark.parametrize("limits", [AxisLimits(), AxisLimits(velocity=20.0)])
 def test_a_drive_that_counts_velocities_in_another_unit_is_stopped(how, limits):
-    homing = Homing(method=17, speed_switch=10.0, speed_zero=5.0, acceleration=500.0, timeout=20.0)
+    homing = HomingParameters(method=17, speed_switch=10.0, speed_zero=5.0, acceleration=500.0, timeout=20.0)
     other = replace(
         MotorParams(), velocity_unit=1 / 20.0, acceleration_unit=1 / 20.0, limit_switches=(-9e6, None)
     )

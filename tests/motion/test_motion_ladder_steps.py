@@ -7,18 +7,18 @@ from types import SimpleNamespace
 import pytest
 
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.port import Source
-from axisbus.cia402.state import State
+from axisbus.cia402.port import ValueTransport
+from axisbus.cia402.state import PowerState
 from axisbus.errors import ArgumentError, DriveError, LimitError, StaleError
 from axisbus.motion.group.start_barrier import OPEN
 from axisbus.motion.moves.follow import Follow
-from axisbus.motion.parameters import Defaults, HoldsLoad, Limits, StopTimes
+from axisbus.motion.parameters import AxisLimits, Defaults, HoldsLoad, StopTimes
 from axisbus.motion.pathclock import PathClock
 from axisbus.motion.states import AxisState
-from axisbus.motion.stop.coast_down import RunDown
-from axisbus.motion.stop.shutdown_stop import AxisLeaving, Leaving
-from axisbus.motion.stop.stop_sequence import Rung, StopLadder, Then
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.stop.coast_down import CoastDown
+from axisbus.motion.stop.shutdown_stop import AxisLeaving, ShutdownStop
+from axisbus.motion.stop.stop_sequence import AfterStop, StopLevel, StopSequence
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.motion.rig import rig
 from kit.motion.steps import Drive, T
 
@@ -43,7 +43,7 @@ def test_each_value_is_known_up_to_its_own_age(name):
     unknown = [each for each in NAMES if getattr(image, each) is None]
     # without the position nothing is known of how the demand lies to it
     assert unknown == (["position", "demand"] if name == "position" else [name])
-    assert (image.state is State.UNKNOWN) is (name == "statusword")
+    assert (image.state is PowerState.UNKNOWN) is (name == "statusword")
     drive.cycle(**{name: 9})
     assert getattr(image, name) == 9
 
@@ -97,12 +97,16 @@ class Stop:
     """A ladder on a drive that is told what to say; notes each cycle's word, mode and NMT stop."""
 
     def __init__(
-        self, then: Then = Then.HOLD, start: Rung = Rung.HALT, by_event: bool = False, **changes
+        self,
+        then: AfterStop = AfterStop.HOLD,
+        start: StopLevel = StopLevel.HALT,
+        by_event: bool = False,
+        **changes,
     ) -> None:
         self.drive = Drive(by_event=by_event, **({"stop_times": TIMES} | changes))
-        self.ladder = StopLadder(self.drive.parameters, then, start=start)
-        self.run_down = RunDown(self.drive.parameters)
-        self.drive.order.goal = State.OPERATION_ENABLED
+        self.ladder = StopSequence(self.drive.parameters, then, start=start)
+        self.run_down = CoastDown(self.drive.parameters)
+        self.drive.order.goal = PowerState.OPERATION_ENABLED
         self.place = 0
         self.done = False
         self.sent: list[tuple[int | None, bool]] = []
@@ -138,7 +142,7 @@ class Stop:
 @pytest.mark.parametrize("moving", [True, False])
 def test_the_power_of_an_axis_with_a_load_is_not_cut_while_that_would_let_it_fall(holds, moving):
     """A drive that obeys nothing: a brake holds only what stands, a motor only as long as it has power."""
-    stop = Stop(start=Rung.QUICK_STOP, holds_load=holds).run(400, moving, statusword=ENABLED, mode=1)
+    stop = Stop(start=StopLevel.QUICK_STOP, holds_load=holds).run(400, moving, statusword=ENABLED, mode=1)
     cut = 0x00 in [word & 0x0F for word in stop.words]
     assert stop.done
     assert cut is (holds is HoldsLoad.NO or (holds is HoldsLoad.BRAKE and not moving))
@@ -154,7 +158,12 @@ def test_each_rung_has_its_own_time():
     words = [word & 0x0F for word, _ in stop.sent]
     # the cycle in which a time has passed still has the old word
     assert [words.count(word) for word in (0x0F, 0x02)] == [34, 17]
-    assert stop.ladder.path == [Rung.HALT, Rung.QUICK_STOP, Rung.DISABLE_VOLTAGE, Rung.NMT_STOP]
+    assert stop.ladder.path == [
+        StopLevel.HALT,
+        StopLevel.QUICK_STOP,
+        StopLevel.DISABLE_VOLTAGE,
+        StopLevel.NMT_STOP,
+    ]
     assert stop.ladder.late == ["halt_time", "quick_stop_time", "disable_time"]
     nmt = [nmt for _, nmt in stop.sent]
     assert nmt.index(True) == 34 + 17 + 65
@@ -168,7 +177,7 @@ def test_each_rung_has_its_own_time():
     [(False, False, False), (True, False, True)],
 )
 def test_a_quick_stop_that_the_drive_itself_will_leave_is_over_when_it_has_left(holds, leaves, done):
-    stop = Stop(start=Rung.QUICK_STOP, quick_stop_holds=holds, stop_times=StopTimes(quick_stop=2.0))
+    stop = Stop(start=StopLevel.QUICK_STOP, quick_stop_holds=holds, stop_times=StopTimes(quick_stop=2.0))
     stop.run(40, False, statusword=QUICK, mode=1)
     assert stop.done is done
     if not done:
@@ -179,28 +188,28 @@ def test_a_quick_stop_that_the_drive_itself_will_leave_is_over_when_it_has_left(
 
 def test_a_quick_stop_seen_during_a_halt_is_gone_along_with():
     stop = Stop().run(1, True, statusword=QUICK, mode=1)
-    assert stop.ladder.rung is Rung.QUICK_STOP
+    assert stop.ladder.rung is StopLevel.QUICK_STOP
     assert stop.words == [0x02]
     assert not stop.ladder.descended
 
 
 def test_a_drive_that_is_not_heard_is_stopped_by_what_is_safe_in_every_state():
     stop = Stop().run(1, True, statusword=None, mode=1)
-    assert (stop.ladder.rung, stop.ladder.blind, stop.ladder.descended) == (Rung.QUICK_STOP, True, True)
+    assert (stop.ladder.rung, stop.ladder.blind, stop.ladder.descended) == (StopLevel.QUICK_STOP, True, True)
     assert stop.words == [0x02]
 
 
 @pytest.mark.parametrize(
     ("start", "word", "first", "rung", "last"),
     [
-        (Rung.HALT, ENABLED, [0x10F, 0x107], Rung.QUICK_STOP, 0x02),
-        (Rung.QUICK_STOP, QUICK, [0x02, 0x00], Rung.DISABLE_VOLTAGE, 0x00),
+        (StopLevel.HALT, ENABLED, [0x10F, 0x107], StopLevel.QUICK_STOP, 0x02),
+        (StopLevel.QUICK_STOP, QUICK, [0x02, 0x00], StopLevel.DISABLE_VOLTAGE, 0x00),
     ],
 )
 def test_while_it_is_being_taken_down_an_unknown_state_gets_a_word_that_is_safe_in_every_one(
     start, word, first, rung, last
 ):
-    stop = Stop(Then.DISABLE, start).run(8, False, statusword=word, mode=1)
+    stop = Stop(AfterStop.DISABLE, start).run(8, False, statusword=word, mode=1)
     assert stop.words[:2] == first
     stop.run(1, False, statusword=None)
     assert stop.ladder.rung is rung
@@ -209,7 +218,7 @@ def test_while_it_is_being_taken_down_an_unknown_state_gets_a_word_that_is_safe_
 
 
 def test_being_taken_down_has_its_time_and_then_the_power_is_cut():
-    stop = Stop(Then.DISABLE).run(6, False, statusword=ENABLED, mode=1)
+    stop = Stop(AfterStop.DISABLE).run(6, False, statusword=ENABLED, mode=1)
     stood = len(stop.sent)
     stop.run(60, False, statusword=SWITCHED_ON)
     assert not stop.done
@@ -229,14 +238,18 @@ def test_without_power_the_motor_must_be_seen_to_stand_in_the_time_that_it_has()
     standing = Stop().before(3, True, statusword=ENABLED, mode=1).run(1000, False, statusword=READY)
     assert (standing.done, standing.ladder.confirmed, standing.ladder.running_down) == (True, True, "")
     assert len(standing.sent) < 10
-    fell = Stop(Then.DISABLE).before(3, True, statusword=ENABLED, mode=1).run(10, False, statusword=READY)
+    fell = (
+        Stop(AfterStop.DISABLE).before(3, True, statusword=ENABLED, mode=1).run(10, False, statusword=READY)
+    )
     assert fell.ladder.confirmed
     assert not fell.done  # it still has to be taken down
     assert fell.run(1, False, statusword=DISABLED).done
 
 
 def test_what_was_confirmed_with_power_is_not_where_the_motor_moves_without():
-    stop = Stop(Then.DISABLE).before(3, False, statusword=ENABLED, mode=1).run(8, False, statusword=ENABLED)
+    stop = (
+        Stop(AfterStop.DISABLE).before(3, False, statusword=ENABLED, mode=1).run(8, False, statusword=ENABLED)
+    )
     assert stop.ladder.confirmed
     stop.run(3, True, statusword=READY)
     assert not stop.ladder.confirmed
@@ -247,22 +260,22 @@ def test_what_was_confirmed_with_power_is_not_where_the_motor_moves_without():
 @pytest.mark.parametrize(
     ("asked", "then", "rung", "goes"),
     [
-        (Rung.QUICK_STOP, Then.HOLD, Rung.QUICK_STOP, True),
-        (Rung.HALT, Then.HOLD, Rung.HALT, False),
-        (Rung.HALT, Then.DISABLE, Rung.HALT, False),
+        (StopLevel.QUICK_STOP, AfterStop.HOLD, StopLevel.QUICK_STOP, True),
+        (StopLevel.HALT, AfterStop.HOLD, StopLevel.HALT, False),
+        (StopLevel.HALT, AfterStop.DISABLE, StopLevel.HALT, False),
     ],
 )
 def test_what_is_asked_for_again_makes_it_harder_and_never_softer(asked, then, rung, goes):
     stop = Stop().run(3, True, statusword=ENABLED, mode=1)
     assert not stop.ladder.takes_power
     stop.ladder.harden(then, asked)
-    assert (stop.ladder.rung, stop.ladder.takes_power) == (rung, then is Then.DISABLE)
+    assert (stop.ladder.rung, stop.ladder.takes_power) == (rung, then is AfterStop.DISABLE)
     assert (len(stop.ladder.path) == 2) is goes
-    stop.ladder.harden(Then.HOLD, Rung.HALT)
-    assert (stop.ladder.rung, stop.ladder.takes_power) == (rung, then is Then.DISABLE)
-    down = Stop(Then.DISABLE).run(8, False, statusword=ENABLED, mode=1)
-    down.ladder.harden(Then.HOLD, Rung.QUICK_STOP)  # it stands, and is being taken down
-    assert down.ladder.rung is Rung.HALT
+    stop.ladder.harden(AfterStop.HOLD, StopLevel.HALT)
+    assert (stop.ladder.rung, stop.ladder.takes_power) == (rung, then is AfterStop.DISABLE)
+    down = Stop(AfterStop.DISABLE).run(8, False, statusword=ENABLED, mode=1)
+    down.ladder.harden(AfterStop.HOLD, StopLevel.QUICK_STOP)  # it stands, and is being taken down
+    assert down.ladder.rung is StopLevel.HALT
 
 
 def edge(stop: Stop, target: int) -> Stop:
@@ -284,27 +297,27 @@ def test_an_axis_that_stood_in_the_middle_of_its_move_was_held_and_loses_its_pow
     edge(stop, 90_000).before(waited, moving)
     stop.run(12, False, statusword=ENABLED)
     assert stop.ladder.held is held
-    assert (stop.ladder.rung is Rung.QUICK_STOP) is held
+    assert (stop.ladder.rung is StopLevel.QUICK_STOP) is held
     assert ("nobody sees" in stop.ladder.unseen) is held
-    taken = edge(Stop(Then.DISABLE).before(10, False, statusword=ENABLED, mode=1), 90_000).before(
+    taken = edge(Stop(AfterStop.DISABLE).before(10, False, statusword=ENABLED, mode=1), 90_000).before(
         waited, moving
     )
     taken.run(12, False, statusword=ENABLED)
     assert not taken.ladder.held
-    assert taken.ladder.rung is Rung.HALT
+    assert taken.ladder.rung is StopLevel.HALT
     again = edge(Stop().before(10, False, statusword=ENABLED, mode=1), 90_000).before(waited, moving)
-    again.ladder.harden(Then.HOLD, Rung.QUICK_STOP)
+    again.ladder.harden(AfterStop.HOLD, StopLevel.QUICK_STOP)
     again.run(2, False, statusword=ENABLED)
     assert not again.ladder.held
 
 
 def test_a_pull_that_is_seen_keeps_a_halted_axis_from_counting_as_stopped():
     stop = Stop().run(400, False, statusword=ENABLED, mode=1, demand=5000)
-    assert stop.ladder.path[:2] == [Rung.HALT, Rung.QUICK_STOP]
+    assert stop.ladder.path[:2] == [StopLevel.HALT, StopLevel.QUICK_STOP]
     assert stop.ladder.held
     assert "leaps" in stop.ladder.unseen or "pulls" in stop.ladder.unseen
     near = Stop().run(400, False, statusword=ENABLED, mode=1, demand=4000)
-    assert near.ladder.path == [Rung.HALT]
+    assert near.ladder.path == [StopLevel.HALT]
     assert not near.ladder.held
 
 
@@ -337,12 +350,12 @@ def test_a_load_is_held_by_the_first_mode_that_the_drive_has():
     ("holds", "torque"), [(HoldsLoad.NO, 0), (HoldsLoad.BRAKE, None), (HoldsLoad.TORQUE, None)]
 )
 def test_a_quick_stop_takes_no_torque_from_a_load(holds, torque):
-    stop = Stop(start=Rung.QUICK_STOP, holds_load=holds).run(1, True, statusword=ENABLED, mode=4)
+    stop = Stop(start=StopLevel.QUICK_STOP, holds_load=holds).run(1, True, statusword=ENABLED, mode=4)
     assert (stop.drive.order.target_torque, stop.drive.order.target_velocity) == (torque, 0)
 
 
 def test_a_look_by_sdo_that_is_under_way_when_it_ends_is_taken_back():
-    stop = Stop(start=Rung.QUICK_STOP).run(1, False, statusword=None, mode=1)
+    stop = Stop(start=StopLevel.QUICK_STOP).run(1, False, statusword=None, mode=1)
     asked = [request.id for request in stop.drive.order.sdo if request.value is None]
     assert len(asked) == 2
     stop.run(3, False, statusword=DISABLED)
@@ -351,14 +364,14 @@ def test_a_look_by_sdo_that_is_under_way_when_it_ends_is_taken_back():
 
 
 def test_names_of_rungs():
-    assert [rung.text for rung in Rung] == ["halt", "quick stop", "disable voltage", "NMT stop"]
+    assert [rung.text for rung in StopLevel] == ["halt", "quick stop", "disable voltage", "NMT stop"]
 
 
 # Along a path.
 
 
 def path(drive: Drive, end: float = 40.0) -> Follow:
-    return Follow(Trapezoid(0.0, end, 20.0, 40.0), drive.parameters, OPEN)
+    return Follow(TrapezoidalTrajectory(0.0, end, 20.0, 40.0), drive.parameters, OPEN)
 
 
 def test_a_path_is_braked_only_where_it_runs_and_something_is_known_to_do_it_with():
@@ -377,7 +390,7 @@ def test_a_path_is_braked_only_where_it_runs_and_something_is_known_to_do_it_wit
     for _ in range(60):
         follow.step(*drive.cycle(statusword=ENABLED, mode=8, position=0))
     assert follow.at_rest
-    none = Drive(scan_period=0.01, defaults=Defaults(), limits=Limits(velocity=400.0))
+    none = Drive(scan_period=0.01, defaults=Defaults(), limits=AxisLimits(velocity=400.0))
     unknown = path(none)
     for _ in range(60):
         for request in none.order.sdo:
@@ -414,7 +427,7 @@ def stop_out_of_a_path(change: Change) -> tuple[Stop, list[str]]:
         mode=8, at_rest=False, begin_braking=brakes, step=lambda *_: asked.append("step")
     )
     stop = Stop()
-    stop.ladder = StopLadder(stop.drive.parameters, Then.HOLD, follow=follow, leaving=change)
+    stop.ladder = StopSequence(stop.drive.parameters, AfterStop.HOLD, follow=follow, leaving=change)
     return stop, asked
 
 
@@ -446,7 +459,7 @@ def test_a_harder_stop_takes_the_change_of_mode_back():
     stop, _ = stop_out_of_a_path(change)
     stop.run(1, True, statusword=ENABLED, mode=8)
     assert change.cancelled == 0
-    stop.ladder.harden(Then.HOLD, Rung.QUICK_STOP)
+    stop.ladder.harden(AfterStop.HOLD, StopLevel.QUICK_STOP)
     stop.run(2, True)
     assert change.cancelled == 1
     assert stop.ladder.leaving is None
@@ -469,7 +482,7 @@ def test_a_path_that_is_over_is_at_rest():
 @pytest.mark.parametrize(("start", "begins"), [(0.0, True), (90.0, False)])
 def test_a_trajectory_begins_where_the_axis_stands(start, begins):
     drive = Drive(scan_period=0.01)
-    follow = Follow(Trapezoid(start, start + 1.0, 20.0, 40.0), drive.parameters, OPEN)
+    follow = Follow(TrapezoidalTrajectory(start, start + 1.0, 20.0, 40.0), drive.parameters, OPEN)
 
     def run() -> None:
         for _ in range(20):
@@ -500,7 +513,7 @@ def test_the_way_out_has_the_time_of_all_rungs():
 
 def test_what_an_earlier_request_has_told_is_told_once():
     """The same error may come from an axis whose stop was asked for again."""
-    way_out, error, other = Leaving(), StaleError("x: once"), StaleError("y: another")
+    way_out, error, other = ShutdownStop(), StaleError("x: once"), StaleError("y: another")
     way_out._told = [error]
     way_out._axes = [SimpleNamespace(verdict=verdict) for verdict in (error, None, other)]
     assert way_out.failures() == [error, other]
@@ -509,7 +522,7 @@ def test_what_an_earlier_request_has_told_is_told_once():
 def leaving(**changes) -> tuple[SimpleNamespace, AxisLeaving]:
     """An axis whose own stop is over, and what is looked at after it."""
     image = SimpleNamespace(
-        state=State.SWITCH_ON_DISABLED, position=0, velocity=None, standstill=False, position_stamp=99.0
+        state=PowerState.SWITCH_ON_DISABLED, position=0, velocity=None, standstill=False, position_stamp=99.0
     )
     core = SimpleNamespace(
         touched=True, stopped_for_sure=False, image=image, parameters=Drive(stop_times=TIMES).parameters
@@ -532,9 +545,9 @@ def leaving(**changes) -> tuple[SimpleNamespace, AxisLeaving]:
         ({"standstill": True, "position_stamp": 100.0}, True),
         ({"standstill": True, "stopped_for_sure": True}, True),
         ({"stopped_for_sure": True}, False),
-        ({"standstill": True, "position_stamp": 100.0, "state": State.OPERATION_ENABLED}, False),
-        ({"standstill": True, "state": State.OPERATION_ENABLED, "stopped_for_sure": True}, True),
-        ({"standstill": True, "position_stamp": 100.0, "state": State.UNKNOWN}, False),
+        ({"standstill": True, "position_stamp": 100.0, "state": PowerState.OPERATION_ENABLED}, False),
+        ({"standstill": True, "state": PowerState.OPERATION_ENABLED, "stopped_for_sure": True}, True),
+        ({"standstill": True, "position_stamp": 100.0, "state": PowerState.UNKNOWN}, False),
         ({"position": None}, False),  # it has 6064h, and nobody has seen it
         ({"position": None, "stopped_for_sure": True}, True),
         ({"position": None, "parameters": Drive(objects=frozenset({0x6041})).parameters}, True),
@@ -581,7 +594,7 @@ def test_a_group_needs_one_position_for_each_of_its_axes():
         with pytest.raises(ArgumentError, match=r"positions? for 2 axes"):
             call()
     assert repr(r.groups["all"]) == "<Group all: x Standstill, y Standstill>"
-    bounded = rig("xy", limits=Limits(position=(-5.0, 5.0))).enabled()
+    bounded = rig("xy", limits=AxisLimits(position=(-5.0, 5.0))).enabled()
     with pytest.raises(LimitError):
         bounded.groups["all"].move_direct((1.0, 6.0))
     for velocity in (0.0, -1.0, float("nan")):
@@ -590,7 +603,7 @@ def test_a_group_needs_one_position_for_each_of_its_axes():
 
 
 def test_why_a_value_is_not_known_is_told():
-    r = rig(port={"inputs": {"velocity": Source.NONE}})
+    r = rig(port={"inputs": {"velocity": ValueTransport.NONE}})
     r.run(0.1)
     with pytest.raises(StaleError) as caught:
         _ = r.axis.velocity
@@ -601,26 +614,26 @@ def test_why_a_value_is_not_known_is_told():
 
 def test_what_was_missing_when_a_time_passed_is_kept_for_the_report():
     stop = Stop().run(34, True, statusword=ENABLED, mode=1).run(20, False, statusword=QUICK)
-    assert stop.ladder.rung is Rung.QUICK_STOP
+    assert stop.ladder.rung is StopLevel.QUICK_STOP
     assert "still moving" in stop.ladder.unseen
     assert not stop.ladder.held
     held = Stop().run(34, False, statusword=ENABLED, mode=1, demand=5000)
     assert held.ladder.held
     held.run(18, False, statusword=ENABLED, demand=0)
-    assert held.ladder.path == [Rung.HALT, Rung.QUICK_STOP, Rung.DISABLE_VOLTAGE]
+    assert held.ladder.path == [StopLevel.HALT, StopLevel.QUICK_STOP, StopLevel.DISABLE_VOLTAGE]
     assert held.ladder.held  # something did hold it, whatever was seen later
 
 
 def test_an_axis_on_a_path_has_not_stopped_before_its_path_has():
     """Two increments in a tenth of a second look like standing, and are not."""
     drive = Drive(scan_period=0.01, defaults=Defaults(acceleration=0.05), stop_times=StopTimes(halt=5.0))
-    follow = Follow(Trapezoid(0.0, 40.0, 0.02, 0.05), drive.parameters, OPEN)
+    follow = Follow(TrapezoidalTrajectory(0.0, 40.0, 0.02, 0.05), drive.parameters, OPEN)
     for _ in range(100):
         for request in drive.order.sdo:
             drive.answers(request.id)
         follow.step(*drive.cycle(statusword=0x1237, mode=8, position=0))
-    ladder = StopLadder(drive.parameters, Then.HOLD, follow=follow)
-    run_down, cycles = RunDown(drive.parameters), 0
+    ladder = StopSequence(drive.parameters, AfterStop.HOLD, follow=follow)
+    run_down, cycles = CoastDown(drive.parameters), 0
     while not ladder.step(*drive.cycle(statusword=0x1237, position=0), run_down):
         cycles += 1
         assert cycles < 200

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.cia402.port import Capabilities, Inputs, Sample, Source
+from axisbus.cia402.port import Capabilities, Inputs, Sample, ValueTransport
 from axisbus.motion.axis.demand import OWN, DemandTrust
-from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.reference import Led
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.axis.reference import ReferenceTracker
 from axisbus.motion.parameters import DemandUse
 
 PP, PV, TQ, HM, CSP = 1, 3, 4, 6, 8
@@ -80,7 +80,7 @@ def test_a_drive_that_leaves_its_state_or_mode_is_judged_from_the_beginning():
     trust.begin()
     trust.look(300, 270.0, 0.0, PP)
     assert not trust.believes(PP)
-    led = Led(DemandUse.AUTO, WINDOW)
+    led = ReferenceTracker(DemandUse.AUTO, WINDOW)
     led.note(1.0, PP, None, 10_000, True)
     for demand, lead in ((0, 0.0), (100, 90.0), (200, 180.0)):
         led.trust.look(demand, lead, 0.0, PP)
@@ -96,9 +96,9 @@ def test_a_drive_that_leaves_its_state_or_mode_is_judged_from_the_beginning():
 class Drive:
     """Positions that come by one way and demands by another, each with its stamp."""
 
-    def __init__(self, position: Source, demand: Source, age: float = 0.8) -> None:
-        sources = {"statusword": Source.SYNC_PDO, "position": position, "demand": demand}
-        self.image = Image(
+    def __init__(self, position: ValueTransport, demand: ValueTransport, age: float = 0.8) -> None:
+        sources = {"statusword": ValueTransport.SYNC_PDO, "position": position, "demand": demand}
+        self.image = AxisImage(
             Capabilities(sources, {}, True, {"demand": age}), T, 2.0, 0.05, DemandUse.USE, WINDOW
         )
         self.now = 10.0
@@ -120,7 +120,7 @@ class Drive:
 
 def test_a_demand_that_is_polled_is_ahead_by_what_it_was_when_it_came():
     """The axis goes on at 100 increments per cycle; its demand is 50 ahead of it all the time."""
-    drive = Drive(Source.SYNC_PDO, Source.SDO)
+    drive = Drive(ValueTransport.SYNC_PDO, ValueTransport.SDO)
     drive.cycle(0, 0)
     for number in range(1, 60):
         demand = {"demand": 100 * number + 50} if number % 25 == 0 else {}
@@ -139,7 +139,7 @@ def test_a_demand_that_is_polled_is_ahead_by_what_it_was_when_it_came():
     ],
 )
 def test_between_two_positions_the_axis_moved_evenly(ago, demand, lead):
-    drive = Drive(Source.SYNC_PDO, Source.SDO)
+    drive = Drive(ValueTransport.SYNC_PDO, ValueTransport.SDO)
     for number in range(10):
         drive.cycle(100 * number)
     assert drive.cycle(1000, demand, ago=ago).lead == pytest.approx(lead, abs=1e-6)
@@ -148,14 +148,14 @@ def test_between_two_positions_the_axis_moved_evenly(ago, demand, lead):
 @pytest.mark.parametrize(("demand", "lead"), [(1000, 0), (1060, 0), (1200, 100), (900, -100)])
 def test_after_the_last_position_the_axis_may_have_gone_on_or_not(demand, lead):
     """One period after the last position it may be anywhere between that and a way of 100 farther."""
-    drive = Drive(Source.EVENT_PDO, Source.SDO)
+    drive = Drive(ValueTransport.EVENT_PDO, ValueTransport.SDO)
     for number in range(11):
         drive.cycle(100 * number)
     assert drive.cycle(demand=demand).lead == pytest.approx(lead, abs=1e-6)
 
 
 def test_a_position_that_has_not_come_for_longer_than_usual_has_not_changed():
-    drive = Drive(Source.EVENT_PDO, Source.SDO)
+    drive = Drive(ValueTransport.EVENT_PDO, ValueTransport.SDO)
     for number in range(11):
         drive.cycle(100 * number)
     drive.cycle()
@@ -163,14 +163,14 @@ def test_a_position_that_has_not_come_for_longer_than_usual_has_not_changed():
 
 
 def test_what_comes_in_one_cycle_by_synchronous_pdos_is_of_one_sync():
-    drive = Drive(Source.SYNC_PDO, Source.SYNC_PDO)
+    drive = Drive(ValueTransport.SYNC_PDO, ValueTransport.SYNC_PDO)
     for number in range(10):
         drive.cycle(100 * number, 100 * number + 20, ago=-0.0004)
     assert drive.image.lead == 20
 
 
 def test_a_demand_that_is_silent_has_not_changed_while_the_axis_moves():
-    drive = Drive(Source.SYNC_PDO, Source.EVENT_PDO, age=float("inf"))
+    drive = Drive(ValueTransport.SYNC_PDO, ValueTransport.EVENT_PDO, age=float("inf"))
     drive.cycle(0, 0)
     drive.cycle(0, 0)
     drive.cycle(0)
@@ -178,7 +178,7 @@ def test_a_demand_that_is_silent_has_not_changed_while_the_axis_moves():
 
 
 def test_a_demand_that_moves_is_silent_for_its_inhibit_time():
-    drive = Drive(Source.SYNC_PDO, Source.EVENT_PDO, age=float("inf"))
+    drive = Drive(ValueTransport.SYNC_PDO, ValueTransport.EVENT_PDO, age=float("inf"))
     for number in range(60):
         demand = {"demand": 100 * number + 50} if number % 20 == 0 else {}
         image = drive.cycle(100 * number, **demand)
@@ -187,7 +187,7 @@ def test_a_demand_that_moves_is_silent_for_its_inhibit_time():
 
 @pytest.mark.parametrize("change", ["mode", "power", "count"])
 def test_a_demand_of_before_says_nothing_of_now(change):
-    drive = Drive(Source.SYNC_PDO, Source.SDO)
+    drive = Drive(ValueTransport.SYNC_PDO, ValueTransport.SDO)
     drive.cycle(0, 5000)
     assert drive.cycle(0, 5000).pull == 5000
     mode = PP
@@ -207,7 +207,7 @@ def test_a_demand_of_before_says_nothing_of_now(change):
 
 
 def test_the_demand_of_before_is_shown_to_nobody_after_the_count_began_anew():
-    drive = Drive(Source.SYNC_PDO, Source.SDO)
+    drive = Drive(ValueTransport.SYNC_PDO, ValueTransport.SDO)
     drive.cycle(9000, 9000)
     drive.image.rebase()
     drive.image.restart()

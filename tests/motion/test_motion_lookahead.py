@@ -8,13 +8,13 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from axisbus.motion.group.path import way_of
-from axisbus.motion.group.path_position import Along, Share
+from axisbus.motion.group.path_position import AxisPathShare, PathPosition
 from axisbus.motion.group.segments import Straight
-from axisbus.motion.moves.lookahead import Known, excess
-from axisbus.motion.parameters import Limits
+from axisbus.motion.moves.lookahead import LookaheadTrajectory, excess
+from axisbus.motion.parameters import AxisLimits
 from axisbus.motion.pathclock import PathClock
 from axisbus.motion.position_limits import widened
-from axisbus.motion.trajectory import Sampled, Trapezoid
+from axisbus.motion.trajectory import SampledTrajectory, TrapezoidalTrajectory
 from kit.motion.rig import PERIOD
 
 LIMITS = (-10.0, 10.0)
@@ -59,13 +59,13 @@ def test_no_sum_of_waves_leaves_the_limits(waves, deceleration):
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(st.lists(st.floats(-20.0, 20.0), min_size=2, max_size=8), st.floats(5.0, 500.0), st.floats(0.005, 0.5))
 def test_no_path_with_corners_and_jumps_leaves_the_limits(points, deceleration, step):
-    sampled = Sampled([0.0, 0.0, *points], step)
+    sampled = SampledTrajectory([0.0, 0.0, *points], step)
     seen, _ = run(ended(sampled.position, sampled.duration), sampled.duration, deceleration)
     assert all(-10.0 <= position <= 10.0 for position in seen)
 
 
 def test_what_is_told_of_an_excess_is_where_it_would_have_stopped():
-    path = ended(Trapezoid(0.0, 100.0, 50.0, 500.0).position, 2.1)
+    path = ended(TrapezoidalTrajectory(0.0, 100.0, 50.0, 500.0).position, 2.1)
     found = next(e for k in range(300) if (e := excess(path, k * PERIOD, PERIOD, LIMITS, 500.0)) is not None)
     assert math.isclose(found.speed, 50.0)
     assert 10.0 < found.stop <= 10.5  # the first cycle that is too much is at most 0.5 too late
@@ -75,15 +75,15 @@ def test_what_is_told_of_an_excess_is_where_it_would_have_stopped():
 
 
 def test_trapezoids_samples_and_lines_tell_how_far_and_how_fast_they_go():
-    way = way_of([Straight((5.0,), (-3.0,), 1.0)], [Limits(velocity=4.5)], 2.0)
-    line = Share(Along(way, 0.0, (5.0,)), 0, 0.5)
+    way = way_of([Straight((5.0,), (-3.0,), 1.0)], [AxisLimits(velocity=4.5)], 2.0)
+    line = AxisPathShare(PathPosition(way, 0.0, (5.0,)), 0, 0.5)
     known = [
-        Trapezoid(4.0, -2.0, 3.0, 10.0),
-        Trapezoid(0.0, 1.0, 3.0, 4.0),
-        Sampled([0.0, 2.0, -1.0], 0.5),
+        TrapezoidalTrajectory(4.0, -2.0, 3.0, 10.0),
+        TrapezoidalTrajectory(0.0, 1.0, 3.0, 4.0),
+        SampledTrajectory([0.0, 2.0, -1.0], 0.5),
         line,
     ]
-    assert all(isinstance(path, Known) for path in known)
+    assert all(isinstance(path, LookaheadTrajectory) for path in known)
     assert [path.span for path in known] == [(-2.0, 4.0), (0.0, 1.0), (-1.0, 2.0), (-3.0, 5.0)]
     assert [path.top_speed for path in known] == [3.0, 2.0, 6.0, 4.0]
 

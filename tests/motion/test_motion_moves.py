@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import ValueTransport
 from axisbus.errors import (
     ArgumentError,
     DriveError,
@@ -25,7 +25,7 @@ from axisbus.errors import (
     StateError,
     Stopped,
 )
-from axisbus.motion.parameters import Defaults, DemandUse, HoldsLoad, Homing, Limits, Units
+from axisbus.motion.parameters import AxisLimits, Defaults, DemandUse, HoldsLoad, HomingParameters, Units
 from axisbus.motion.states import AxisState
 from axisbus.sim.fault_injection import NEVER
 from axisbus.sim.motor import MotorParams
@@ -152,7 +152,7 @@ def test_a_move_of_zero_length_ends():
 
 def test_a_move_of_zero_length_ends_on_an_event_driven_drive_too():
     events = dict.fromkeys(
-        ("statusword", "mode", "position", "velocity", "torque", "demand"), Source.EVENT_PDO
+        ("statusword", "mode", "position", "velocity", "torque", "demand"), ValueTransport.EVENT_PDO
     )
     r = rig(port={"inputs": events, "max_age": dict.fromkeys(events, math.inf)}).enabled()
     r.axis.move_absolute(20.0).wait(5)
@@ -393,7 +393,7 @@ def test_homing_makes_the_drive_s_own_zero_the_zero_again():
 
 
 def test_limits_hold_in_the_user_s_own_count():
-    r = rig(limits=Limits(position=(-20.0, 20.0), velocity=400.0)).enabled()
+    r = rig(limits=AxisLimits(position=(-20.0, 20.0), velocity=400.0)).enabled()
     r.axis.set_position(15.0).wait(1)
     with pytest.raises(LimitError):
         r.axis.move_relative(6.0).wait(2)
@@ -405,7 +405,7 @@ def test_limits_hold_in_the_user_s_own_count():
 
 
 def test_an_absolute_move_beyond_the_limits_raises_at_the_call():
-    r = rig(limits=Limits(position=(-90.0, 90.0), velocity=200.0, acceleration=1000.0)).enabled()
+    r = rig(limits=AxisLimits(position=(-90.0, 90.0), velocity=200.0, acceleration=1000.0)).enabled()
     watch = Watch(r)
     for call in (
         lambda: r.axis.move_absolute(90.1),
@@ -422,7 +422,7 @@ def test_an_absolute_move_beyond_the_limits_raises_at_the_call():
 
 
 def test_a_relative_move_beyond_the_limits_ends_its_handle_and_nothing_moves():
-    r = rig(limits=Limits(position=(-90.0, 90.0), velocity=200.0)).enabled()
+    r = rig(limits=AxisLimits(position=(-90.0, 90.0), velocity=200.0)).enabled()
     r.axis.move_absolute(80.0).wait(5)
     r.run(0.2)
     watch = Watch(r)
@@ -435,7 +435,7 @@ def test_a_relative_move_beyond_the_limits_ends_its_handle_and_nothing_moves():
 
 
 def test_before_homing_absolute_moves_are_refused_where_homing_is_required():
-    r = rig(homing=Homing(method=37, required=True)).enabled()
+    r = rig(homing=HomingParameters(method=37, required=True)).enabled()
     with pytest.raises(ArgumentError, match="not homed"):
         r.axis.move_absolute(0.0)
     r.axis.move_relative(1.0).wait(3)
@@ -611,7 +611,7 @@ def test_a_drive_without_a_window_of_its_own_arrives():
 
 def test_a_drive_that_has_no_6064h_moves_by_its_bits_and_the_caller_s_timeout():
     objects = rig().core.parameters.objects - {0x6064, 0x6062}
-    none = {"position": Source.NONE, "demand": Source.NONE}
+    none = {"position": ValueTransport.NONE, "demand": ValueTransport.NONE}
     r = rig(port={"inputs": none}, objects=objects).enabled()
     with pytest.raises(StateError, match="how long it may take"):
         r.axis.move_absolute(10.0).wait(1)

@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus.errors import Interrupted, StateError
-from axisbus.motion.parameters import Homing, Limits
+from axisbus.motion.parameters import AxisLimits, HomingParameters
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.motion.rig import rig
 from kit.motion.watch import Watch
 
@@ -39,7 +39,7 @@ def give(r, what: str, value):
     """Give one command; None where the call itself cannot be made now."""
     if what == "follow":
         here = r.axis.position
-        return r.axis.follow(Trapezoid(here, here + value, 100.0, RAMP))
+        return r.axis.follow(TrapezoidalTrajectory(here, here + value, 100.0, RAMP))
     method = getattr(r.axis, what)
     return method() if value is None else method(value)
 
@@ -52,7 +52,7 @@ def give(r, what: str, value):
     TARGETS,
 )
 def test_no_sequence_of_commands_jolts_the_axis(commands, mode_delay, acknowledge_delay, last):
-    r = rig(homing=Homing(method=37), limits=Limits(velocity=1000.0)).enabled()
+    r = rig(homing=HomingParameters(method=37), limits=AxisLimits(velocity=1000.0)).enabled()
     r.drive.dials.mode_delay, r.drive.dials.acknowledge_delay = mode_delay, acknowledge_delay
     watch = Watch(r)
     handles = []

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.motion.moves.profile_from_speed import Onward, Start
+from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
 
 T = 0.004
 PLACES = st.floats(-1000, 1000)
@@ -18,7 +18,7 @@ RAMPS = st.floats(10, 5000)
 
 @given(PLACES, SPEEDS, PLACES, st.floats(1, 400), RAMPS, RAMPS)
 def test_it_goes_to_its_end_without_a_jump_or_a_jolt(start, speed, end, velocity, up, down):
-    path = Onward(Start(start, speed), end, velocity, up, down)
+    path = ProfileFromSpeed(Start(start, speed), end, velocity, up, down)
     assert path.position(0.0) == start
     assert path.position(path.duration) == pytest.approx(end, abs=1e-6)
     assert path.position(path.duration - 1e-6) == pytest.approx(end, abs=0.01)
@@ -42,10 +42,10 @@ def test_it_goes_to_its_end_without_a_jump_or_a_jolt(start, speed, end, velocity
     ],
 )
 def test_its_time_is_that_of_its_pieces(speed, end, seconds):
-    assert Onward(Start(0.0, speed), end, 90.0, 720.0, 720.0).duration == pytest.approx(seconds)
+    assert ProfileFromSpeed(Start(0.0, speed), end, 90.0, 720.0, 720.0).duration == pytest.approx(seconds)
 
 
 def test_one_that_cannot_stop_in_time_goes_back():
-    path = Onward(Start(0.0, 100.0), 5.0, 100.0, 500.0, 500.0)
+    path = ProfileFromSpeed(Start(0.0, 100.0), 5.0, 100.0, 500.0, 500.0)
     assert path.span == pytest.approx((0.0, 10.0))
     assert path.position(path.duration) == 5.0

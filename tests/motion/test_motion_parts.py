@@ -11,7 +11,7 @@ import pytest
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.options import Ramp
 from axisbus.cia402.port import Sample
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.errors import (
     ArgumentError,
     DriveError,
@@ -22,33 +22,33 @@ from axisbus.errors import (
     StaleError,
     TransitionError,
 )
-from axisbus.motion.command_status import Status, Ticket
-from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.command_status import CommandStatus, Status
+from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.moves.activity import (
     ModeSwitch,
-    Transfers,
+    SdoTransfers,
     age_text,
     object_text,
     require_position,
     where_text,
 )
-from axisbus.motion.moves.coast_and_reset import Coast, Reset
+from axisbus.motion.moves.coast_and_reset import Coast, ResetActivity
 from axisbus.motion.moves.homing import HomingJob, HomingRun
 from axisbus.motion.moves.interpolation import CyclicSetup, interpolation_period
 from axisbus.motion.moves.prepare import Prepare, RampTransfers, profile_writes, slow_ramp_writes
-from axisbus.motion.moves.profile import Profile
-from axisbus.motion.moves.setpoint import Phase, SetPoint
-from axisbus.motion.parameters import Defaults, HoldsLoad, Limits, pull_window
+from axisbus.motion.moves.profile import MoveProfile
+from axisbus.motion.moves.setpoint import HandshakePhase, SetPoint
+from axisbus.motion.parameters import AxisLimits, Defaults, HoldsLoad, pull_window
 from axisbus.motion.pathclock import PathClock
 from axisbus.motion.stop.diagnosis import THEN, chained
 from axisbus.motion.stop.sdo_path import SdoPath
-from axisbus.motion.stop.settled_value import Still
-from axisbus.motion.stop.standstill import Standing
-from axisbus.motion.stop.standstill_wait import RestWaits
+from axisbus.motion.stop.settled_value import SettledValue
+from axisbus.motion.stop.standstill import StandstillCheck
+from axisbus.motion.stop.standstill_wait import StandstillWaiters
 from axisbus.motion.stop.velocity_following import RampedWay
 from axisbus.motion.stop_deceleration import Braking
-from axisbus.motion.trajectory import Sampled, Trapezoid
-from axisbus.motion.velocity_estimator import Track
+from axisbus.motion.trajectory import SampledTrajectory, TrapezoidalTrajectory
+from axisbus.motion.velocity_estimator import VelocityEstimator
 from axisbus.units import Scale
 from kit.motion.steps import TIMING, Drive, T
 
@@ -68,18 +68,18 @@ def test_a_set_point_is_offered_when_bit_12_is_low_and_taken_when_it_has_fallen_
     point = set_point(drive)
     sent = []
     for word, phase in [
-        (ENABLED | 0x1000, Phase.CLEAR),  # the acknowledge of a former one
-        (None, Phase.CLEAR),
-        (ENABLED, Phase.OFFER),
-        (ENABLED, Phase.OFFER),
-        (ENABLED | 0x1000, Phase.RELEASE),
-        (ENABLED | 0x1000, Phase.RELEASE),
-        (ENABLED, Phase.TAKEN),
-        (ENABLED | 0x1000, Phase.TAKEN),
+        (ENABLED | 0x1000, HandshakePhase.CLEAR),  # the acknowledge of a former one
+        (None, HandshakePhase.CLEAR),
+        (ENABLED, HandshakePhase.OFFER),
+        (ENABLED, HandshakePhase.OFFER),
+        (ENABLED | 0x1000, HandshakePhase.RELEASE),
+        (ENABLED | 0x1000, HandshakePhase.RELEASE),
+        (ENABLED, HandshakePhase.TAKEN),
+        (ENABLED | 0x1000, HandshakePhase.TAKEN),
     ]:
         taken = point.step(*drive.cycle(statusword=word))
-        assert (point.phase, taken) == (phase, phase is Phase.TAKEN)
-        assert point.begun == (phase in (Phase.OFFER, Phase.RELEASE))
+        assert (point.phase, taken) == (phase, phase is HandshakePhase.TAKEN)
+        assert point.begun == (phase in (HandshakePhase.OFFER, HandshakePhase.RELEASE))
         sent.append((drive.order.target_position, drive.order.bits))
     nothing, offer = (None, 0), (5000, 0x30)
     assert sent == [nothing, nothing, offer, offer, nothing, nothing, nothing, nothing]
@@ -328,7 +328,7 @@ def test_a_drive_without_pdos_is_looked_at_ten_times_a_second_until_two_position
     assert drive.order.sdo == []  # the answers are still out
     drive.answers(asked[0], 0x0237).answers(asked[1], 1000)
     path.look(*drive.cycle())
-    assert (path.state, path.stands) == (State.OPERATION_ENABLED, False)
+    assert (path.state, path.stands) == (PowerState.OPERATION_ENABLED, False)
     first = drive.now
     for position, stands in [
         (1003, False),
@@ -343,7 +343,7 @@ def test_a_drive_without_pdos_is_looked_at_ten_times_a_second_until_two_position
         asked = [request.id for request in drive.order.sdo]
         drive.answers(asked[0], 0x0007).answers(asked[1], position).answers(asked[2], 1)
         path.look(*drive.answers(asked[3], 1000).cycle())
-        assert (path.state, path.stands) == (State.QUICK_STOP_ACTIVE, stands), position
+        assert (path.state, path.stands) == (PowerState.QUICK_STOP_ACTIVE, stands), position
         assert path.may_turn is not stands
         assert drive.order.sdo == []
         while not drive.order.sdo:
@@ -385,7 +385,7 @@ def test_a_drive_that_pulls_is_not_said_by_sdo_to_stand(mode, demand, before, st
         for request in drive.order.sdo:
             drive.answers(request.id, values[request.index])
     path.look(*drive.cycle())
-    assert path.state is State.QUICK_STOP_ACTIVE
+    assert path.state is PowerState.QUICK_STOP_ACTIVE
     assert path.stands is stands
     assert not path.may_turn
 
@@ -432,7 +432,7 @@ def test_a_drive_without_a_position_cannot_be_said_to_turn():
 
 def test_transfers_are_asked_for_together_and_end_with_the_last_answer():
     drive = Drive()
-    both = Transfers([(0x6081, 0, 500), (0x6083, 0, None)], drive.parameters)
+    both = SdoTransfers([(0x6081, 0, 500), (0x6083, 0, None)], drive.parameters)
     assert not both.step(*drive.cycle())
     first, second = drive.order.sdo
     assert (first.index, first.value, second.index, second.value) == (0x6081, 500, 0x6083, None)
@@ -444,7 +444,7 @@ def test_transfers_are_asked_for_together_and_end_with_the_last_answer():
 
 
 def test_nothing_to_transfer_has_ended_already():
-    assert Transfers([], Drive().parameters).step(*Drive().cycle())
+    assert SdoTransfers([], Drive().parameters).step(*Drive().cycle())
 
 
 @pytest.mark.parametrize(
@@ -461,7 +461,7 @@ def test_nothing_to_transfer_has_ended_already():
 def test_only_an_object_that_is_not_needed_may_be_refused(optional, code, passes):
     drive = Drive()
     items = frozenset({0x6084}) if optional else frozenset()
-    one = Transfers([(0x6084, 0, 5)], drive.parameters, items)
+    one = SdoTransfers([(0x6084, 0, 5)], drive.parameters, items)
     one.step(*drive.cycle())
     drive.answers(drive.order.sdo[0].id, abort=code)
     if passes:
@@ -475,7 +475,7 @@ def test_only_an_object_that_is_not_needed_may_be_refused(optional, code, passes
 
 def test_transfers_have_three_seconds_and_are_taken_back_after_that():
     drive = Drive()
-    two = Transfers([(0x6099, 2, 5), (0x6084, 0, 5)], drive.parameters)
+    two = SdoTransfers([(0x6099, 2, 5), (0x6084, 0, 5)], drive.parameters)
     two.step(*drive.cycle())
     asked = [request.id for request in drive.order.sdo]
     drive.later(3.0 - 2 * T)
@@ -563,11 +563,11 @@ def test_a_drive_without_6061h_has_one_mode():
 
 def test_a_fault_is_reset_by_a_rising_edge_and_by_another_one_where_it_stays():
     drive, words = Drive(), []
-    reset = Reset(drive.parameters, "too hot")
+    reset = ResetActivity(drive.parameters, "too hot")
 
     def cycles() -> None:
         while not reset.step(*drive.cycle(statusword=FAULT)):
-            words.append(drive.order.controlword(State.FAULT))
+            words.append(drive.order.controlword(PowerState.FAULT))
 
     with pytest.raises(TransitionError, match="does not go away") as caught:
         cycles()
@@ -582,18 +582,18 @@ def test_a_fault_is_reset_by_a_rising_edge_and_by_another_one_where_it_stays():
 
 def test_a_reset_without_a_fault_sends_nothing_and_one_that_worked_asks_for_no_power():
     drive = Drive()
-    assert Reset(drive.parameters).step(*drive.cycle(statusword=ENABLED))
+    assert ResetActivity(drive.parameters).step(*drive.cycle(statusword=ENABLED))
     assert drive.order.goal is None
-    reset = Reset(drive.parameters)
+    reset = ResetActivity(drive.parameters)
     for _ in range(4):
         reset.step(*drive.cycle(statusword=FAULT))
     assert reset.step(*drive.cycle(statusword=0x0250))
-    assert drive.order.goal is State.SWITCH_ON_DISABLED
+    assert drive.order.goal is PowerState.SWITCH_ON_DISABLED
 
 
 def test_a_drive_that_is_not_heard_cannot_be_reset():
     drive = Drive()
-    reset = Reset(drive.parameters)
+    reset = ResetActivity(drive.parameters)
     reset.step(*drive.cycle(statusword=None))
     drive.later(2.0)
     with pytest.raises(StaleError, match="statusword is unknown"):
@@ -616,14 +616,14 @@ def test_coasting_takes_the_power_away_at_once_where_there_is_some(word, done, s
     coast = Coast(drive.parameters)
     assert coast.step(*drive.cycle(statusword=word)) is done
     assert drive.order.controlword(drive.image.state) == sent
-    assert drive.order.goal is State.SWITCH_ON_DISABLED
+    assert drive.order.goal is PowerState.SWITCH_ON_DISABLED
 
 
 # Standing still.
 
 
 def test_still_is_what_stays_within_the_tolerance_of_one_place_for_the_window():
-    still = Still(2.0, 0.5)
+    still = SettledValue(2.0, 0.5)
     feeds = [
         (0.0, 100, False),
         (0.25, 102, False),
@@ -641,7 +641,7 @@ def test_still_is_what_stays_within_the_tolerance_of_one_place_for_the_window():
 
 
 def test_still_since_a_moment_asks_for_a_whole_window_after_it():
-    still = Still(2.0, 0.5)
+    still = SettledValue(2.0, 0.5)
     for stamp in (0.0, 0.5, 1.0):
         still.feed(0.0, stamp)
     assert [still.since(moment) for moment in (-1.0, 0.0, 0.5, 0.51, 1.0)] == [True, True, True, False, False]
@@ -653,7 +653,7 @@ def test_still_since_a_moment_asks_for_a_whole_window_after_it():
 
 
 def test_still_from_a_moment_on_ignores_what_came_before():
-    still = Still(0.0, 0.5, since=1.0)
+    still = SettledValue(0.0, 0.5, since=1.0)
     assert not still.feed(7.0, 1.0)
     assert still.rested_since == -math.inf
     assert not still.feed(7.0, 1.25)
@@ -663,8 +663,8 @@ def test_still_from_a_moment_on_ignores_what_came_before():
 # Speed and acceleration of a count.
 
 
-def track(*samples: tuple[float, int | None]) -> Track:
-    made = Track()
+def track(*samples: tuple[float, int | None]) -> VelocityEstimator:
+    made = VelocityEstimator()
     for stamp, value in samples:
         made.take(value, stamp)
     return made
@@ -953,7 +953,7 @@ def test_a_stand_needs_positions_of_a_whole_window_after_the_beginning():
     for _ in range(20):
         drive.cycle(statusword=ENABLED, position=0)
     began = drive.now
-    look = Standing(drive.parameters, began)
+    look = StandstillCheck(drive.parameters, began)
     while not look.seen(drive.cycle(position=1)[0]):
         assert drive.now < began + 1.0
     assert drive.now - began == 0.0625 + T
@@ -965,7 +965,7 @@ def test_a_stand_needs_positions_of_a_whole_window_after_the_beginning():
 )
 def test_what_is_led_elsewhere_by_more_than_the_window_does_not_stand(demand, pulls):
     drive = Drive()  # 10 ms at 400 deg/s of 1000 increments
-    look = Standing(drive.parameters, drive.now)
+    look = StandstillCheck(drive.parameters, drive.now)
     for _ in range(12):
         drive.cycle(statusword=ENABLED, mode=1, position=0, demand=demand)
         seen = look.seen(drive.image)
@@ -977,7 +977,7 @@ def test_what_is_led_elsewhere_by_more_than_the_window_does_not_stand(demand, pu
 
 def test_where_there_is_no_position_the_velocity_says_it_and_else_bit_10():
     drive = Drive()
-    look = Standing(drive.parameters, drive.now)
+    look = StandstillCheck(drive.parameters, drive.now)
     began = drive.now
     while not look.seen(drive.cycle(statusword=ENABLED, velocity=0)[0]):
         assert drive.now < began + 1.0
@@ -985,7 +985,7 @@ def test_where_there_is_no_position_the_velocity_says_it_and_else_bit_10():
     assert "606Ch" in look.witness
     assert not look.seen(drive.cycle(velocity=1)[0])
     silent = Drive()
-    look = Standing(silent.parameters, silent.now)
+    look = StandstillCheck(silent.parameters, silent.now)
     began = silent.now
     assert not look.seen(silent.cycle(statusword=ENABLED)[0])
     while not look.seen(silent.cycle(statusword=ENABLED | 0x0400)[0]):
@@ -999,7 +999,7 @@ def test_where_there_is_no_position_the_velocity_says_it_and_else_bit_10():
 def test_what_is_missing_for_a_stand_is_told():
     drive = Drive()
     drive.cycle(statusword=ENABLED, position=12_500)
-    look = Standing(drive.parameters, drive.now)
+    look = StandstillCheck(drive.parameters, drive.now)
     drive.later(0.25 - T)
     drive.cycle()
     assert look.why_not(drive.image) == (
@@ -1061,9 +1061,9 @@ def test_the_window_of_what_pulls(own, position_window, speed, expected):
 def test_what_the_parameters_derive():
     base = Drive().parameters
     assert base.pull_window == 4000.0  # 10 ms at 400 deg/s
-    assert replace(base, limits=Limits()).pull_window == 1000.0  # at the default velocity
+    assert replace(base, limits=AxisLimits()).pull_window == 1000.0  # at the default velocity
     fine = replace(base.units, position=Scale.of(1e7, "deg"))
-    bare = replace(base, units=fine, limits=Limits(), defaults=Defaults())
+    bare = replace(base, units=fine, limits=AxisLimits(), defaults=Defaults())
     assert bare.pull_window == 20.0  # where no velocity is known: no more than what a quiet encoder wanders
     assert base.standstill_tolerance == 2.0
     assert replace(base, standstill_speed=160.0).standstill_tolerance == 10.0
@@ -1076,11 +1076,13 @@ def test_what_the_parameters_derive():
     assert base.path_deceleration == 500.0
     assert base.slow_ramp == 500_000.0
     assert base.halts_torque_by_mode  # its velocity is limited, and nothing is known of its quick stop
-    assert not replace(base, limits=Limits()).halts_torque_by_mode
+    assert not replace(base, limits=AxisLimits()).halts_torque_by_mode
     assert not replace(base, modes=frozenset()).halts_torque_by_mode
-    assert replace(base, limits=Limits(position=(0.0, 1.0))).halts_torque_by_mode
+    assert replace(base, limits=AxisLimits(position=(0.0, 1.0))).halts_torque_by_mode
     assert not replace(base, braking=Braking(quick_stop=Ramp.QUICK)).halts_torque_by_mode
-    assert replace(base, holds_load=HoldsLoad.BRAKE, limits=Limits(), modes=frozenset()).halts_torque_by_mode
+    assert replace(
+        base, holds_load=HoldsLoad.BRAKE, limits=AxisLimits(), modes=frozenset()
+    ).halts_torque_by_mode
     assert base.units.torque(-250) == -2.5
     assert replace(base.units, rated_torque=None).torque(-250) == -0.25
 
@@ -1093,27 +1095,30 @@ def test_nothing_that_is_not_a_number_is_a_trapezoid():
         (0.0, 1.0, -1.0, 1.0),
     ):
         with pytest.raises(ArgumentError, match="trapezoid"):
-            Trapezoid(*values)
+            TrapezoidalTrajectory(*values)
     for positions, step in (([0.0], 1.0), ([0.0, 1.0], 0.0), ([0.0, math.inf], 1.0), ([0.0, 1.0], math.nan)):
         with pytest.raises(ArgumentError, match="sampled"):
-            Sampled(positions, step)
+            SampledTrajectory(positions, step)
 
 
 def test_the_positions_of_a_trapezoid_by_hand():
-    long = Trapezoid(2.0, -10.0, 4.0, 2.0)  # 2 s up, 1 s, 2 s down
+    long = TrapezoidalTrajectory(2.0, -10.0, 4.0, 2.0)  # 2 s up, 1 s, 2 s down
     assert long.duration == 5.0
     assert [long.position(t) for t in (-1.0, 0.0, 1.0, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0)] == [
         *(2.0, 2.0, 1.0, -2.0, -4.0, -6.0, -9.0, -10.0, -10.0)
     ]
     assert (long.span, long.top_speed, long.top_acceleration) == ((-10.0, 2.0), 4.0, 2.0)
-    short = Trapezoid(0.0, 2.0, 4.0, 2.0)  # 1 s up, 1 s down
+    short = TrapezoidalTrajectory(0.0, 2.0, 4.0, 2.0)  # 1 s up, 1 s down
     assert [short.position(t) for t in (0.5, 1.0, 1.5, 2.0)] == [0.25, 1.0, 1.75, 2.0]
     assert (short.duration, short.top_speed) == (2.0, 2.0)
-    assert (Trapezoid(3.0, 3.0, 1.0, 1.0).top_acceleration, Trapezoid(3.0, 3.0, 1.0, 1.0).position(1.0)) == (
+    assert (
+        TrapezoidalTrajectory(3.0, 3.0, 1.0, 1.0).top_acceleration,
+        TrapezoidalTrajectory(3.0, 3.0, 1.0, 1.0).position(1.0),
+    ) == (
         0.0,
         3.0,
     )
-    points = Sampled([1.0, 3.0, -1.0], 0.5)
+    points = SampledTrajectory([1.0, 3.0, -1.0], 0.5)
     assert (points.duration, points.span, points.top_speed) == (1.0, (-1.0, 3.0), 8.0)
     assert [points.position(t) for t in (-1.0, 0.0, 0.25, 0.5, 0.75, 1.0, 2.0)] == [
         1.0,
@@ -1154,7 +1159,7 @@ def test_a_period_that_cannot_be_said_is_refused(period):
 
 
 def test_what_is_written_before_a_move():
-    profile = Profile(7, 8, 9, None, None)
+    profile = MoveProfile(7, 8, 9, None, None)
     base = Drive().parameters
     position = [(0x6081, 0, 7), (0x6083, 0, 8), (0x6084, 0, 9), (0x6082, 0, 0)]
     assert profile_writes(profile, base, ModeOfOperation.PROFILE_POSITION) == [
@@ -1174,8 +1179,8 @@ def test_what_is_written_before_a_move():
     ("changes", "written"),
     [
         ({}, [(0x6084, 0, 500_000)]),
-        ({"limits": Limits()}, []),
-        ({"limits": Limits(), "braking": Braking(quick_stop=Ramp.SLOW)}, [(0x6084, 0, 500_000)]),
+        ({"limits": AxisLimits()}, []),
+        ({"limits": AxisLimits(), "braking": Braking(quick_stop=Ramp.SLOW)}, [(0x6084, 0, 500_000)]),
         ({"braking": Braking(quick_stop=Ramp.QUICK)}, []),
         ({"defaults": Defaults()}, []),
         ({"defaults": Defaults(acceleration=5.0, deceleration=0.0001)}, [(0x6084, 0, 1)]),
@@ -1188,7 +1193,7 @@ def test_what_brakes_an_axis_under_torque_is_written_before(changes, written):
 
 
 def test_a_move_begins_when_its_mode_is_shown_its_objects_written_and_the_others_ready():
-    drive, gate = Drive(), Gate()
+    drive, gate = Drive(), StartBarrier()
     mode = ModeSwitch(ModeOfOperation.PROFILE_POSITION, drive.parameters)
     prepare = Prepare(mode, *2 * [RampTransfers([(0x6081, 0, 7)], drive.parameters)], gate)
     assert not prepare.step(*drive.cycle(statusword=ENABLED, mode=3, position=0))
@@ -1267,7 +1272,7 @@ def test_a_drive_without_60c2h_has_its_own_time_and_one_that_refuses_it_is_told(
 def test_a_demand_that_comes_as_often_as_the_position_must_be_still_too():
     drive = Drive(ages={"demand": 10.0})
     drive.cycle(statusword=ENABLED, mode=1, position=0, demand=0)
-    look = Standing(drive.parameters, drive.now)
+    look = StandstillCheck(drive.parameters, drive.now)
     for number in range(20):
         assert not look.seen(drive.cycle(position=0, demand=10 * number)[0])
     since = drive.now
@@ -1284,7 +1289,7 @@ def test_what_pushes_against_something_does_not_stand():
         (HoldsLoad.TORQUE, 51, True),
     ):
         drive = Drive(holds_load=holds_load)
-        look = Standing(drive.parameters, drive.now)
+        look = StandstillCheck(drive.parameters, drive.now)
         for _ in range(12):
             seen = look.seen(drive.cycle(statusword=ENABLED, mode=4, position=0, torque=torque)[0])
         assert seen is stands
@@ -1297,7 +1302,7 @@ def test_what_pushes_against_something_does_not_stand():
 
 def test_an_axis_in_a_torque_mode_whose_torque_does_not_travel_stands_by_its_position():
     drive = Drive()
-    look = Standing(drive.parameters, drive.now)
+    look = StandstillCheck(drive.parameters, drive.now)
     for _ in range(12):
         seen = look.seen(drive.cycle(statusword=ENABLED, mode=4, position=0)[0])
     assert seen
@@ -1305,7 +1310,7 @@ def test_an_axis_in_a_torque_mode_whose_torque_does_not_travel_stands_by_its_pos
 
 def test_without_power_a_demand_says_nothing():
     drive = Drive(ages={"demand": 10.0})
-    look = Standing(drive.parameters, drive.now)
+    look = StandstillCheck(drive.parameters, drive.now)
     for number in range(12):
         seen = look.seen(drive.cycle(statusword=0x0250, mode=1, position=0, demand=100 * number)[0])
     assert seen
@@ -1314,7 +1319,7 @@ def test_without_power_a_demand_says_nothing():
 def test_by_its_velocity_an_axis_stands_after_a_whole_window_that_begins_with_the_look():
     drive = Drive()
     drive.cycle(statusword=ENABLED, velocity=0)
-    look = Standing(drive.parameters, drive.now)
+    look = StandstillCheck(drive.parameters, drive.now)
     began = drive.now
     assert not look.seen(drive.image)
     while not look.seen(drive.cycle(velocity=0)[0]):
@@ -1331,7 +1336,7 @@ def test_by_its_velocity_an_axis_stands_after_a_whole_window_that_begins_with_th
 def test_bit_10_says_it_once_bits_have_settled_and_a_window_has_passed():
     timing = replace(TIMING, settle=0.03125)
     silent = Drive(timing=timing)
-    look = Standing(silent.parameters, silent.now)
+    look = StandstillCheck(silent.parameters, silent.now)
     began = silent.now
     while not look.seen(silent.cycle(statusword=ENABLED | 0x0400)[0]):
         assert silent.now < began + 1.0
@@ -1341,7 +1346,7 @@ def test_bit_10_says_it_once_bits_have_settled_and_a_window_has_passed():
 
 def test_what_is_not_known_to_be_anywhere_is_not_held():
     drive = Drive()
-    look = Standing(drive.parameters, drive.now)
+    look = StandstillCheck(drive.parameters, drive.now)
     for _ in range(12):
         look.seen(drive.cycle(statusword=ENABLED, mode=4, position=0, torque=51)[0])
     assert look.is_held(drive.image)
@@ -1351,7 +1356,7 @@ def test_what_is_not_known_to_be_anywhere_is_not_held():
 @pytest.mark.parametrize(("velocity", "stands"), [(100, True), (-100, True), (101, False), (-101, False)])
 def test_by_its_velocity_an_axis_stands_where_that_is_no_more_than_the_cell_says(velocity, stands):
     drive = Drive(standstill_speed=100.0)
-    look = Standing(drive.parameters, drive.now)
+    look = StandstillCheck(drive.parameters, drive.now)
     for _ in range(12):
         seen = look.seen(drive.cycle(statusword=ENABLED, velocity=velocity)[0])
     assert seen is stands
@@ -1360,18 +1365,18 @@ def test_by_its_velocity_an_axis_stands_where_that_is_no_more_than_the_cell_says
 # Commands that take effect at rest.
 
 
-def waiting(*names: str) -> tuple[Drive, RestWaits, list[tuple[str, str]]]:
+def waiting(*names: str) -> tuple[Drive, StandstillWaiters, list[tuple[str, str]]]:
     """Commands of these names that wait for a rest; what becomes of each is noted."""
     drive, ends = Drive(), []
-    waits = RestWaits(drive.parameters)
+    waits = StandstillWaiters(drive.parameters)
     for name in names:
-        ticket = Ticket(name)
+        ticket = CommandStatus(name)
         waits.add(ticket, lambda name=name: ends.append((name, "done")))
         assert ticket.status is Status.ACTIVE
     return drive, waits, ends
 
 
-def rest_step(waits: RestWaits, drive: Drive, ends: list[tuple[str, str]]) -> None:
+def rest_step(waits: StandstillWaiters, drive: Drive, ends: list[tuple[str, str]]) -> None:
     waits.step(drive.image, lambda ticket, error: ends.append((ticket.name, error and error.message)))
 
 
@@ -1401,7 +1406,7 @@ def test_an_axis_that_does_not_come_to_rest_in_two_seconds_refuses_what_waits_fo
 def test_a_demand_that_is_polled_counts_from_the_beginning_of_the_rest():
     drive = Drive(ages={"demand": 10.0})
     drive.cycle(statusword=ENABLED, mode=1, position=0, demand=0)
-    look = Standing(drive.parameters, drive.now)
+    look = StandstillCheck(drive.parameters, drive.now)
     for position in (100, 200):
         assert not look.seen(drive.cycle(position=position, demand=0)[0])
     for _ in range(20):
@@ -1410,7 +1415,7 @@ def test_a_demand_that_is_polled_counts_from_the_beginning_of_the_rest():
     assert look.seen(drive.cycle(position=300)[0])
     other = Drive()  # one that comes on change says by its silence that it is the same
     other.cycle(statusword=ENABLED, mode=1, position=0, demand=0)
-    look = Standing(other.parameters, other.now)
+    look = StandstillCheck(other.parameters, other.now)
     seen = [look.seen(other.cycle(position=0)[0]) for _ in range(6)]
     assert seen == [False] * 4 + [True] * 2
 
@@ -1426,7 +1431,7 @@ def test_a_demand_that_is_polled_counts_from_the_beginning_of_the_rest():
     ],
 )
 def test_what_a_path_is_braked_with(defaults, limit, expected):
-    base = Drive(defaults=defaults, limits=Limits(acceleration=limit)).parameters
+    base = Drive(defaults=defaults, limits=AxisLimits(acceleration=limit)).parameters
     assert base.path_deceleration == expected
     assert base.slow_ramp == (None if expected is None else expected * 1000.0)
     unknown = replace(base, units=replace(base.units, ratio_known=False))
@@ -1435,11 +1440,11 @@ def test_what_a_path_is_braked_with(defaults, limit, expected):
 
 def test_the_edge_of_a_reset_stays_high_for_four_cycles_however_short_a_transition_may_take():
     drive = Drive(timing=replace(TIMING, transition=6 * T))
-    reset = Reset(drive.parameters)
+    reset = ResetActivity(drive.parameters)
     words = []
     for _ in range(7):
         reset.step(*drive.cycle(statusword=FAULT))
-        words.append(drive.order.controlword(State.FAULT))
+        words.append(drive.order.controlword(PowerState.FAULT))
     assert words[:6] == [0x00, 0x00, 0x80, 0x80, 0x80, 0x80]
     assert words[6] == 0x00
 

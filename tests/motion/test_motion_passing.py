@@ -7,39 +7,41 @@ from types import SimpleNamespace
 import pytest
 
 from axisbus.motion.blending.mode import BufferMode
-from axisbus.motion.blending.pp_blending import Handed, Passing
-from axisbus.motion.command_status import Status, Ticket
+from axisbus.motion.blending.pp_blending import BlendedTarget, PpBlending
+from axisbus.motion.command_status import CommandStatus, Status
 from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.prepare import RampTransfers
-from axisbus.motion.moves.profile import Profile
+from axisbus.motion.moves.profile import MoveProfile
 from kit.motion.steps import Drive
 
 UNIT = 1000.0  # increments of a degree in the rig
 
 
-def profile(speed: float, down: float = 400_000.0, timeout: float | None = None) -> Profile:
+def profile(speed: float, down: float = 400_000.0, timeout: float | None = None) -> MoveProfile:
     ramp = int(down / 1000)
-    return Profile(int(speed), ramp, ramp, speed, down, timeout, down, down)
+    return MoveProfile(int(speed), ramp, ramp, speed, down, timeout, down, down)
 
 
 class Passed:
     """A move from 0 to 100,000 increments, and a second one to 200,000."""
 
-    def __init__(self, mode: str, first: Profile, second: Profile, taken: float = 0.0) -> None:
+    def __init__(self, mode: str, first: MoveProfile, second: MoveProfile, taken: float = 0.0) -> None:
         self.drive = Drive()
-        self.first, self.second = Ticket("first"), Ticket("second")
+        self.first, self.second = CommandStatus("first"), CommandStatus("second")
         self.first.begin()
-        self.passing = Passing(Handed(100_000, first, BufferMode.BUFFERED, self.first), self.drive.parameters)
-        part = Handed(200_000, second, BufferMode(f"blending_{mode}"), self.second)
+        self.passing = PpBlending(
+            BlendedTarget(100_000, first, BufferMode.BUFFERED, self.first), self.drive.parameters
+        )
+        part = BlendedTarget(200_000, second, BufferMode(f"blending_{mode}"), self.second)
         self.passing.add(part, self.drive.now)
         self.passing.taken(self.drive.now + taken)
 
-    def at(self, position: int, override: float = 1.0) -> Profile | None:
+    def at(self, position: int, override: float = 1.0) -> MoveProfile | None:
         image, _ = self.drive.cycle(position=position, statusword=0x1237, mode=1)
         image.override = override
         return self.passing.look(image)
 
-    def asked_at(self, override: float = 1.0) -> list[tuple[int, Profile]]:
+    def asked_at(self, override: float = 1.0) -> list[tuple[int, MoveProfile]]:
         """Where the drive was asked for another profile, on its whole way."""
         seen = ((place, self.at(place, override)) for place in range(0, 200_001, 100))
         return [(place, profile) for place, profile in seen if profile is not None]
@@ -123,11 +125,11 @@ def test_a_drive_that_has_reached_the_first_end_has_not_reached_what_joined_mean
     drive, reached, acknowledge = Drive(), 0x0400, 0x1000
     ready = SimpleNamespace(step=lambda *_: True, cancel=lambda _: None, leading=None, leaving=None)
     ready.ramps = RampTransfers((), drive.parameters)
-    first = Ticket("first")
+    first = CommandStatus("first")
     move = PositionMove(500, SLOW, drive.parameters, ready, None)
     for word in (0x0237, 0x0237 | acknowledge):
         assert not move.step(*drive.cycle(statusword=word, mode=1, position=500))
-    move.join(Handed(900, SLOW, BufferMode.LOW, Ticket("second")), first, drive.image)
+    move.join(BlendedTarget(900, SLOW, BufferMode.LOW, CommandStatus("second")), first, drive.image)
     assert not move.step(*drive.cycle(statusword=0x0237 | reached, position=500))
     assert move.set_point.target == 500
     targets = set()

@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus.errors import LimitError
-from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.point_stream.commands import Span
-from axisbus.motion.point_stream.curve_fit import SHARE, Allowed, Joining, Point
+from axisbus.motion.point_stream.curve_fit import SHARE, Allowed, CurveFit, StreamPoint
 from axisbus.motion.point_stream.quintic import Motion, at, coefficients, controls, derived, reach
 from axisbus.motion.point_stream.rate import StreamTravel
 from axisbus.motion.point_stream.stream import PatientGate
-from axisbus.motion.point_stream.timeline import Course
+from axisbus.motion.point_stream.timeline import StreamTimeline
 
 VALUES = st.floats(-100.0, 100.0)
 MOTIONS = st.builds(Motion, VALUES, VALUES, VALUES)
@@ -53,8 +53,8 @@ def test_its_reach_is_that_of_the_curve(begin, end, seconds):
 
 
 def joined(points) -> list[Span]:
-    joining = Joining({"x": MAY}, "x.stream")
-    spans = [joining.take(Point(t, (x,))) for t, x in points]
+    joining = CurveFit({"x": MAY}, "x.stream")
+    spans = [joining.take(StreamPoint(t, (x,))) for t, x in points]
     return [span for span in [*spans, joining.end()] if span is not None]
 
 
@@ -80,24 +80,24 @@ def test_straight_lines_and_constant_accelerations_stay_what_they_are(path):
 
 def test_what_is_refused_changes_nothing():
     points = [(0.01 * n, 10.0 * math.sin(3.0 * 0.01 * n)) for n in range(20)]
-    joining, other = Joining({"x": MAY}, "x.stream"), Joining({"x": MAY}, "x.stream")
+    joining, other = CurveFit({"x": MAY}, "x.stream"), CurveFit({"x": MAY}, "x.stream")
     for t, x in points:
         for wrong in (x + 9.0, x - 1.0, 500.0):
             if t > 0.015:  # the first two make a straight line, which an axis takes up at its own pace
                 with pytest.raises(LimitError, match=f"point {joining.count + 1} leads x beyond its"):
-                    joining.take(Point(t, (wrong,)))
-        assert joining.take(Point(t, (x,))) == other.take(Point(t, (x,)))
+                    joining.take(StreamPoint(t, (wrong,)))
+        assert joining.take(StreamPoint(t, (x,))) == other.take(StreamPoint(t, (x,)))
     assert joining.end() == other.end()
 
 
 def test_what_was_taken_can_be_ended_anywhere():
     rnd = random.Random(5)
-    joining, x = Joining({"x": MAY}, "x.stream"), 0.0
+    joining, x = CurveFit({"x": MAY}, "x.stream"), 0.0
     taken = 0
     for number in range(400):
         wanted = x + rnd.uniform(-0.25, 0.25)
         try:
-            joining.take(Point(0.02 * number, (wanted,)))
+            joining.take(StreamPoint(0.02 * number, (wanted,)))
         except LimitError:
             continue
         x, taken = wanted, taken + 1
@@ -107,20 +107,20 @@ def test_what_was_taken_can_be_ended_anywhere():
 
 def test_no_point_leads_where_it_cannot_be_braked_in_time():
     lame = MAY._replace(braking=10.0)
-    joining = Joining({"x": lame}, "x.stream")
+    joining = CurveFit({"x": lame}, "x.stream")
     with pytest.raises(LimitError, match="could not be braked from"):
         for number in range(9):
-            joining.take(Point(0.01 * number, (3.0 * 0.01 * number * 50.0,)))
+            joining.take(StreamPoint(0.01 * number, (3.0 * 0.01 * number * 50.0,)))
 
 
 def random_spans(rnd: random.Random) -> list[Span]:
     """Those of points that were taken, of which some are near the limits."""
-    joining, spans, t = Joining({"x": MAY}, "x.stream"), [], 0.0
+    joining, spans, t = CurveFit({"x": MAY}, "x.stream"), [], 0.0
     size, pulse = rnd.uniform(1.0, 60.0), rnd.uniform(0.5, 12.0)
     for _ in range(rnd.randint(2, 120)):
         grown = min(t / 0.5, 1.0) ** 3 * (10.0 - 15.0 * min(t / 0.5, 1.0) + 6.0 * min(t / 0.5, 1.0) ** 2)
         try:
-            spans.append(joining.take(Point(t, (size * grown * math.sin(pulse * t),))))
+            spans.append(joining.take(StreamPoint(t, (size * grown * math.sin(pulse * t),))))
         except LimitError:
             break
         t += PERIOD * rnd.choice([0.13, 0.5, 1.0, 1.0, 2.7, 9.0])
@@ -132,7 +132,7 @@ def random_spans(rnd: random.Random) -> list[Span]:
 def test_no_pace_whatever_comes_when_asks_more_of_an_axis_than_it_may(seed):
     """Spans come in bursts, late and not at all; it is halted, and slowed by an override. The last place is the end."""
     rnd = random.Random(seed)
-    spans, course, travel = random_spans(rnd), Course(), StreamTravel()
+    spans, course, travel = random_spans(rnd), StreamTimeline(), StreamTravel()
     if not spans:
         return
     course.add(spans.pop(0))
@@ -167,7 +167,7 @@ def test_no_pace_whatever_comes_when_asks_more_of_an_axis_than_it_may(seed):
 
 def test_a_pace_stays_that_of_the_points_while_enough_is_known():
     """Also over spans of which the ramps differ by powers of ten, and that are shorter than a cycle."""
-    course, travel = Course(), StreamTravel()
+    course, travel = StreamTimeline(), StreamTravel()
     for number in range(400):
         course.add(Span(0.0011, 10.0 ** (number % 5), ((float(number), 0.0, 0.0, 0.0, 0.0, 0.0),)))
     travel.begin(course, 1.0)
@@ -182,7 +182,7 @@ def test_a_pace_stays_that_of_the_points_while_enough_is_known():
 @pytest.mark.parametrize("period", [0.001, 0.004, 0.01, 0.02])
 @pytest.mark.parametrize("seconds", [0.1, 1.0, 0.7, 1 / 3, 12.345])
 def test_what_stands_at_its_end_comes_to_it_exactly_however_steep_its_ramp(period, seconds):
-    course, travel, still = Course(), StreamTravel(), ((0.0,) * 6,)
+    course, travel, still = StreamTimeline(), StreamTravel(), ((0.0,) * 6,)
     for span in (Span(period, 1e4, still), Span(seconds, 25.0, still), Span(period, 1e4, still)):
         course.add(span)
     travel.begin(course, 1.0)
@@ -202,7 +202,7 @@ def test_the_axes_may_use_four_fifths_of_their_acceleration():
 
 
 def test_a_patient_gate_opens_when_all_are_there_and_it_may():
-    for gate, opens in ((Gate(), True), (PatientGate(), False)):
+    for gate, opens in ((StartBarrier(), True), (PatientGate(), False)):
         for comer in ("x", "y"):
             gate.pass_through(comer)
         gate.update(2)

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from axisbus.errors import AxisbusError, LimitError, MotionTimeout
 from axisbus.motion.moves.profile import braking_distance
-from axisbus.motion.moves.profile_from_speed import Onward, Start
-from axisbus.motion.parameters import Defaults, Limits
+from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
+from axisbus.motion.parameters import AxisLimits, Defaults
 from axisbus.motion.pathclock import PathClock
 from axisbus.motion.position_limits import (
     Room,
@@ -27,7 +27,7 @@ from axisbus.motion.position_limits import (
     widened,
 )
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.motor import MotorParams
 from kit.motion.rig import PERIOD, rig
 from kit.motion.watch import HALT, Watch
@@ -117,7 +117,7 @@ def test_a_count_ends_where_its_drive_begins_anew(lap):
 
 def bounded(names: str = "x", *, seed: int = 0, place: float | None = None, motor=NOISE, **changes):
     """An axis from 0 to 60 deg that stands at ``place``, with an encoder that wanders."""
-    limits = Limits(position=LIMITS, velocity=400.0, acceleration=2000.0)
+    limits = AxisLimits(position=LIMITS, velocity=400.0, acceleration=2000.0)
     r = rig(names, motor=motor, limits=changes.pop("limits", limits), **changes).enabled()
     for number, device in enumerate(r.devices):
         device.drives[0]._feedback._random.seed(seed + number)
@@ -139,7 +139,7 @@ def inward(r) -> float:
 
 
 def _follow(r, to):
-    return r.axis.follow(Trapezoid(r.axis.position, to, 50.0, 300.0))
+    return r.axis.follow(TrapezoidalTrajectory(r.axis.position, to, 50.0, 300.0))
 
 
 def _gear(r, speed):
@@ -174,7 +174,7 @@ PLACES = (None, -0.002, -0.03, -5.0, 60.0, 60.002, 60.03, 65.0)
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("way", WAYS)
 def test_an_axis_comes_back_from_a_limit_and_from_beyond_it(way, place, seed):
-    r = bounded("xy", seed=seed, place=place, each={"y": {"limits": Limits(velocity=400.0)}})
+    r = bounded("xy", seed=seed, place=place, each={"y": {"limits": AxisLimits(velocity=400.0)}})
     farthest = out_of(r)
     handle = WAYS[way](r)
     for _ in range(40):
@@ -204,7 +204,7 @@ OUT = {
 @pytest.mark.parametrize("place", [-5.0, -0.03, 60.03, 65.0])
 @pytest.mark.parametrize("way", OUT)
 def test_nothing_leads_an_axis_that_is_beyond_a_limit_farther_out(way, place):
-    r = bounded("xy", place=place, each={"y": {"limits": Limits(velocity=400.0)}})
+    r = bounded("xy", place=place, each={"y": {"limits": AxisLimits(velocity=400.0)}})
     begun = out_of(r)
     try:
         handle = OUT[way](r)
@@ -223,7 +223,7 @@ def test_nothing_leads_an_axis_that_is_beyond_a_limit_farther_out(way, place):
 
 @pytest.mark.parametrize("place", [0.0, -0.002, 60.0, 60.002])
 def test_an_arc_may_begin_where_a_position_wanders_at_a_limit(place):
-    r = bounded("xy", place=place, each={"y": {"limits": Limits(velocity=400.0)}})
+    r = bounded("xy", place=place, each={"y": {"limits": AxisLimits(velocity=400.0)}})
     here, begun = (r.axis.led_to, r.axes["y"].led_to), out_of(r)
     centre, end = ((here[0] + inward(r) * way, here[1]) for way in (10.0, 20.0))
     arc = r.group("x", "y").move_circular(end, centre=centre, velocity=40.0, acceleration=300.0)
@@ -235,7 +235,7 @@ def test_an_arc_may_begin_where_a_position_wanders_at_a_limit(place):
 
 @pytest.mark.parametrize("place", [-5.0, 65.0])
 def test_a_circle_does_not_begin_beyond_a_limit(place):
-    r = bounded("xy", place=place, each={"y": {"limits": Limits(velocity=400.0)}})
+    r = bounded("xy", place=place, each={"y": {"limits": AxisLimits(velocity=400.0)}})
     with pytest.raises(LimitError, match="circle leaves"):
         r.group("x", "y").move_circular((30.0, 20.0), via=(30.0, 0.0), velocity=40.0)
 
@@ -289,7 +289,7 @@ def test_a_trajectory_that_comes_in_from_beyond_a_limit_does_not_go_out_again(pa
 
 
 def test_a_slave_that_came_in_from_beyond_a_limit_is_not_led_out_again():
-    r = bounded("xy", place=-5.0, motor=None, each={"y": {"limits": Limits(velocity=400.0)}})
+    r = bounded("xy", place=-5.0, motor=None, each={"y": {"limits": AxisLimits(velocity=400.0)}})
     handle = _gear(r, 10.0)
     r.until(lambda: r.axis.position > 2.0)
     r.axes["y"].move_velocity(-10.0)
@@ -317,7 +317,7 @@ def test_a_stop_of_a_move_that_ends_at_its_limit_stands_within_it(
 ):
     """The move brakes harder than the axis does by default; the motor tells where it came to rest, and how hard it was braked."""
     own = 300.0 * harder
-    limits = Limits(position=(-1.0, 60.0), velocity=400.0, acceleration=own if limited else None)
+    limits = AxisLimits(position=(-1.0, 60.0), velocity=400.0, acceleration=own if limited else None)
     r = bounded(
         motor=None, limits=limits, defaults=Defaults(velocity=100.0, acceleration=300.0, deceleration=300.0)
     )
@@ -388,7 +388,7 @@ def test_a_deadline_that_passes_during_a_halt_changes_nothing_of_it(jerk, buffer
     st.floats(0.1, 1.5),
 )
 def test_a_path_that_is_braked_is_no_harder_than_its_deceleration(period, after, ramp, rate):
-    path = Trapezoid(0.0, 3000.0, 350.0, ramp)
+    path = TrapezoidalTrajectory(0.0, 3000.0, 350.0, ramp)
     clock, seen = PathClock(), [0.0]
     while clock.t < after:
         clock.aim(rate, path.position, 3600.0)
@@ -408,7 +408,7 @@ def test_a_path_that_is_braked_is_no_harder_than_its_deceleration(period, after,
 @given(st.floats(1.0, 300.0), st.floats(10.0, 3000.0), st.floats(-100.0, 100.0))
 def test_an_axis_that_brakes_now_rests_where_its_path_ends(velocity, deceleration, position):
     stop = rest(position, velocity, deceleration)
-    path = Onward(Start(position, velocity), stop, velocity, deceleration, deceleration)
+    path = ProfileFromSpeed(Start(position, velocity), stop, velocity, deceleration, deceleration)
     assert path.position(path.duration + 1.0) == stop
     assert path.span[1] == pytest.approx(stop)
 
@@ -452,7 +452,7 @@ class Unknown:
 
 
 def _superimposed(r):
-    r.axis.follow(Trapezoid(r.axis.position, r.axis.position + 15.0, 5.0, 300.0))
+    r.axis.follow(TrapezoidalTrajectory(r.axis.position, r.axis.position + 15.0, 5.0, 300.0))
     r.run(0.5)
     return r.axis.move_superimposed(20.0)
 
@@ -518,7 +518,7 @@ def test_a_velocity_of_the_drive_goes_on_past_the_end_of_the_count_and_its_moves
 @pytest.mark.parametrize("way", ["move_relative", "follow", "follow, not known", "line"])
 def test_position_limits_farther_away_do_not_hide_the_end_of_the_count(way):
     ways = TOO_FAR | {"line": lambda r: r.group("x").move_linear((30.0,), velocity=20.0)}
-    r = at_the_top(limits=Limits(position=(-1000.0, 1000.0), velocity=400.0, acceleration=2000.0))
+    r = at_the_top(limits=AxisLimits(position=(-1000.0, 1000.0), velocity=400.0, acceleration=2000.0))
     r.axis.set_position(0.0).wait(2)
     watch = Watch(r)
     handle = ways[way](r)

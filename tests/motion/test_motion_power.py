@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import ValueTransport
 from axisbus.errors import DriveError, DriveFault, ModeError, StaleError, StateError, Stopped, TransitionError
 from axisbus.motion.command_status import Status
 from axisbus.motion.states import AxisState
@@ -295,7 +295,7 @@ def test_a_node_that_was_lost_is_not_enabled():
 
 
 def test_enable_needs_to_know_where_the_axis_is():
-    r = rig(port={"inputs": {"position": Source.NONE}})
+    r = rig(port={"inputs": {"position": ValueTransport.NONE}})
     with pytest.raises(StaleError, match="6064h"):
         r.axis.enable().wait(3)
     assert r.drive.power.stage == DISABLED

@@ -6,16 +6,16 @@ from itertools import permutations
 
 import pytest
 
-from axisbus.motion.parameters import HoldsLoad, Homing, Limits
+from axisbus.motion.parameters import AxisLimits, HoldsLoad, HomingParameters
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.motor import MotorParams
 from kit.motion.rig import PERIOD, rig
 from kit.motion.watch import ENABLED, Watch
 
 PP, PV, TQ, HM, CSP, CSV, CST = 1, 3, 4, 6, 8, 9, 10
 LOAD = MotorParams(load=300.0, start_position=7_000.0)  # 30 % of rated torque hang on it
-SEARCH = Homing(method=37, speed_switch=20.0, speed_zero=5.0)
+SEARCH = HomingParameters(method=37, speed_switch=20.0, speed_zero=5.0)
 
 
 def stale(drive, mode: int) -> None:
@@ -42,7 +42,7 @@ def run_in(r, mode: int) -> None:
         axis.home(37).wait(5)
     else:
         here = axis.position
-        axis.follow(Trapezoid(here, here + 2.0, 50.0, 500.0)).wait(5)
+        axis.follow(TrapezoidalTrajectory(here, here + 2.0, 50.0, 500.0)).wait(5)
     r.run(0.2)
 
 
@@ -107,7 +107,7 @@ def test_an_axis_that_turns_while_it_is_enabled_is_caught_and_not_thrown_back():
 
 @pytest.mark.parametrize(("first", "second"), list(permutations([PP, PV, TQ, HM, CSP], 2)))
 def test_no_change_of_mode_moves_a_standing_axis(first, second):
-    r = rig(homing=SEARCH, limits=Limits()).enabled()
+    r = rig(homing=SEARCH, limits=AxisLimits()).enabled()
     run_in(r, first)
     r.drive.dials.mode_delay = 0.03
     watch = Watch(r)
@@ -121,7 +121,7 @@ def test_no_change_of_mode_moves_a_standing_axis(first, second):
         r.axis.home(37).wait(5)
     else:
         here = r.axis.position
-        r.axis.follow(Trapezoid(here, here, 50.0, 500.0)).wait(5)
+        r.axis.follow(TrapezoidalTrajectory(here, here, 50.0, 500.0)).wait(5)
     r.run(0.3)
     assert watch.modes[-1] == second
     assert watch.displacement <= 60  # the drive's own window: what a move left open may still be closed
@@ -131,7 +131,7 @@ def test_no_change_of_mode_moves_a_standing_axis(first, second):
 @pytest.mark.parametrize(("first", "second"), list(permutations([PP, PV, HM, CSP], 2)))
 def test_no_change_of_mode_lets_a_loaded_axis_sag(first, second):
     """The reference is the demand: the actual position lies below it, and would go a little deeper at every change."""
-    r = rig(motor=LOAD, homing=SEARCH, limits=Limits(), holds_load=HoldsLoad.TORQUE)
+    r = rig(motor=LOAD, homing=SEARCH, limits=AxisLimits(), holds_load=HoldsLoad.TORQUE)
     r.drive.start_enabled(1)  # the load hangs on the motor when we come
     r.run(0.2)
     r.axis.enable().wait(2)
@@ -150,7 +150,7 @@ def test_no_change_of_mode_lets_a_loaded_axis_sag(first, second):
                 r.axis.home(37).wait(5)
             else:
                 here = (r.drive.position_demand - r.core.image.origin) / 1000
-                r.axis.follow(Trapezoid(here, here, 50.0, 500.0)).wait(5)
+                r.axis.follow(TrapezoidalTrajectory(here, here, 50.0, 500.0)).wait(5)
             r.run(0.1)
     assert r.drive.axis.motor.position == pytest.approx(start, abs=60)
     assert watch.travel[0] >= start - 60
@@ -172,7 +172,7 @@ def test_a_mode_that_was_asked_for_and_is_not_wanted_any_more_is_taken_back(paus
 
 
 def test_a_load_does_not_fall_while_torque_mode_is_entered_and_left():
-    r = rig(motor=LOAD, limits=Limits(), holds_load=HoldsLoad.TORQUE)
+    r = rig(motor=LOAD, limits=AxisLimits(), holds_load=HoldsLoad.TORQUE)
     r.drive.start_enabled(1)
     r.run(0.2)
     r.axis.enable().wait(2)
@@ -191,9 +191,9 @@ def test_after_homing_and_set_position_the_reference_is_loaded_again():
     r.axis.move_relative(10.0).wait(5)
     r.axis.home(37).wait(5)
     watch = Watch(r)
-    r.axis.follow(Trapezoid(0.0, 0.0, 50.0, 500.0)).wait(5)
+    r.axis.follow(TrapezoidalTrajectory(0.0, 0.0, 50.0, 500.0)).wait(5)
     r.axis.set_position(123.0).wait(1)
-    r.axis.follow(Trapezoid(123.0, 123.0, 50.0, 500.0)).wait(5)
+    r.axis.follow(TrapezoidalTrajectory(123.0, 123.0, 50.0, 500.0)).wait(5)
     r.axis.move_relative(0.0).wait(5)
     r.run(0.3)
     assert watch.displacement <= 2
@@ -204,7 +204,7 @@ def test_offsets_of_another_program_are_taken_back_before_a_trajectory():
     r = rig().enabled()
     r.device.write(0x60B0, 0, 30_000)
     watch = Watch(r)
-    r.axis.follow(Trapezoid(0.0, 1.0, 50.0, 500.0)).wait(5)
+    r.axis.follow(TrapezoidalTrajectory(0.0, 1.0, 50.0, 500.0)).wait(5)
     r.run(PERIOD)
     assert watch.travel[1] <= 1_010
     assert r.device.read(0x60B0, 0) == 0

@@ -11,19 +11,19 @@ from hypothesis import strategies as st
 
 from axisbus.errors import LimitError
 from axisbus.motion.group.path_builder import plan_line
-from axisbus.motion.group.start_barrier import OPEN, Gate
+from axisbus.motion.group.start_barrier import OPEN, StartBarrier
 from axisbus.motion.moves.interpolation import interpolation_period
 from axisbus.motion.moves.profile import braking_distance, duration
-from axisbus.motion.parameters import Limits
+from axisbus.motion.parameters import AxisLimits
 from axisbus.motion.pathclock import PathClock
 from axisbus.motion.stop.policy import FaultPolicy
-from axisbus.motion.trajectory import Sampled, Trapezoid
+from axisbus.motion.trajectory import SampledTrajectory, TrapezoidalTrajectory
 from kit.motion.rig import GENERIC, dictionary_of, parameters
 
 PLACES = st.floats(-1e4, 1e4)
 SPEEDS = st.floats(0.1, 1e3)
 RAMPS = st.floats(0.1, 1e4)
-TRAPEZOIDS = st.builds(Trapezoid, PLACES, PLACES, SPEEDS, RAMPS)
+TRAPEZOIDS = st.builds(TrapezoidalTrajectory, PLACES, PLACES, SPEEDS, RAMPS)
 STEPS = 400
 SAME = settings(deadline=None, derandomize=True)  # the same examples in every run, on however busy a computer
 
@@ -113,7 +113,7 @@ def test_braking_takes_half_of_the_way_that_full_speed_would_make_in_its_time(sp
 @SAME
 @given(st.lists(PLACES, min_size=2, max_size=40), st.floats(1e-3, 1.0))
 def test_sampled_points_are_met_and_nothing_lies_outside_two_neighbours(points, step):
-    path = Sampled(points, step)
+    path = SampledTrajectory(points, step)
     for number, point in enumerate(points):
         assert path.position(number * step) == pytest.approx(point, rel=1e-6, abs=1e-6)
     assert path.position(path.duration) == points[-1]
@@ -138,7 +138,9 @@ def test_a_line_is_straight_and_keeps_every_axis_s_limits(rows, velocity, accele
     starts = {name: row[0] for name, row in zip(names, rows, strict=True)}
     ends = {name: row[1] for name, row in zip(names, rows, strict=True)}
     axes = {
-        name: parameters(name, dictionary_of(GENERIC), limits=Limits(velocity=row[2], acceleration=row[3]))
+        name: parameters(
+            name, dictionary_of(GENERIC), limits=AxisLimits(velocity=row[2], acceleration=row[3])
+        )
         for name, row in zip(names, rows, strict=True)
     }
     length = math.dist(list(starts.values()), list(ends.values()))
@@ -286,7 +288,7 @@ def test_each_axis_that_is_stopped_is_told_a_failed_one_as_the_reason(failed):
 @SAME
 @given(st.lists(st.frozensets(st.sampled_from([1, 2, 3, 4])), max_size=30))
 def test_nobody_passes_a_gate_before_all_stand_there_in_one_cycle_and_then_all_do(cycles):
-    gate, everybody, opened = Gate(), {1: object(), 2: object(), 3: object(), 4: object()}, False
+    gate, everybody, opened = StartBarrier(), {1: object(), 2: object(), 3: object(), 4: object()}, False
     for here in cycles:
         assert {gate.pass_through(everybody[who]) for who in here} <= {opened}
         gate.update(4)

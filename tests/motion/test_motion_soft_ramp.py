@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.motion.jerk.online_profile import Led
-from axisbus.motion.jerk.ramp import LONGEST, Ramps, SoftRamp, rest_way
+from axisbus.motion.jerk.online_profile import ReferenceState
+from axisbus.motion.jerk.ramp import LONGEST, SoftRamp, VelocityRamps, rest_way
 
 T = 0.004
 NOISE = 1e-11
-RAMPS = Ramps(500.0, 800.0, 5000.0)
+RAMPS = VelocityRamps(500.0, 800.0, 5000.0)
 
 
 def differences(values: list[float], order: int) -> list[float]:
@@ -28,7 +28,7 @@ def highest(values: list[float], order: int) -> float:
     return max(map(abs, differences(values, order)))
 
 
-def past(led: Led) -> list[float]:
+def past(led: ReferenceState) -> list[float]:
     """The places before, with the same acceleration."""
     back = led.place - led.velocity * T
     return [back - (led.velocity - led.acceleration * T) * T, back, led.place]
@@ -51,7 +51,7 @@ def shortest(change: float, ramp: float, jerk: float) -> float:
 
 @pytest.mark.parametrize("goal", [3.0, 40.0, 90.0, -90.0, 300.0])
 def test_from_rest_it_takes_the_shortest_time_and_a_cycle_or_two(goal):
-    ramp = SoftRamp(Led(5.0), RAMPS)
+    ramp = SoftRamp(ReferenceState(5.0), RAMPS)
     ramp.goal = goal
     places = to_goal(ramp, [5.0] * 4)
     assert ramp.led.velocity == goal
@@ -63,7 +63,7 @@ def test_from_rest_it_takes_the_shortest_time_and_a_cycle_or_two(goal):
 
 
 def test_away_from_0_and_towards_it_each_has_its_own_acceleration_and_through_0_the_weaker():
-    ramp = SoftRamp(Led(0.0), RAMPS)
+    ramp = SoftRamp(ReferenceState(0.0), RAMPS)
     ramp.goal = 300.0
     assert highest(to_goal(ramp, [0.0] * 3), 2) == pytest.approx(500.0)
     ramp.goal = 0.0
@@ -76,7 +76,7 @@ def test_away_from_0_and_towards_it_each_has_its_own_acceleration_and_through_0_
 
 
 def test_a_brake_comes_to_rest_as_softly_and_is_not_forgotten():
-    ramp = SoftRamp(Led(0.0), RAMPS)
+    ramp = SoftRamp(ReferenceState(0.0), RAMPS)
     ramp.goal = 100.0
     places = [0.0] * 4
     for _ in range(30):
@@ -105,7 +105,7 @@ def test_whatever_is_asked_meanwhile_no_limit_is_passed_and_it_ends_at_the_last_
 ):
     """New velocities at any time, in both directions, up to the highest speed, which is never passed."""
     chance, jerk = random.Random(seed), sharp * max(up, down)
-    ramp = SoftRamp(Led(0.0), Ramps(up, down, jerk, 400.0))
+    ramp = SoftRamp(ReferenceState(0.0), VelocityRamps(up, down, jerk, 400.0))
     places = [0.0] * 4
     for goal in goals[:-1]:
         ramp.goal = goal
@@ -127,7 +127,7 @@ def test_whatever_is_asked_meanwhile_no_limit_is_passed_and_it_ends_at_the_last_
 @pytest.mark.parametrize("speed", [-80.0, 0.0, 80.0])
 @pytest.mark.parametrize("goal", [-100.0, 0.0, 30.0])
 def test_what_goes_on_from_another_motion_has_its_velocity_and_its_acceleration(rate, speed, goal):
-    led = Led(10.0, speed, rate)
+    led = ReferenceState(10.0, speed, rate)
     ramp = SoftRamp(led, RAMPS)
     ramp.goal = goal
     places = to_goal(ramp, past(led))
@@ -140,7 +140,7 @@ def test_what_goes_on_from_another_motion_has_its_velocity_and_its_acceleration(
 @pytest.mark.parametrize("top", [400.0, 420.0, 500.0])
 def test_what_was_speeding_up_is_never_faster_than_the_axis_may_be_whatever_jerk_that_takes(top):
     """And no more than it takes."""
-    led = Led(0.0, 390.0, 2000.0)
+    led = ReferenceState(0.0, 390.0, 2000.0)
     ramp = SoftRamp(led, RAMPS._replace(top=top))
     ramp.goal = 100.0
     places = to_goal(ramp, past(led))
@@ -151,7 +151,7 @@ def test_what_was_speeding_up_is_never_faster_than_the_axis_may_be_whatever_jerk
 
 
 def test_an_acceleration_that_its_own_jerk_would_let_go_of_in_minutes_is_let_go_of_in_time():
-    ramp = SoftRamp(Led(0.0, 0.0, 10_000.0), Ramps(50.0, 50.0, 200.0))
+    ramp = SoftRamp(ReferenceState(0.0, 0.0, 10_000.0), VelocityRamps(50.0, 50.0, 200.0))
     ramp.goal = 10.0
     cycles = 0
     while ramp.led.acceleration > 50.0:
@@ -164,7 +164,7 @@ def test_an_acceleration_that_its_own_jerk_would_let_go_of_in_minutes_is_let_go_
 @pytest.mark.parametrize("moment", [3, 17, 26, 40])
 def test_it_settles_at_the_velocity_that_it_cannot_help(moment):
     """And says before where that will be."""
-    ramp = SoftRamp(Led(0.0), RAMPS)
+    ramp = SoftRamp(ReferenceState(0.0), RAMPS)
     ramp.goal = 90.0
     for _ in range(moment):
         ramp.advance(T)
@@ -182,9 +182,9 @@ def test_it_settles_at_the_velocity_that_it_cannot_help(moment):
 @pytest.mark.parametrize("seed", range(30))
 def test_the_way_to_rest_is_no_longer_than_was_told(seed):
     chance = random.Random(seed)
-    ramps = Ramps(500.0, chance.uniform(50.0, 800.0), chance.uniform(2000.0, 9000.0))
+    ramps = VelocityRamps(500.0, chance.uniform(50.0, 800.0), chance.uniform(2000.0, 9000.0))
     rate = chance.uniform(-0.9, 0.9) * min(ramps.hardest, ramps.jerk * LONGEST)
-    led = Led(0.0, chance.choice([-1.0, 1.0]) * chance.uniform(1.0, 400.0), rate)
+    led = ReferenceState(0.0, chance.choice([-1.0, 1.0]) * chance.uniform(1.0, 400.0), rate)
     ramp, way = SoftRamp(led, ramps), rest_way(led, ramps)
     ramp.brake()
     farthest = 0.0

@@ -12,22 +12,22 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from axisbus.motion.group.jerk_limits import Soft, softened
-from axisbus.motion.group.path import Cycle, Way, way_of
+from axisbus.motion.group.path import CycleVelocity, Path, way_of
 from axisbus.motion.group.path_builder import polyline, window
-from axisbus.motion.group.path_speed import Travel
+from axisbus.motion.group.path_speed import PathSpeed
 from axisbus.motion.group.segments import corner
-from axisbus.motion.group.speed_zone import Stretch
-from axisbus.motion.parameters import Limits
+from axisbus.motion.group.speed_zone import SpeedZone
+from axisbus.motion.parameters import AxisLimits
 
 Places = list[tuple[float, ...]]
 SQUARE: Places = [(0.0, 0.0), (60.0, 0.0), (60.0, 60.0), (0.0, 60.0), (20.0, 20.0)]
-NARROW, SOME = Limits(velocity=30.0, acceleration=150.0), Limits(velocity=90.0, acceleration=400.0)
+NARROW, SOME = AxisLimits(velocity=30.0, acceleration=150.0), AxisLimits(velocity=90.0, acceleration=400.0)
 
 
 class Softly(NamedTuple):
     """A way, of how many cycles the mean is taken, and where a trip along it comes by, at rest before and after."""
 
-    way: Way
+    way: Path
     window: int
     places: Places
 
@@ -47,17 +47,23 @@ def differences(rows: Places, order: int, period: float) -> Places:
 
 
 def planned(
-    points: Places, blend: float, limits: list[Limits], velocity: float, hard: float, jerk: float, t: float
-) -> tuple[Way, int]:
+    points: Places,
+    blend: float,
+    limits: list[AxisLimits],
+    velocity: float,
+    hard: float,
+    jerk: float,
+    t: float,
+) -> tuple[Path, int]:
     pieces, stops = polyline(points, blend)
-    cycle = Cycle(velocity, t)
+    cycle = CycleVelocity(velocity, t)
     hardest = max(way_of(pieces, limits, hard, stops, cycle).ramps)
     cycles = window(hardest, jerk, t, "path")
     return way_of(pieces, limits, hard, stops, cycle, Soft(jerk, cycles * t, hardest)), cycles
 
 
-def gone(way: Way, cycles: int, velocity: float, t: float, factors: tuple[float, ...] = ()) -> Softly:
-    travel, chance = Travel(), random.Random(cycles)
+def gone(way: Path, cycles: int, velocity: float, t: float, factors: tuple[float, ...] = ()) -> Softly:
+    travel, chance = PathSpeed(), random.Random(cycles)
     travel.begin(way, velocity, 0.0, cycles)
     places = [way.at(0.0)] * 4
     while travel.t < way.length:
@@ -75,7 +81,7 @@ def gone(way: Way, cycles: int, velocity: float, t: float, factors: tuple[float,
         lambda n: st.lists(st.tuples(*[st.floats(-60.0, 60.0)] * n), min_size=2, max_size=7)
     ),
     st.sampled_from([0.0, 0.3, 3.0, 20.0]),
-    st.lists(st.sampled_from([Limits(), NARROW, SOME]), min_size=3, max_size=3),
+    st.lists(st.sampled_from([AxisLimits(), NARROW, SOME]), min_size=3, max_size=3),
     st.floats(30.0, 300.0),
     st.floats(100.0, 3000.0),
     st.floats(0.02, 0.45),
@@ -105,14 +111,14 @@ def test_nothing_is_faster_harder_or_more_sudden_than_it_may_be(
 @pytest.mark.parametrize("blend", [0.0, 0.3])
 def test_a_line_that_is_next_to_nothing_is_a_piece_of_the_way_all_the_same(tiny, blend):
     points = [(0.0, 0.0), (0.0, -tiny), (1.0, 14.0), (1.0, 14.0 + tiny), (9.0, 14.0)]
-    way, cycles = planned(points, blend, [Limits()] * 2, 30.0, 100.0, 800.0, 0.004)
+    way, cycles = planned(points, blend, [AxisLimits()] * 2, 30.0, 100.0, 800.0, 0.004)
     trip = gone(way, cycles, 30.0, 0.004)
     assert trip.places[-1] == pytest.approx(points[-1], abs=1e-6)
     assert trip.highest(2, 0.004) <= 100.0 * (1 + 1e-6)
 
 
 def test_the_jerk_is_used_where_corners_are_what_limits():
-    way, cycles = planned(SQUARE, 3.0, [Limits()] * 2, 120.0, 500.0, 5000.0, 0.004)
+    way, cycles = planned(SQUARE, 3.0, [AxisLimits()] * 2, 120.0, 500.0, 5000.0, 0.004)
     trip = gone(way, cycles, 120.0, 0.004)
     assert 0.9 * 5000.0 < trip.highest(3, 0.004) <= 5000.0 * (1 + 1e-6)
     through = min(math.hypot(*row) for row in differences(trip.places, 1, 0.004)[100:-100])
@@ -128,7 +134,7 @@ def test_what_is_asked_of_a_short_corner_holds_as_far_before_and_behind_as_the_m
 ):
     points = [(0.0, 0.0), (length, 0.0), (length * (1.0 + math.cos(turn)), length * math.sin(turn))]
     jerk = 2.0 * hard / mean
-    trip = gone(*planned(points, blend, [Limits()] * 2, 200.0, hard, jerk, 0.004), 200.0, 0.004)
+    trip = gone(*planned(points, blend, [AxisLimits()] * 2, 200.0, hard, jerk, 0.004), 200.0, 0.004)
     assert trip.highest(3, 0.004) <= jerk * (1 + 1e-6)
 
 
@@ -139,7 +145,7 @@ def test_through_a_corner_what_speeds_up_and_what_turns_together_make_the_jerk(t
     soft, t = Soft(2.0 * hard / 0.3, 0.3, hard), 1e-4
     found = corner((0.0, 0.0), (1.0, 0.0), (math.cos(turn), math.sin(turn)), within=3.0, room=50.0)
     assert found is not None
-    part = softened(found, [Stretch(0, found.length, 1e9, 1e9)], soft)[0]
+    part = softened(found, [SpeedZone(0, found.length, 1e9, 1e9)], soft)[0]
     v, times = part.top, [-1.5 * t, -0.5 * t, 0.5 * t, 1.5 * t]
     jerks = []
     for a, j in product(
@@ -154,16 +160,18 @@ def test_through_a_corner_what_speeds_up_and_what_turns_together_make_the_jerk(t
 def test_a_mean_without_slower_corners_would_be_more_sudden():
     """What the plan adds: the same mean over the way without it."""
     pieces, stops = polyline(SQUARE, 3.0)
-    way = way_of(pieces, [Limits()] * 2, 500.0, stops, Cycle(120.0, 0.004))
+    way = way_of(pieces, [AxisLimits()] * 2, 500.0, stops, CycleVelocity(120.0, 0.004))
     trip = gone(way, 50, 120.0, 0.004)
     assert trip.highest(3, 0.004) > 1.4 * 5000.0
 
 
 def test_a_higher_jerk_is_never_slower_and_a_very_high_one_as_fast_as_none():
     pieces, stops = polyline(SQUARE, 3.0)
-    without = gone(way_of(pieces, [Limits()] * 2, 500.0, stops, Cycle(120.0, 0.004)), 1, 120.0, 0.004)
+    without = gone(
+        way_of(pieces, [AxisLimits()] * 2, 500.0, stops, CycleVelocity(120.0, 0.004)), 1, 120.0, 0.004
+    )
     counts = [
-        len(gone(*planned(SQUARE, 3.0, [Limits()] * 2, 120.0, 500.0, jerk, 0.004), 120.0, 0.004).places)
+        len(gone(*planned(SQUARE, 3.0, [AxisLimits()] * 2, 120.0, 500.0, jerk, 0.004), 120.0, 0.004).places)
         for jerk in (2500.0, 5000.0, 20_000.0, 100_000.0, 1e9)
     ]
     assert counts == sorted(counts, reverse=True)
@@ -171,7 +179,7 @@ def test_a_higher_jerk_is_never_slower_and_a_very_high_one_as_fast_as_none():
 
 
 def test_at_a_stop_on_the_way_the_mean_comes_to_rest_before_it_goes_on():
-    way, cycles = planned(SQUARE, 0.0, [Limits()] * 2, 120.0, 500.0, 5000.0, 0.004)
+    way, cycles = planned(SQUARE, 0.0, [AxisLimits()] * 2, 120.0, 500.0, 5000.0, 0.004)
     trip = gone(way, cycles, 120.0, 0.004)
     for tip in SQUARE[1:-1]:
         assert tip in [tuple(round(value, 9) for value in place) for place in trip.places]

@@ -10,14 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus.errors import ArgumentError
-from axisbus.motion.spline import Computed, Spline, trajectory_of
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.spline import Computed, SplineTrajectory, trajectory_of
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 
 SAME = settings(deadline=None, derandomize=True)
 COUNT = 4000
 
 
-def places_of(curve: Spline) -> list[float]:
+def places_of(curve: SplineTrajectory) -> list[float]:
     return [curve.position(curve.duration * step / COUNT) for step in range(COUNT + 1)]
 
 
@@ -31,7 +31,7 @@ def test_a_curve_goes_through_its_points_smoothly_and_tells_how_far_fast_and_har
     for wait, place in steps:
         times.append(times[-1] + wait)
         positions.append(place)
-    curve = Spline(times, positions)
+    curve = SplineTrajectory(times, positions)
     for time, place in zip(times, positions, strict=True):
         assert curve.position(time) == pytest.approx(place, abs=1e-6)
     places = places_of(curve)
@@ -57,11 +57,11 @@ def test_a_curve_goes_through_its_points_smoothly_and_tells_how_far_fast_and_har
 
 
 def test_a_curve_of_two_points_is_the_cubic_from_rest_to_rest():
-    curve = Spline((0.0, 2.0), (10.0, 20.0))
+    curve = SplineTrajectory((0.0, 2.0), (10.0, 20.0))
     assert (curve.position(0.5), curve.position(1.0)) == (11.5625, 15.0)
     assert (curve.span, curve.top_speed, curve.top_acceleration) == ((10.0, 20.0), 7.5, 15.0)
     assert (curve.position(-1.0), curve.position(9.0)) == (10.0, 20.0)
-    still = Spline((0.0, 1.0), (3.0, 3.0))
+    still = SplineTrajectory((0.0, 1.0), (3.0, 3.0))
     assert (still.span, still.top_speed, still.top_acceleration) == ((3.0, 3.0), 0.0, 0.0)
 
 
@@ -79,16 +79,16 @@ def test_a_curve_of_two_points_is_the_cubic_from_rest_to_rest():
 )
 def test_points_that_make_no_curve_are_refused(times, positions, words):
     with pytest.raises(ArgumentError, match=words):
-        Spline(times, positions)
+        SplineTrajectory(times, positions)
 
 
 def test_what_may_be_followed():
     numpy = pytest.importorskip("numpy")
-    ready = Trapezoid(0.0, 1.0, 1.0, 1.0)
+    ready = TrapezoidalTrajectory(0.0, 1.0, 1.0, 1.0)
     assert trajectory_of(ready, None, "x.follow") is ready
     rows = [(0.0, 0.0), (1.0, 5.0), (2.0, 0.0)]
     curve = trajectory_of(rows, None, "x.follow")
-    assert curve == Spline((0.0, 1.0, 2.0), (0.0, 5.0, 0.0))
+    assert curve == SplineTrajectory((0.0, 1.0, 2.0), (0.0, 5.0, 0.0))
     same = trajectory_of(numpy.array(rows), None, "x.follow")
     assert same == curve
     assert type(same.position(0.7)) is float
@@ -104,7 +104,7 @@ def test_what_may_be_followed():
         ([], None, "is nothing that can be followed"),
         (math.sin, None, "a function needs a duration"),
         ([(0.0, 0.0), (1.0, 1.0)], 2.0, "a duration of their own"),
-        (Trapezoid(0.0, 1.0, 1.0, 1.0), 2.0, "a duration of their own"),
+        (TrapezoidalTrajectory(0.0, 1.0, 1.0, 1.0), 2.0, "a duration of their own"),
     ],
 )
 def test_what_may_not(what, duration, words):

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.errors import DriveError, Replaced, StateError, Stopped, UncommandedMotion
 from axisbus.motion.parameters import HoldsLoad, StopTimes
 from axisbus.motion.states import AxisState
@@ -90,8 +90,8 @@ def test_an_axis_whose_drive_is_switched_off_while_it_is_halted_at_rest_is_disab
         r.run(PERIOD)
         seen.append((r.core.image.state, r.axis.state))
     assert seen == [
-        (State.OPERATION_ENABLED, AxisState.STANDSTILL),
-        *[(State.SWITCH_ON_DISABLED, AxisState.DISABLED)] * 2,
+        (PowerState.OPERATION_ENABLED, AxisState.STANDSTILL),
+        *[(PowerState.SWITCH_ON_DISABLED, AxisState.DISABLED)] * 2,
     ]
     assert not halted.done
     halted.wait(1)

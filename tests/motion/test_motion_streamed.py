@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from axisbus.core.process.trajectory_feeder import Sampler
 from axisbus.errors import ArgumentError, CommandError
 from axisbus.motion.curve import Curve, following
-from axisbus.motion.moves.lookahead import Known
+from axisbus.motion.moves.lookahead import LookaheadTrajectory
 from axisbus.motion.moves.remote_trajectory import Streamed, StreamHead
 from axisbus.motion.path_limit_check import Ramped
 from axisbus.motion.pathclock import PathClock
-from axisbus.motion.trajectory import Sampled, Trapezoid
+from axisbus.motion.trajectory import SampledTrajectory, TrapezoidalTrajectory
 
 STEP = 0.004
 
@@ -130,9 +130,15 @@ def fill(stream: Streamed, sampler: Sampler) -> int:
 @given(
     st.one_of(
         st.builds(
-            Trapezoid, st.floats(-9, 9), st.floats(-99, 99), st.floats(1.0, 50.0), st.floats(10.0, 500.0)
+            TrapezoidalTrajectory,
+            st.floats(-9, 9),
+            st.floats(-99, 99),
+            st.floats(1.0, 50.0),
+            st.floats(10.0, 500.0),
         ),
-        st.builds(Sampled, st.lists(st.floats(-99, 99), min_size=2, max_size=30), st.floats(0.001, 0.3)),
+        st.builds(
+            SampledTrajectory, st.lists(st.floats(-99, 99), min_size=2, max_size=30), st.floats(0.001, 0.3)
+        ),
     ),
     st.sampled_from([0.001, 0.002, 0.004, 0.01, 1 / 300]),
 )
@@ -172,7 +178,9 @@ def test_it_is_so_after_many_minutes_and_no_more_is_kept_than_at_the_beginning()
 
 def test_the_last_sample_lies_at_its_end():
     for duration in (0.0, 0.001, STEP, 0.01, 1.1):
-        path = Sampled([0.0, 1.0], duration) if duration else Trapezoid(1.0, 1.0, 1.0, 1.0)
+        path = (
+            SampledTrajectory([0.0, 1.0], duration) if duration else TrapezoidalTrajectory(1.0, 1.0, 1.0, 1.0)
+        )
         stream, _ = streamed(path, first=5.0)
         assert stream.known_until == path.duration
         assert stream.position(duration) == 1.0
@@ -192,10 +200,12 @@ class Plain:
         return t
 
 
-@pytest.mark.parametrize("path", [Trapezoid(0.0, 9.0, 5.0, 50.0), Sampled([0.0, 3.0, -1.0], 0.1), Plain()])
+@pytest.mark.parametrize(
+    "path", [TrapezoidalTrajectory(0.0, 9.0, 5.0, 50.0), SampledTrajectory([0.0, 3.0, -1.0], 0.1), Plain()]
+)
 def test_it_tells_of_itself_what_the_trajectory_tells(path):
     stream, _ = streamed(path)
-    assert isinstance(stream, Known) is isinstance(path, Known)
+    assert isinstance(stream, LookaheadTrajectory) is isinstance(path, LookaheadTrajectory)
     assert isinstance(stream, Ramped) is isinstance(path, Ramped)
     for fact in ("duration", "span", "top_speed", "top_acceleration"):
         assert getattr(stream, fact, None) == getattr(path, fact, None)
@@ -205,7 +215,7 @@ def test_it_tells_of_itself_what_the_trajectory_tells(path):
 
 
 def test_samples_that_leave_some_out_or_come_again_are_refused_and_nothing_is_taken():
-    stream, sampler = streamed(Trapezoid(0.0, 500.0, 50.0, 500.0))
+    stream, sampler = streamed(TrapezoidalTrajectory(0.0, 500.0, 50.0, 500.0))
     first, count = stream.wanted(0.0)
     chunk = sampler.take(count)
     for wrong in (first - 1, first + 1, 0):
@@ -226,7 +236,7 @@ def test_samples_that_leave_some_out_or_come_again_are_refused_and_nothing_is_ta
 
 
 def test_what_is_not_known_is_not_made_up():
-    stream, sampler = streamed(Trapezoid(0.0, 500.0, 50.0, 500.0))
+    stream, sampler = streamed(TrapezoidalTrajectory(0.0, 500.0, 50.0, 500.0))
     with pytest.raises(CommandError, match="is not known"):
         stream.position(stream.known_until + 0.001)
     for cycle in range(1000):
@@ -259,16 +269,16 @@ def test_a_head_that_makes_no_trajectory_is_refused(change):
 
 def test_what_a_head_does_not_tell_as_a_whole_is_not_told_at_all():
     head = StreamHead(0.01, STEP, (0.0, 1.0))
-    assert isinstance(Streamed(replace(head, span=(0.0, 1.0), top_speed=5.0)), Known)
-    assert not isinstance(Streamed(replace(head, span=(0.0, 1.0))), Known)
-    assert not isinstance(Streamed(replace(head, top_speed=5.0)), Known)
+    assert isinstance(Streamed(replace(head, span=(0.0, 1.0), top_speed=5.0)), LookaheadTrajectory)
+    assert not isinstance(Streamed(replace(head, span=(0.0, 1.0))), LookaheadTrajectory)
+    assert not isinstance(Streamed(replace(head, top_speed=5.0)), LookaheadTrajectory)
 
 
 # What is asked for.
 
 
 def test_it_is_asked_for_two_seconds_ahead_and_as_far_as_braking_takes():
-    stream, sampler = streamed(Trapezoid(0.0, 5000.0, 50.0, 500.0))
+    stream, sampler = streamed(TrapezoidalTrajectory(0.0, 5000.0, 50.0, 500.0))
     fill(stream, sampler)
     assert 2.0 <= stream.known_until <= 2.5
     stream.brakes_with(10.0, STEP)  # five seconds from 50
@@ -278,7 +288,7 @@ def test_it_is_asked_for_two_seconds_ahead_and_as_far_as_braking_takes():
 
 @pytest.mark.parametrize(("step", "size"), [(0.0005, 256), (0.001, 250), (0.004, 62), (0.01, 25), (0.05, 16)])
 def test_chunks_are_neither_tiny_nor_huge(step, size):
-    stream, sampler = streamed(Trapezoid(0.0, 1000.0, 50.0, 500.0), step, 0.0)
+    stream, sampler = streamed(TrapezoidalTrajectory(0.0, 1000.0, 50.0, 500.0), step, 0.0)
     sizes = []
     for cycle in range(int(20.2 / step)):
         stream.reached = cycle * step
@@ -292,6 +302,6 @@ def test_chunks_are_neither_tiny_nor_huge(step, size):
 
 
 def test_after_a_failure_nothing_is_asked_for():
-    stream, _ = streamed(Trapezoid(0.0, 500.0, 50.0, 500.0))
+    stream, _ = streamed(TrapezoidalTrajectory(0.0, 500.0, 50.0, 500.0))
     stream.fail(ArgumentError("no position"))
     assert stream.wanted(0.0) is None

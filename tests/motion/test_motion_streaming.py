@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus.errors import ArgumentError, CommandError, Replaced, Stopped
-from axisbus.motion.parameters import Defaults, Limits, StopTimes
+from axisbus.motion.parameters import AxisLimits, Defaults, StopTimes
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Sampled, Trapezoid
+from axisbus.motion.trajectory import SampledTrajectory, TrapezoidalTrajectory
 from kit.motion.rig import PERIOD, rig
 from kit.motion.watch import Watch
 from kit.motion.wire import NEVER, Wire
@@ -35,7 +35,7 @@ class Waves:
 class Own:
     """A known one, of which nothing is told in advance."""
 
-    def __init__(self, path: Trapezoid | Sampled) -> None:
+    def __init__(self, path: TrapezoidalTrajectory | SampledTrajectory) -> None:
         self.path = path
         self.duration = path.duration
 
@@ -44,12 +44,12 @@ class Own:
 
 
 PATHS = {
-    "trapezoid": Trapezoid(0.0, 300.0, 100.0, 500.0),
-    "short trapezoid": Trapezoid(0.0, -1.2345, 100.0, 500.0),
-    "sampled": Sampled([0.0, 0.0, 1.0, 3.0, 6.0, 9.0, 11.0, 12.0, 12.0, 9.0, 6.0, 6.0], 0.137),
+    "trapezoid": TrapezoidalTrajectory(0.0, 300.0, 100.0, 500.0),
+    "short trapezoid": TrapezoidalTrajectory(0.0, -1.2345, 100.0, 500.0),
+    "sampled": SampledTrajectory([0.0, 0.0, 1.0, 3.0, 6.0, 9.0, 11.0, 12.0, 12.0, 9.0, 6.0, 6.0], 0.137),
     "own": Waves(4.0),
-    "own trapezoid": Own(Trapezoid(0.0, 200.0, 87.0, 500.0)),
-    "nowhere": Trapezoid(0.0, 0.0, 100.0, 500.0),
+    "own trapezoid": Own(TrapezoidalTrajectory(0.0, 200.0, 87.0, 500.0)),
+    "nowhere": TrapezoidalTrajectory(0.0, 0.0, 100.0, 500.0),
 }
 each_path = pytest.mark.parametrize("path", PATHS.values(), ids=list(PATHS))
 
@@ -137,13 +137,17 @@ def test_what_comes_bit_by_bit_gives_the_same_targets_in_each_cycle(path, mishap
 
 RANDOM = st.one_of(
     st.builds(
-        Trapezoid, st.just(0.0), st.floats(-200.0, 200.0), st.floats(5.0, 200.0), st.floats(50.0, 2000.0)
+        TrapezoidalTrajectory,
+        st.just(0.0),
+        st.floats(-200.0, 200.0),
+        st.floats(5.0, 200.0),
+        st.floats(50.0, 2000.0),
     ),
     st.builds(
         Waves, st.floats(1.0, 4.0), st.lists(st.tuples(st.floats(1.0, 30.0), st.floats(0.3, 6.0))).map(tuple)
     ),
     st.builds(
-        lambda ways, step: Sampled((0.0, 0.0, *accumulate(ways)), step),
+        lambda ways, step: SampledTrajectory((0.0, 0.0, *accumulate(ways)), step),
         st.lists(st.floats(-3.0, 3.0), min_size=1, max_size=20),
         st.floats(0.05, 0.3),
     ),
@@ -166,7 +170,7 @@ def test_up_to_a_stop_they_are_the_same_and_then_as_near_as_its_corners_are_shar
             blocked(r, cycle)
         asked(when, what)(r, cycle)
 
-    limits = Limits(velocity=2000.0)
+    limits = AxisLimits(velocity=2000.0)
     direct = rig(limits=limits).enabled()
     there = sent(direct, mishap, lambda: direct.axis.follow(path), 900)
     streamed = rig(limits=limits).enabled()
@@ -182,15 +186,24 @@ def test_up_to_a_stop_they_are_the_same_and_then_as_near_as_its_corners_are_shar
 
 def test_what_limits_say_of_a_path_is_the_same():
     """Those of position, looked at ahead; of velocity and acceleration; and of a path that jumps."""
-    jump = Sampled([0.0, 0.0, 50.0, 50.0], PERIOD)
+    jump = SampledTrajectory([0.0, 0.0, 50.0, 50.0], PERIOD)
     for limits, path in (
-        (Limits(position=(-10.0, 10.0), velocity=400.0), Own(Trapezoid(0.0, 20.0, 50.0, 500.0))),
-        (Limits(position=(-10.0, 10.0), velocity=400.0), Own(Trapezoid(0.0, -20.0, 400.0, 500.0))),
-        (Limits(position=(-10.0, 10.0), velocity=400.0), Own(Trapezoid(0.0, 10.0, 100.0, 2000.0))),
-        (Limits(velocity=80.0), Own(Trapezoid(0.0, 90.0, 100.0, 500.0))),
-        (Limits(velocity=80.0), Own(jump)),
-        (Limits(acceleration=400.0), Own(Trapezoid(0.0, 90.0, 100.0, 500.0))),
-        (Limits(), Trapezoid(0.0, 50.0, 100.0, 3000.0)),  # which names its own acceleration
+        (
+            AxisLimits(position=(-10.0, 10.0), velocity=400.0),
+            Own(TrapezoidalTrajectory(0.0, 20.0, 50.0, 500.0)),
+        ),
+        (
+            AxisLimits(position=(-10.0, 10.0), velocity=400.0),
+            Own(TrapezoidalTrajectory(0.0, -20.0, 400.0, 500.0)),
+        ),
+        (
+            AxisLimits(position=(-10.0, 10.0), velocity=400.0),
+            Own(TrapezoidalTrajectory(0.0, 10.0, 100.0, 2000.0)),
+        ),
+        (AxisLimits(velocity=80.0), Own(TrapezoidalTrajectory(0.0, 90.0, 100.0, 500.0))),
+        (AxisLimits(velocity=80.0), Own(jump)),
+        (AxisLimits(acceleration=400.0), Own(TrapezoidalTrajectory(0.0, 90.0, 100.0, 500.0))),
+        (AxisLimits(), TrapezoidalTrajectory(0.0, 50.0, 100.0, 3000.0)),  # which names its own acceleration
     ):
         ends = []
         for streams in (False, True):
@@ -209,7 +222,7 @@ def test_what_limits_say_of_a_path_is_the_same():
         assert streamed_told == told
 
 
-TEN = Limits(position=(-10.0, 10.0), velocity=400.0)
+TEN = AxisLimits(position=(-10.0, 10.0), velocity=400.0)
 
 
 @pytest.mark.parametrize("when", range(100, 112))
@@ -217,7 +230,7 @@ def test_a_corner_at_the_limit_is_not_rounded_beyond_it(when):
     """Where the axis is braked over it, between the samples."""
     r = rig(limits=TEN, defaults=Defaults(velocity=100.0, acceleration=20.0)).enabled()
     watch = Watch(r)
-    path = Sampled([0.0, 0.0, 10.0, 8.0, 8.0], 1.0)
+    path = SampledTrajectory([0.0, 0.0, 10.0, 8.0, 8.0], 1.0)
     handle = Wire(r, path).follow()
     r.until(lambda: watch.targets and watch.targets[-1] >= 9_000 + (when - 100) * 70)
     r.axis.halt().wait(5)
@@ -230,7 +243,7 @@ def test_a_corner_at_the_limit_is_not_rounded_beyond_it(when):
 # What comes late.
 
 
-LONG = Trapezoid(0.0, 700.0, 100.0, 500.0)
+LONG = TrapezoidalTrajectory(0.0, 700.0, 100.0, 500.0)
 
 
 @pytest.mark.parametrize("moment", [0.01, 0.2, 1.0])
@@ -238,7 +251,7 @@ LONG = Trapezoid(0.0, 700.0, 100.0, 500.0)
     "path", [LONG, Waves(6.0), Waves(6.0, speed=1.7)], ids=["trapezoid", "own", "harder"]
 )
 def test_an_axis_whose_program_falls_silent_is_braked_along_what_it_has(path, moment):
-    r = rig(limits=Limits(velocity=1000.0)).enabled()
+    r = rig(limits=AxisLimits(velocity=1000.0)).enabled()
     watch = Watch(r)
     wire = Wire(r, path, delay=late_at(moment))
     handle = wire.follow()
@@ -301,7 +314,7 @@ def test_a_slow_brake_has_the_path_known_as_far_ahead_as_it_takes():
     slow = Defaults(velocity=100.0, acceleration=500.0, deceleration=20.0)
     r = rig(defaults=slow, stop_times=StopTimes(halt=10.0)).enabled()
     watch = Watch(r)
-    path = Trapezoid(0.0, 1500.0, 100.0, 500.0)
+    path = TrapezoidalTrajectory(0.0, 1500.0, 100.0, 500.0)
     wire = Wire(r, path, delay=late_at(4.0))
     handle = wire.follow()
     r.until(lambda: not handle.busy, 20)
@@ -377,7 +390,7 @@ def test_samples_that_are_not_of_the_scan_s_period_are_refused():
 def test_whatever_comes_late_the_axis_stands_on_its_path(waves, deceleration, delays, what, when):
     path = Waves(5.0, tuple(waves))
     fastest = max(abs(path.position(t / 100 + 0.01) - path.position(t / 100)) for t in range(500)) / 0.01
-    limits, defaults = Limits(velocity=fastest + 1.0), Defaults(velocity=100.0, acceleration=deceleration)
+    limits, defaults = AxisLimits(velocity=fastest + 1.0), Defaults(velocity=100.0, acceleration=deceleration)
     r = rig(limits=limits, defaults=defaults).enabled()
     watch = Watch(r)
     turns = iter(delays)
@@ -401,7 +414,7 @@ def test_whatever_comes_late_the_axis_stands_on_its_path(waves, deceleration, de
 @pytest.mark.parametrize("mode_delay", [0.0, 0.1])
 def test_a_command_takes_over_from_it_without_a_jolt(mode_delay):
     r = rig().enabled()
-    handle = Wire(r, Trapezoid(0.0, 250.0, 100.0, 500.0)).follow()
+    handle = Wire(r, TrapezoidalTrajectory(0.0, 250.0, 100.0, 500.0)).follow()
     r.until(lambda: r.drive.position > 50_000)
     r.drive.dials.mode_delay = mode_delay
     watch = Watch(r)
@@ -414,7 +427,9 @@ def test_a_command_takes_over_from_it_without_a_jolt(mode_delay):
 def test_while_a_group_waits_it_is_braked_along_what_it_has_all_the_same():
     """Its own move waits for the other axis, and the trajectory leads it until then."""
     r = rig("xy").enabled()
-    r.axes["y"].follow(Trapezoid(0.0, 5.0, 100.0, 500.0)).wait(5)  # so that its mode has to change
+    r.axes["y"].follow(TrapezoidalTrajectory(0.0, 5.0, 100.0, 500.0)).wait(
+        5
+    )  # so that its mode has to change
     wire = Wire(r, LONG, delay=late_at(0.01))
     wire.follow()
     r.until(lambda: wire.stream.reached > 2.0)
@@ -432,7 +447,7 @@ def test_while_a_group_waits_it_is_braked_along_what_it_has_all_the_same():
 def test_other_axes_of_a_group_are_stopped_with_one_whose_program_falls_silent():
     r = rig("xy").enabled()
     first = Wire(r, LONG, delay=late_at(0.01)).follow()
-    second = r.axes["y"].follow(Trapezoid(0.0, -400.0, 80.0, 500.0))
+    second = r.axes["y"].follow(TrapezoidalTrajectory(0.0, -400.0, 80.0, 500.0))
     r.until(lambda: not first.busy and not second.busy)
     assert isinstance(second.exception(), Stopped)
     r.until(lambda: all(core.ladder is None for core in r.scan.axes.values()))

@@ -12,14 +12,14 @@ import pytest
 from axisbus import Delta, Scara
 from axisbus.errors import LimitError
 from axisbus.ipc.messages import CODEC
-from axisbus.machine.user_kinematics.kinematics import Own
+from axisbus.machine.user_kinematics.kinematics import UserKinematicsAdapter
 from axisbus.machine.user_kinematics.sampling import Sampling
-from axisbus.motion.group.path import Cycle, way_of
+from axisbus.motion.group.path import CycleVelocity, way_of
 from axisbus.motion.group.path_builder import arc_through, polyline
-from axisbus.motion.group.path_speed import Travel
+from axisbus.motion.group.path_speed import PathSpeed
 from axisbus.motion.group.segments import Straight
 from axisbus.motion.override.factor import FASTER
-from axisbus.motion.parameters import Limits
+from axisbus.motion.parameters import AxisLimits
 from axisbus.motion.point_stream.quintic import Motion
 from axisbus.motion.sampled_path.segment import surveyed, tabled
 
@@ -53,7 +53,7 @@ def axes(count, increment=0.01):
 
 def sampled(machine, base, stops=(), increment=0.01):
     start = machine.inverse(base[0].at(0.0))
-    own = Own(Plugged(machine), axes(len(start), increment), None)
+    own = UserKinematicsAdapter(Plugged(machine), axes(len(start), increment), None)
     return Sampling(own, base, stops, start, "a.move_path").tables()
 
 
@@ -88,12 +88,12 @@ def test_it_stays_on_the_path_and_within_the_limits_of_the_axes(machine, seed):
     rng = random.Random(seed)
     count = len(pieces[0].at(0.0))
     limits = [
-        Limits(velocity=rng.choice([90.0, 200.0]), acceleration=rng.choice([400.0, 2000.0]))
+        AxisLimits(velocity=rng.choice([90.0, 200.0]), acceleration=rng.choice([400.0, 2000.0]))
         for _ in range(count)
     ]
     velocity, acceleration = rng.choice([50.0, 400.0]), rng.choice([300.0, 3000.0])
-    way = way_of(pieces, limits, acceleration, stops, Cycle(velocity, PERIOD))
-    travel, found = Travel(), [way.at(0.0)]
+    way = way_of(pieces, limits, acceleration, stops, CycleVelocity(velocity, PERIOD))
+    travel, found = PathSpeed(), [way.at(0.0)]
     travel.begin(way, velocity)
     while travel.t < way.length and len(found) < 40_000:
         if rng.random() < 0.02:
@@ -158,7 +158,7 @@ def test_a_piece_of_no_length_stands_and_pieces_cross_as_they_are():
     assert still.at(0.0) == still.at(1.0) == (1.0, 2.0)
     assert still.box == ((1.0, 2.0), (1.0, 2.0))
     (piece,) = sampled(ARM, [Straight((200.0, 150.0), (150.0, -220.0), 373.3630940518894)])
-    way = way_of([piece], [Limits()] * 2, 10.0)
+    way = way_of([piece], [AxisLimits()] * 2, 10.0)
     assert CODEC.unpack(CODEC.pack(way)) == way
     assert piece.at(-1.0) == piece.at(0.0)
     assert piece.at(1e9) == pytest.approx(piece.at(piece.length))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import ValueTransport
 from axisbus.errors import StateError
-from axisbus.motion.parameters import HoldsLoad, Limits
+from axisbus.motion.parameters import AxisLimits, HoldsLoad
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.motor import MotorParams
 from kit.motion.rig import PERIOD, rig
 from kit.motion.watch import ENABLED, Watch
@@ -23,7 +23,7 @@ M = ModeOfOperation
 
 def found(mode: int, *, motor: MotorParams | None = None, offsets=(0, 0, 0), port=None, **changes):
     """An axis at rest at ``HERE``, enabled by somebody in ``mode`` with these offsets, whose targets make up for them."""
-    r = rig(motor=motor or MotorParams(start_position=HERE), port=port, limits=Limits(), **changes)
+    r = rig(motor=motor or MotorParams(start_position=HERE), port=port, limits=AxisLimits(), **changes)
     drive = r.drive
     hangs = round((motor or MotorParams()).load)
     for index, value in zip(OFFSETS, offsets, strict=True):
@@ -56,14 +56,16 @@ def take_over(r) -> Watch:
 @pytest.mark.parametrize("offset", [30_000, -30_000, 21, 1])
 @pytest.mark.parametrize("demand", [True, False], ids=["6062h", "no 6062h"])
 def test_a_drive_in_csp_with_a_position_offset_stays_where_it_is(offset, demand):
-    r = found(CSP, offsets=(offset, 0, 0), port=None if demand else {"inputs": {"demand": Source.NONE}})
+    r = found(
+        CSP, offsets=(offset, 0, 0), port=None if demand else {"inputs": {"demand": ValueTransport.NONE}}
+    )
     r.drive.dials.mode_delay = 0.05
     watch = take_over(r)
     assert watch.displacement <= 1.0
     assert watch.speed <= 1.0 / PERIOD
     assert r.drive.mode_display == PP  # the offset could not be taken back in csp
     assert offsets_of(r) == [0, 0, 0]
-    r.axis.follow(Trapezoid(r.axis.position, r.axis.position + 2.0, 50.0, 500.0)).wait(5)
+    r.axis.follow(TrapezoidalTrajectory(r.axis.position, r.axis.position + 2.0, 50.0, 500.0)).wait(5)
     r.run(0.1)
     assert r.drive.position == pytest.approx(HERE + 2_000, abs=1)
     assert watch.acceleration() <= 500_000 * 1.1
@@ -101,7 +103,7 @@ def test_a_demand_that_counts_without_the_offset_is_understood():
 
 @pytest.mark.parametrize("offset", [0, 30_000])
 def test_a_drive_halted_far_from_its_csp_target_is_not_let_go_towards_it(offset):
-    r = rig(motor=MotorParams(start_position=HERE), limits=Limits())
+    r = rig(motor=MotorParams(start_position=HERE), limits=AxisLimits())
     r.device.write(0x60B0, 0, offset)
     r.drive.start_enabled(CSP)
     r.drive.controlword = 0x010F
@@ -119,7 +121,7 @@ def test_without_offsets_a_drive_in_csp_keeps_its_mode_and_its_target():
     assert watch.displacement == 0.0
     assert r.drive.mode_display == CSP
     assert set(watch.targets) == {HERE}
-    r.axis.follow(Trapezoid(7.0, 9.0, 50.0, 500.0)).wait(5)
+    r.axis.follow(TrapezoidalTrajectory(7.0, 9.0, 50.0, 500.0)).wait(5)
 
 
 def test_a_drive_that_has_csp_alone_is_refused_with_its_offset_and_left_where_it_stands():
@@ -169,7 +171,7 @@ def test_a_drive_in_csv_with_a_velocity_offset_does_not_begin_to_turn(offsets):
 @pytest.mark.parametrize("offset", [0, 30_000])
 @pytest.mark.parametrize("hears_halt", [True, False], ids=["hears halt", "deaf to halt in cyclic modes"])
 def test_a_drive_that_turns_in_csv_is_braked_on_a_ramp(offset, hears_halt):
-    r = rig(limits=Limits())
+    r = rig(limits=AxisLimits())
     r.device.write(0x60B1, 0, offset)
     r.drive.dials.halt_in_cyclic_modes = hears_halt
     r.drive.target_velocity = 50_000 - offset
@@ -196,7 +198,7 @@ def test_a_load_that_hangs_on_a_torque_does_not_fall(mode, offset):
 
 
 def test_without_torque_feedback_the_target_that_was_found_holds_the_load():
-    r = found(CST, motor=LOAD, offsets=(0, 0, 200), port={"inputs": {"torque": Source.NONE}})
+    r = found(CST, motor=LOAD, offsets=(0, 0, 200), port={"inputs": {"torque": ValueTransport.NONE}})
     r.drive.dials.mode_delay = 0.05
     assert take_over(r).displacement <= 60
 
@@ -222,7 +224,7 @@ def test_offsets_do_not_matter_in_a_profile_mode_and_are_taken_back_before_a_cyc
     r = found(mode, offsets=offsets)
     watch = take_over(r)
     assert r.drive.mode_display == mode
-    r.axis.follow(Trapezoid(7.0, 7.0, 50.0, 500.0)).wait(5)
+    r.axis.follow(TrapezoidalTrajectory(7.0, 7.0, 50.0, 500.0)).wait(5)
     r.run(0.2)
     assert watch.displacement <= 1.0
     assert offsets_of(r) == [0, 0, 0]

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import ValueTransport
 from axisbus.errors import ArgumentError, DriveError, LimitError, MotionTimeout, Stopped
-from axisbus.motion.parameters import Defaults, HoldsLoad, Limits, Units
+from axisbus.motion.parameters import AxisLimits, Defaults, HoldsLoad, Units
 from axisbus.motion.states import AxisState
 from axisbus.sim.motor import MotorParams
 from axisbus.units import Scale
@@ -24,7 +24,7 @@ def torques(watch: Watch) -> list[float]:
 
 
 def test_a_torque_rises_on_its_slope_and_is_kept():
-    r = rig(motor=FREE, limits=Limits()).enabled()
+    r = rig(motor=FREE, limits=AxisLimits()).enabled()
     watch = Watch(r)
     r.axis.torque_control(2.0, slope=4.0).wait(3)
     r.run(0.5)
@@ -40,7 +40,7 @@ def test_a_torque_rises_on_its_slope_and_is_kept():
 
 
 def test_the_handle_is_done_when_the_torque_is_there():
-    r = rig(motor=FREE, limits=Limits()).enabled()
+    r = rig(motor=FREE, limits=AxisLimits()).enabled()
     start = r.now
     r.axis.torque_control(-1.0, slope=2.0).wait(3)
     assert 0.45 <= r.now - start <= 0.7
@@ -49,17 +49,17 @@ def test_the_handle_is_done_when_the_torque_is_there():
 
 def test_a_small_torque_is_not_there_before_it_acts():
     """0.08 N·m are 8 per mille: within the tolerance of nothing at all."""
-    r = rig(motor=FREE, limits=Limits()).enabled()
+    r = rig(motor=FREE, limits=AxisLimits()).enabled()
     r.axis.torque_control(0.08, slope=0.1).wait(3)
     assert r.drive.torque >= 5
 
 
 def test_without_a_slope_the_default_counts_and_without_that_the_drive_s_own():
-    r = rig(motor=FREE, limits=Limits(), defaults=Defaults(torque_slope=3.0)).enabled()
+    r = rig(motor=FREE, limits=AxisLimits(), defaults=Defaults(torque_slope=3.0)).enabled()
     watch = Watch(r)
     r.axis.torque_control(0.5).wait(3)
     assert watch.writes == [(0x6087, 0, 300)]
-    r = rig(motor=FREE, limits=Limits(), defaults=Defaults()).enabled()
+    r = rig(motor=FREE, limits=AxisLimits(), defaults=Defaults()).enabled()
     watch = Watch(r)
     r.axis.torque_control(0.5)
     r.run(0.5)
@@ -67,7 +67,7 @@ def test_without_a_slope_the_default_counts_and_without_that_the_drive_s_own():
 
 
 def test_a_torque_is_signed_and_another_takes_over():
-    r = rig(motor=FREE, limits=Limits()).enabled()
+    r = rig(motor=FREE, limits=AxisLimits()).enabled()
     r.axis.torque_control(1.0, slope=10.0).wait(3)
     assert r.drive.axis.motor.velocity > 0
     r.axis.torque_control(-1.0, slope=10.0).wait(3)
@@ -77,7 +77,7 @@ def test_a_torque_is_signed_and_another_takes_over():
 
 
 def test_what_is_beyond_the_limit_or_has_no_unit_raises_at_the_call():
-    r = rig(limits=Limits(torque=5.0)).enabled()
+    r = rig(limits=AxisLimits(torque=5.0)).enabled()
     with pytest.raises(LimitError, match="max_torque is 5"):
         r.axis.torque_control(5.1)
     with pytest.raises(ArgumentError):
@@ -88,12 +88,12 @@ def test_what_is_beyond_the_limit_or_has_no_unit_raises_at_the_call():
     with pytest.raises(ArgumentError, match="rated_torque is missing"):
         rig(units=units).axis.torque_control(1.0)
     with pytest.raises(ArgumentError, match="6071h"):
-        rig(limits=Limits()).axis.torque_control(400.0)  # 40 times rated: 40 000 per mille
+        rig(limits=AxisLimits()).axis.torque_control(400.0)  # 40 times rated: 40 000 per mille
 
 
 def test_a_load_that_gives_way_is_stopped_at_the_velocity_limit():
     """0.2 m/s of friction less, and 20 % of torque runs away: max_velocity is the only thing that stands in the way."""
-    r = rig(motor=FREE, limits=Limits(velocity=20.0)).enabled()
+    r = rig(motor=FREE, limits=AxisLimits(velocity=20.0)).enabled()
     watch = Watch(r)
     r.axis.torque_control(3.0, slope=100.0)
     r.until(lambda: r.axis.state is AxisState.ERRORSTOP, 5.0)
@@ -107,7 +107,7 @@ def test_a_load_that_gives_way_is_stopped_at_the_velocity_limit():
 def test_a_torque_axis_is_stopped_ahead_of_its_position_limits():
     r = rig(
         motor=FREE,
-        limits=Limits(position=(-50.0, 50.0)),
+        limits=AxisLimits(position=(-50.0, 50.0)),
         defaults=Defaults(velocity=10.0, acceleration=100.0),
     ).enabled()
     r.axis.torque_control(1.0, slope=100.0)
@@ -117,7 +117,7 @@ def test_a_torque_axis_is_stopped_ahead_of_its_position_limits():
 
 
 def test_a_torque_that_is_not_reached_in_the_caller_s_time_fails():
-    r = rig(motor=FREE, limits=Limits()).enabled()
+    r = rig(motor=FREE, limits=AxisLimits()).enabled()
     r.device.write(0x6072, 0, 50)  # 5 % is all that the drive gives
     start = r.now
     with pytest.raises(MotionTimeout, match="has not reached 20 % of rated torque") as caught:
@@ -128,13 +128,13 @@ def test_a_torque_that_is_not_reached_in_the_caller_s_time_fails():
 
 
 def test_a_drive_without_torque_feedback_is_believed_by_bit_10():
-    r = rig(motor=FREE, limits=Limits(), port={"inputs": {"torque": Source.NONE}}).enabled()
+    r = rig(motor=FREE, limits=AxisLimits(), port={"inputs": {"torque": ValueTransport.NONE}}).enabled()
     r.axis.torque_control(1.0, slope=2.0).wait(3)
     assert r.drive.axis.torque_demand == pytest.approx(100.0)
 
 
 def test_halt_takes_the_torque_away_and_the_axis_comes_to_rest():
-    r = rig(motor=FREE, limits=Limits()).enabled()
+    r = rig(motor=FREE, limits=AxisLimits()).enabled()
     handle = r.axis.torque_control(1.0, slope=100.0)
     handle.wait(2)
     r.run(0.5)
@@ -148,7 +148,7 @@ def test_halt_takes_the_torque_away_and_the_axis_comes_to_rest():
 def test_an_axis_that_holds_a_load_is_halted_in_a_mode_that_holds():
     """A torque of 0 would drop it: 30 % of rated torque hold this load."""
     load = MotorParams(load=300.0, friction=20.0, rated_acceleration=200_000.0, coasting=1.0)
-    r = rig(motor=load, limits=Limits(), holds_load=HoldsLoad.TORQUE)
+    r = rig(motor=load, limits=AxisLimits(), holds_load=HoldsLoad.TORQUE)
     r.drive.start_enabled(1)
     r.run(0.2)
     r.axis.enable().wait(2)
@@ -164,7 +164,7 @@ def test_an_axis_that_holds_a_load_is_halted_in_a_mode_that_holds():
 
 
 def test_a_torque_slope_that_the_drive_refuses_fails_before_any_torque():
-    r = rig(motor=FREE, limits=Limits()).enabled()
+    r = rig(motor=FREE, limits=AxisLimits()).enabled()
     r.device.dials.sdo_write_aborts[0x6087, 0] = 0x06090030
     watch = Watch(r)
     with pytest.raises(DriveError, match="6087h"):
@@ -186,7 +186,7 @@ def test_the_actual_torque_is_turned_where_the_master_turns_the_direction(factor
         ratio_known=True,
         rated_torque=rated,
     )
-    r = rig(units=units, motor=MotorParams(load=300.0), limits=Limits())
+    r = rig(units=units, motor=MotorParams(load=300.0), limits=AxisLimits())
     r.drive.start_enabled(1)
     r.run(0.3)
     assert r.core.snapshot().torque == 300

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import ValueTransport
 from axisbus.errors import (
     ArgumentError,
     FollowingError,
@@ -16,7 +16,7 @@ from axisbus.errors import (
     StateError,
     Stopped,
 )
-from axisbus.motion.parameters import Homing, Limits, Units
+from axisbus.motion.parameters import AxisLimits, HomingParameters, Units
 from axisbus.motion.states import AxisState
 from axisbus.sim.motor import MotorParams
 from axisbus.units import Scale
@@ -45,7 +45,7 @@ def ramp_time(watch: Watch, goal: float) -> float:
 # Moving at a velocity.
 
 
-@pytest.mark.parametrize("by", [Source.SYNC_PDO, Source.SDO])
+@pytest.mark.parametrize("by", [ValueTransport.SYNC_PDO, ValueTransport.SDO])
 @pytest.mark.parametrize("ramping", [True, False])
 def test_an_override_of_0_holds_a_turning_axis_and_ends_nothing(ramping, by):
     """The drive takes the new velocity some cycles later than it is asked for; what it goes in them is no following error."""
@@ -185,7 +185,7 @@ def test_a_noisy_velocity_is_reached_when_the_drive_says_so():
 
 
 def test_a_bit_10_from_the_velocity_before_does_not_count():
-    r = rig(port={"inputs": {"velocity": Source.NONE}}).enabled()
+    r = rig(port={"inputs": {"velocity": ValueTransport.NONE}}).enabled()
     r.axis.move_velocity(100.0).wait(3)
     r.device.write(0x606E, 0, 0)
     r.axis.move_velocity(300.0, acceleration=200.0).wait(3)
@@ -236,7 +236,7 @@ def test_the_caller_s_timeout_replaces_the_deadline():
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_a_turning_axis_brakes_in_time_before_its_position_limits(direction):
-    r = rig(limits=Limits(position=(-90.0, 90.0), velocity=400.0)).enabled()
+    r = rig(limits=AxisLimits(position=(-90.0, 90.0), velocity=400.0)).enabled()
     watch = Watch(r)
     r.axis.move_velocity(direction * 200.0).wait(2)
     r.until(lambda: r.axis.state is AxisState.ERRORSTOP)
@@ -254,7 +254,7 @@ def test_a_turning_axis_brakes_in_time_before_its_position_limits(direction):
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 @pytest.mark.parametrize("move", ["move_velocity", "cyclic_velocity"])
 def test_an_override_that_would_lead_beyond_a_limit_is_found_before_the_drive_gets_it(move, direction):
-    r = rig(limits=Limits(position=(-90.0, 90.0), velocity=400.0)).enabled()
+    r = rig(limits=AxisLimits(position=(-90.0, 90.0), velocity=400.0)).enabled()
     r.core.set_override(cell=0.05)
     getattr(r.axis, move)(direction * 200.0)
     r.until(lambda: abs(r.drive.axis.motor.position) > 88_500.0)
@@ -267,7 +267,7 @@ def test_an_override_that_would_lead_beyond_a_limit_is_found_before_the_drive_ge
 
 def test_a_lag_that_no_demand_shows_is_braked_for_in_time():
     lags = MotorParams(lag=0.12)
-    r = rig(limits=Limits(position=(-90.0, 90.0), velocity=400.0), motor=lags)
+    r = rig(limits=AxisLimits(position=(-90.0, 90.0), velocity=400.0), motor=lags)
     r.drive.dials.demand_frozen = True
     r.enabled()
     watch = Watch(r)
@@ -280,7 +280,7 @@ def test_a_lag_that_no_demand_shows_is_braked_for_in_time():
 
 def test_a_gentle_ramp_is_counted_as_gentle_as_it_is():
     """200 deg/s at 100 deg/s² need 200 deg, whatever the defaults of the axis say (500 deg/s²)."""
-    r = rig(limits=Limits(position=(-600.0, 600.0), velocity=400.0)).enabled()
+    r = rig(limits=AxisLimits(position=(-600.0, 600.0), velocity=400.0)).enabled()
     watch = Watch(r)
     r.axis.move_velocity(200.0, acceleration=100.0).wait(5)
     r.until(lambda: r.axis.state is AxisState.ERRORSTOP)
@@ -291,7 +291,7 @@ def test_a_gentle_ramp_is_counted_as_gentle_as_it_is():
 @pytest.mark.parametrize("late", [0.5, 0.8, 3.2])
 def test_a_frame_that_was_taken_late_from_the_adapter_is_no_overspeed(late):
     """Late by ``late`` periods, with SYNCs left out meanwhile: the next position comes a moment later and far away."""
-    r = rig(limits=Limits(position=(-1000.0, 1000.0), velocity=120.0)).enabled()
+    r = rig(limits=AxisLimits(position=(-1000.0, 1000.0), velocity=120.0)).enabled()
     r.axis.move_velocity(100.0).wait(3)
     port = r.ports["x"]
     read, frozen = port.read, []
@@ -322,7 +322,7 @@ def test_a_frame_that_was_taken_late_from_the_adapter_is_no_overspeed(late):
 
 def test_an_axis_outside_its_limits_may_turn_back_but_not_farther_out():
     r = rig(
-        limits=Limits(position=(-90.0, 90.0), velocity=400.0), motor=MotorParams(start_position=120_000.0)
+        limits=AxisLimits(position=(-90.0, 90.0), velocity=400.0), motor=MotorParams(start_position=120_000.0)
     ).enabled()
     r.axis.move_velocity(-20.0).wait(2)
     r.run(0.5)
@@ -340,7 +340,7 @@ def test_a_velocity_that_is_no_number_or_has_no_ramp_raises_at_the_call():
         r.axis.move_velocity(10.0, acceleration=0.0)
     with pytest.raises(LimitError):
         r.axis.move_velocity(400.1)
-    huge = rig(limits=Limits()).enabled()
+    huge = rig(limits=AxisLimits()).enabled()
     with pytest.raises(ArgumentError, match="60FFh"):
         huge.axis.move_velocity(3e6)  # 3e9 increments/s: more than INTEGER32
 
@@ -441,7 +441,7 @@ def test_a_jog_may_interrupt_a_halt_and_a_halt_a_jog():
 @pytest.mark.parametrize("way", [1.0, -1.0])
 @pytest.mark.parametrize("speed", [50.0, 300.0])
 def test_a_jog_stops_ahead_of_a_position_limit_and_the_axis_can_be_jogged_back(way, speed):
-    r = rig(limits=Limits(position=(-90.0, 90.0), velocity=400.0)).enabled()
+    r = rig(limits=AxisLimits(position=(-90.0, 90.0), velocity=400.0)).enabled()
     seen = Watch(r)
     for _ in range(60):
         r.axis.jog(way * speed)
@@ -458,7 +458,7 @@ def test_a_jog_stops_ahead_of_a_position_limit_and_the_axis_can_be_jogged_back(w
 
 
 def test_a_jog_that_ends_at_a_limit_before_it_has_its_velocity_says_why():
-    r = rig(limits=Limits(position=(-90.0, 90.0), velocity=400.0)).enabled()
+    r = rig(limits=AxisLimits(position=(-90.0, 90.0), velocity=400.0)).enabled()
     r.axis.move_absolute(85.0).wait(3)
     handle = r.axis.jog(390.0)
     r.run(0.15)
@@ -470,8 +470,8 @@ def test_a_jog_that_ends_at_a_limit_before_it_has_its_velocity_says_why():
 def test_before_homing_an_axis_can_be_jogged_and_its_limits_promise_nothing():
     """An incremental encoder counts from wherever it woke up: limits around that number would lock the axis in."""
     r = rig(
-        limits=Limits(position=(-10.0, 10.0), velocity=400.0),
-        homing=Homing(method=37, required=True),
+        limits=AxisLimits(position=(-10.0, 10.0), velocity=400.0),
+        homing=HomingParameters(method=37, required=True),
         motor=MotorParams(start_position=500_000.0),
     ).enabled()
     for _ in range(5):
@@ -488,7 +488,10 @@ def test_before_homing_an_axis_can_be_jogged_and_its_limits_promise_nothing():
 
 
 def test_the_velocity_limit_holds_before_homing_too():
-    r = rig(limits=Limits(position=(-10.0, 10.0), velocity=40.0), homing=Homing(method=37, required=True))
+    r = rig(
+        limits=AxisLimits(position=(-10.0, 10.0), velocity=40.0),
+        homing=HomingParameters(method=37, required=True),
+    )
     r.enabled()
     with pytest.raises(LimitError):
         r.axis.jog(50.0)

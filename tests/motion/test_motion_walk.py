@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.motion.jerk.online_profile import Gait, Led, Walk, walk_from
+from axisbus.motion.jerk.online_profile import JerkLimits, OnlineProfile, ReferenceState, walk_from
 
 T = 0.004
 NOISE = 1e-11
@@ -25,7 +25,7 @@ def highest(values: list[float], order: int) -> float:
     return max(map(abs, differences(values, order)))
 
 
-def to_the_end(walk: Walk, places: list[float]) -> list[float]:
+def to_the_end(walk: OnlineProfile, places: list[float]) -> list[float]:
     while walk.t == 0.0:
         walk.advance(T)
         places.append(walk.led.place)
@@ -34,7 +34,7 @@ def to_the_end(walk: Walk, places: list[float]) -> list[float]:
 
 
 def test_from_rest_it_takes_what_a_ramp_takes_and_the_time_of_the_mean():
-    walk = walk_from(Led(5.0), 95.0, Gait(100.0, 500.0, 150.0), 50, T)
+    walk = walk_from(ReferenceState(5.0), 95.0, JerkLimits(100.0, 500.0, 150.0), 50, T)
     places = to_the_end(walk, [5.0] * 4)
     assert places[-1] == 95.0
     assert (len(places) - 4) * T == pytest.approx(1.1 + 0.2, abs=0.012)
@@ -54,7 +54,7 @@ def test_from_rest_it_takes_what_a_ramp_takes_and_the_time_of_the_mean():
 def test_whatever_is_asked_meanwhile_nothing_jumps(seed, window, targets, gait):
     """New targets, velocities and overrides at any time, also back; and it ends at the last one."""
     chance, (velocity, ramp) = random.Random(seed), gait
-    walk = walk_from(Led(0.0), targets[0], Gait(velocity, ramp, 1.5 * velocity), window, T)
+    walk = walk_from(ReferenceState(0.0), targets[0], JerkLimits(velocity, ramp, 1.5 * velocity), window, T)
     places = [0.0] * 4
     for target in targets[1:]:
         for _ in range(chance.randint(1, 400)):
@@ -63,7 +63,7 @@ def test_whatever_is_asked_meanwhile_nothing_jumps(seed, window, targets, gait):
             walk.advance(T)
             places.append(walk.led.place)
         speed = chance.choice((0.2, 1.0)) * velocity
-        before, walk = walk, walk.turned(target, Gait(speed, ramp, 1.5 * velocity), 0.0)
+        before, walk = walk, walk.turned(target, JerkLimits(speed, ramp, 1.5 * velocity), 0.0)
         assert walk.led == before.led
     walk.factor = 1.0
     to_the_end(walk, places)
@@ -78,7 +78,7 @@ def test_whatever_is_asked_meanwhile_nothing_jumps(seed, window, targets, gait):
 @pytest.mark.parametrize("speed", [-80.0, 0.0, 80.0])
 @pytest.mark.parametrize("window", [3, 60])
 def test_what_goes_on_from_another_motion_has_its_velocity_and_its_acceleration(rate, speed, window):
-    walk = walk_from(Led(10.0, speed, rate), -50.0, Gait(100.0, 500.0, 150.0), window, T)
+    walk = walk_from(ReferenceState(10.0, speed, rate), -50.0, JerkLimits(100.0, 500.0, 150.0), window, T)
     step = speed * T
     places = [10.0 - 2.0 * step + rate * T * T, 10.0 - step, 10.0]  # what came before, with the same
     to_the_end(walk, places)
@@ -90,14 +90,14 @@ def test_what_goes_on_from_another_motion_has_its_velocity_and_its_acceleration(
 
 def test_it_speeds_up_no_further_than_it_may_be_fast():
     """What was speeding up when it took over could not be kept back at once by its jerk: so its acceleration is less."""
-    walk = walk_from(Led(0.0, 145.0, 400.0), 400.0, Gait(100.0, 500.0, 150.0), 100, T)
+    walk = walk_from(ReferenceState(0.0, 145.0, 400.0), 400.0, JerkLimits(100.0, 500.0, 150.0), 100, T)
     places = to_the_end(walk, [-145.0 * T, 0.0])
     assert highest(places, 1) <= 150.0 * (1 + 1e-9)
     assert highest(places[1:], 2) <= 500.0 * (1 + 1e-9)
 
 
 def test_a_brake_comes_to_rest_as_softly():
-    walk = walk_from(Led(0.0), 400.0, Gait(100.0, 500.0, 150.0), 50, T)
+    walk = walk_from(ReferenceState(0.0), 400.0, JerkLimits(100.0, 500.0, 150.0), 50, T)
     places = [0.0] * 4
     for _ in range(200):
         walk.advance(T)

@@ -12,7 +12,7 @@ from axisbus.cia301 import emcy
 from axisbus.cia301.emcy import Emcy, parse
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.options import Ramp
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.errors import (
     AdapterError,
     BusOff,
@@ -23,27 +23,27 @@ from axisbus.errors import (
     Stopped,
     UncommandedMotion,
 )
-from axisbus.motion.axis.reference import Led
+from axisbus.motion.axis.reference import ReferenceTracker
 from axisbus.motion.commands import MoveVelocity
-from axisbus.motion.moves.arrival import Arrival
+from axisbus.motion.moves.arrival import ArrivalCheck
 from axisbus.motion.moves.continuous_motion import TorqueMove, VelocityMove
 from axisbus.motion.moves.jog import Jog
 from axisbus.motion.moves.modewatch import ModeWatch
 from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.prepare import RampTransfers
-from axisbus.motion.moves.profile import Profile
-from axisbus.motion.moves.setpoint import Phase, SetPoint
-from axisbus.motion.parameters import Limits, Timing
+from axisbus.motion.moves.profile import MoveProfile
+from axisbus.motion.moves.setpoint import HandshakePhase, SetPoint
+from axisbus.motion.parameters import AxisLimits, DriveTimeouts
 from axisbus.motion.states import AxisState
-from axisbus.motion.stop.coast_down import RunDown
-from axisbus.motion.stop.diagnosis import FaultStory, History, enrich, join_remedies, nmt_text
-from axisbus.motion.stop.fault_reaction import Aftermath
-from axisbus.motion.stop.hold_setpoint import Relief, is_blind, needs_relief
+from axisbus.motion.stop.coast_down import CoastDown
+from axisbus.motion.stop.diagnosis import DriveHistory, FaultDiagnosis, enrich, join_remedies, nmt_text
+from axisbus.motion.stop.fault_reaction import FaultReaction
+from axisbus.motion.stop.hold_setpoint import HoldSetPoint, is_blind, needs_relief
 from axisbus.motion.stop.lost import not_to_be_reset
-from axisbus.motion.stop.standstill_monitor import Resting
-from axisbus.motion.stop.stop_sequence import Rung
+from axisbus.motion.stop.standstill_monitor import StandstillMonitor
+from axisbus.motion.stop.stop_sequence import StopLevel
 from axisbus.motion.stop.supervision import Supervision, silence
-from axisbus.motion.stop_deceleration import Braking, Course
+from axisbus.motion.stop_deceleration import Braking, CommandedMotion
 from kit.motion.steps import Drive, T
 
 ENABLED, DISABLED, READY, QUICK, FAULT, REACTION = 0x0237, 0x0250, 0x0231, 0x0217, 0x0218, 0x021F
@@ -84,7 +84,7 @@ def test_a_node_that_was_never_operational_is_not_lost_and_one_that_was_is_told_
     assert node(drive, supervision, False, 127) is None
     assert node(drive, supervision) is None
     finding = node(drive, supervision, False, 127)
-    assert (finding.rung, supervision.lost) == (Rung.QUICK_STOP, True)
+    assert (finding.rung, supervision.lost) == (StopLevel.QUICK_STOP, True)
     assert "pre-operational, not operational" in finding.error.message
     assert "still reports itself" in finding.error.observed
     assert node(drive, supervision, False, 127) is None
@@ -163,7 +163,7 @@ def test_a_gap_longer_than_the_statusword_may_be_old_stops_the_axis(gap, told):
     drive.cycle(statusword=ENABLED, position=0)
     finding = supervision.power(drive.image, AxisState.STANDSTILL)
     assert (finding is not None) is told
-    assert not told or (finding.rung is Rung.HALT and "did not run for 0.516 s" in finding.error.message)
+    assert not told or (finding.rung is StopLevel.HALT and "did not run for 0.516 s" in finding.error.message)
 
 
 @pytest.mark.parametrize(
@@ -230,7 +230,7 @@ def test_what_an_axis_with_power_must_not_do(state, word, told):
     drive.cycle(statusword=word, position=0)
     finding = supervision.power(drive.image, state)
     assert (finding is None) if told is None else told in finding.error.message
-    assert finding is None or finding.rung is Rung.QUICK_STOP
+    assert finding is None or finding.rung is StopLevel.QUICK_STOP
 
 
 def test_a_drive_of_which_no_value_is_fresh_is_lost():
@@ -272,7 +272,7 @@ def test_an_axis_at_rest_that_moves_is_stopped_and_one_that_something_moves_is_n
     drive.cycle(position=4001)
     finding = supervision.power(drive.image, AxisState.STANDSTILL)
     assert isinstance(finding.error, UncommandedMotion)
-    assert finding.rung is Rung.QUICK_STOP
+    assert finding.rung is StopLevel.QUICK_STOP
     supervision.at_work()
     for position in (4001, 4001):
         assert supervision.power(drive.cycle(position=position)[0], AxisState.STANDSTILL) is None
@@ -292,10 +292,10 @@ def test_a_drive_that_leaves_its_mode_in_a_motion_is_stopped_hard():
         )
     finding = supervision.power(drive.cycle(mode=1, position=0)[0], state, activity)
     assert "has left mode 3 (pv) by itself" in finding.error.message
-    assert finding.rung is Rung.QUICK_STOP
+    assert finding.rung is StopLevel.QUICK_STOP
 
 
-def replace_mode(mode: int, course: Course | None = None) -> SimpleNamespace:
+def replace_mode(mode: int, course: CommandedMotion | None = None) -> SimpleNamespace:
     return SimpleNamespace(
         mode=MODE(mode), course=course, behind=None, lag=None, led_speed=0.0, leading=None, in_effect=True
     )
@@ -304,23 +304,23 @@ def replace_mode(mode: int, course: Course | None = None) -> SimpleNamespace:
 @pytest.mark.parametrize(
     ("braking", "mode", "word", "rung", "told"),
     [
-        (Braking(quick_stop=Ramp.QUICK), 4, ENABLED, Rung.HALT, True),
-        (Braking(quick_stop=Ramp.QUICK), 10, ENABLED, Rung.HALT, True),
-        (Braking(quick_stop=Ramp.QUICK), 4, ENABLED, Rung.QUICK_STOP, False),
-        (Braking(quick_stop=Ramp.QUICK), 3, ENABLED, Rung.HALT, False),
-        (Braking(quick_stop=Ramp.QUICK), 4, QUICK, Rung.HALT, False),
-        (Braking(), 4, ENABLED, Rung.HALT, False),  # it is halted by another mode
+        (Braking(quick_stop=Ramp.QUICK), 4, ENABLED, StopLevel.HALT, True),
+        (Braking(quick_stop=Ramp.QUICK), 10, ENABLED, StopLevel.HALT, True),
+        (Braking(quick_stop=Ramp.QUICK), 4, ENABLED, StopLevel.QUICK_STOP, False),
+        (Braking(quick_stop=Ramp.QUICK), 3, ENABLED, StopLevel.HALT, False),
+        (Braking(quick_stop=Ramp.QUICK), 4, QUICK, StopLevel.HALT, False),
+        (Braking(), 4, ENABLED, StopLevel.HALT, False),  # it is halted by another mode
     ],
 )
 def test_an_axis_that_coasts_out_of_a_torque_is_stopped_harder_where_it_gets_too_fast(
     braking, mode, word, rung, told
 ):
-    drive, supervision = watched(braking=braking, limits=Limits(velocity=400.0))
+    drive, supervision = watched(braking=braking, limits=AxisLimits(velocity=400.0))
     for step in range(8):
         node(drive, supervision, statusword=word, mode=mode, position=7000 * step)
     finding = supervision.coasting(drive.image, rung, bounded=True)
     assert (finding is not None) is told
-    assert not told or finding.rung is Rung.QUICK_STOP
+    assert not told or finding.rung is StopLevel.QUICK_STOP
 
 
 # Rest.
@@ -340,7 +340,7 @@ def test_an_axis_that_coasts_out_of_a_torque_is_stopped_harder_where_it_gets_too
 )
 def test_what_rests_stays_where_it_is_and_is_not_pulled_elsewhere(positions, demand, told):
     drive = Drive()
-    resting = Resting(drive.parameters)
+    resting = StandstillMonitor(drive.parameters)
     errors = [
         resting.error(drive.cycle(statusword=ENABLED, mode=1, position=place, demand=demand)[0])
         for place in positions
@@ -351,7 +351,7 @@ def test_what_rests_stays_where_it_is_and_is_not_pulled_elsewhere(positions, dem
 
 def test_a_rest_goes_by_positions_that_are_new_and_begins_anew_when_it_is_forgotten():
     drive = Drive()
-    resting = Resting(drive.parameters)
+    resting = StandstillMonitor(drive.parameters)
     resting.error(drive.cycle(statusword=ENABLED, mode=1, position=0)[0])
     for position in (5000, None):
         drive.cycle(position=position)
@@ -372,7 +372,7 @@ def test_a_rest_goes_by_positions_that_are_new_and_begins_anew_when_it_is_forgot
 )
 def test_what_is_pulled_and_gives_way_within_the_window_stands_still(place, message):
     drive = Drive()
-    resting = Resting(drive.parameters)
+    resting = StandstillMonitor(drive.parameters)
     for position in (10_000, place):
         drive.cycle(
             statusword=ENABLED, mode=1, position=position, demand=20_000 if position == place else 10_000
@@ -383,7 +383,7 @@ def test_what_is_pulled_and_gives_way_within_the_window_stands_still(place, mess
 
 def test_a_velocity_that_is_seen_again_says_nothing_new():
     drive = Drive()
-    resting = Resting(drive.parameters)
+    resting = StandstillMonitor(drive.parameters)
     for _ in range(2):
         assert resting.error(drive.cycle(statusword=ENABLED, mode=1, velocity=500_000)[0]) is None
     for _ in range(3):
@@ -411,7 +411,7 @@ def test_a_velocity_that_is_seen_again_says_nothing_new():
 )
 def test_what_rests_without_a_position_is_watched_by_its_velocity(velocities, told):
     drive = Drive()
-    resting = Resting(drive.parameters)
+    resting = StandstillMonitor(drive.parameters)
     errors = [resting.error(drive.cycle(statusword=ENABLED, mode=1, velocity=each)[0]) for each in velocities]
     found = [error for error in errors if error is not None]
     assert bool(found) == told
@@ -422,7 +422,7 @@ def test_what_rests_without_a_position_is_watched_by_its_velocity(velocities, to
 
 def test_by_velocity_a_rest_begins_anew_too_and_counts_no_time_in_which_nothing_was_known():
     drive = Drive()
-    resting = Resting(drive.parameters)
+    resting = StandstillMonitor(drive.parameters)
     for _ in range(2):
         assert resting.error(drive.cycle(statusword=ENABLED, mode=1, velocity=500_000)[0]) is None
     resting.forget()
@@ -430,7 +430,7 @@ def test_by_velocity_a_rest_begins_anew_too_and_counts_no_time_in_which_nothing_
     drive.now += 10.0
     assert resting.error(drive.cycle(velocity=500_000)[0]) is None
     unscaled = replace(drive.parameters, units=replace(drive.parameters.units, ratio_known=False))
-    blind = Resting(unscaled)
+    blind = StandstillMonitor(unscaled)
     assert [blind.error(drive.cycle(velocity=500_000)[0]) for _ in range(50)] == [None] * 50
 
 
@@ -476,7 +476,7 @@ def at_rest(rests_from: float = -math.inf) -> SimpleNamespace:
 
 def test_a_rest_from_before_the_axis_could_set_off_is_no_end():
     drive = Drive()
-    arrival, move = Arrival(drive.parameters), at_rest()
+    arrival, move = ArrivalCheck(drive.parameters), at_rest()
     arrival.begin(move, drive.now)
     for _ in range(6):
         drive.cycle(statusword=ENABLED, mode=1, position=0)
@@ -492,7 +492,7 @@ def test_a_rest_from_before_the_axis_could_set_off_is_no_end():
 @pytest.mark.parametrize("rests_from", [-math.inf, 10.0])
 def test_a_rest_from_before_the_command_is_no_end_either(rests_from):
     drive = Drive()
-    arrival, move = Arrival(drive.parameters), at_rest(rests_from)
+    arrival, move = ArrivalCheck(drive.parameters), at_rest(rests_from)
     for _ in range(20):
         drive.cycle(statusword=ENABLED, mode=1, position=0)
     arrival.begin(move, drive.now)
@@ -505,7 +505,7 @@ def test_a_rest_from_before_the_command_is_no_end_either(rests_from):
 def test_only_a_homing_may_end_where_the_demand_is_elsewhere(mode, arrives):
     """Its position has another name since, and 6062h may still have the old one."""
     drive = Drive()
-    arrival, command = Arrival(drive.parameters), at_rest()
+    arrival, command = ArrivalCheck(drive.parameters), at_rest()
     command.mode = ModeOfOperation(mode)
     arrival.begin(command, drive.now)
     for _ in range(8):
@@ -516,7 +516,7 @@ def test_only_a_homing_may_end_where_the_demand_is_elsewhere(mode, arrives):
 
 def test_a_command_that_ends_at_rest_waits_until_the_axis_stands_and_no_longer_than_two_seconds():
     drive = Drive()
-    arrival = Arrival(drive.parameters)
+    arrival = ArrivalCheck(drive.parameters)
     drive.cycle(statusword=ENABLED, mode=1, position=0)
     arrival.begin(AT_ONCE, drive.now)
     assert arrival.complete(AT_ONCE, True, drive.image)
@@ -542,7 +542,7 @@ def test_a_command_that_ends_at_rest_waits_until_the_axis_stands_and_no_longer_t
 
 def test_a_drive_in_fault_that_does_not_come_to_rest_is_told_once_after_its_time():
     drive = Drive()  # one second for the quick stop, three to disable
-    aftermath, run_down = Aftermath(drive.parameters), RunDown(drive.parameters)
+    aftermath, run_down = FaultReaction(drive.parameters), CoastDown(drive.parameters)
     began = drive.now + T
     told = []
     for _ in range(300):
@@ -571,7 +571,7 @@ def test_a_drive_in_fault_that_does_not_come_to_rest_is_told_once_after_its_time
 )
 def test_which_drive_in_fault_may_still_move(word, driven, moves, told):
     drive = Drive()
-    aftermath, run_down = Aftermath(drive.parameters), RunDown(drive.parameters)
+    aftermath, run_down = FaultReaction(drive.parameters), CoastDown(drive.parameters)
     run_down.look(drive.cycle(statusword=ENABLED, position=0)[0], True)
     errors = []
     for number in range(300):
@@ -584,7 +584,7 @@ def test_which_drive_in_fault_may_still_move(word, driven, moves, told):
 
 def test_a_motor_without_power_runs_down_until_it_is_seen_to_stand():
     drive = Drive()
-    run_down = RunDown(drive.parameters)
+    run_down = CoastDown(drive.parameters)
     run_down.look(drive.cycle(statusword=READY, position=0)[0], True)
     assert not run_down.under_way  # it was never driven
     run_down.look(drive.cycle(statusword=ENABLED, position=0)[0], False)
@@ -608,7 +608,7 @@ def test_a_motor_without_power_runs_down_until_it_is_seen_to_stand():
     run_down.look(drive.cycle(statusword=READY)[0], False)
     assert not run_down.under_way
     silent = Drive(objects=frozenset({0x6040, 0x6041}))
-    blind = RunDown(silent.parameters)
+    blind = CoastDown(silent.parameters)
     blind.look(silent.cycle(statusword=ENABLED)[0], True)
     blind.look(silent.cycle(statusword=READY)[0], True)
     assert not blind.under_way  # nobody could ever tell
@@ -617,11 +617,11 @@ def test_a_motor_without_power_runs_down_until_it_is_seen_to_stand():
 # Moves to a position.
 
 # 10 000 increments per s, 100 000 per s² up and 50 000 down
-PROFILE = Profile(10_000, 100, 50, 10_000.0, 50_000.0, None, 100_000.0, 50_000.0)
+PROFILE = MoveProfile(10_000, 100, 50, 10_000.0, 50_000.0, None, 100_000.0, 50_000.0)
 
 
 def moving(
-    drive: Drive, target: int, profile: Profile = PROFILE, before: SetPoint | None = None
+    drive: Drive, target: int, profile: MoveProfile = PROFILE, before: SetPoint | None = None
 ) -> PositionMove:
     return PositionMove(target, profile, drive.parameters, ready(), before)
 
@@ -630,7 +630,7 @@ def handshake(drive: Drive, move: PositionMove, **values: int) -> None:
     """Let the drive take the set-point."""
     for word in (ENABLED, ENABLED | 0x1000, ENABLED):
         move.step(*drive.cycle(statusword=word, mode=1, **values))
-    assert move.set_point.phase is Phase.TAKEN
+    assert move.set_point.phase is HandshakePhase.TAKEN
 
 
 @pytest.mark.parametrize(
@@ -904,17 +904,17 @@ def test_a_velocity_leads_by_the_weaker_ramp_until_its_own_is_written():
     drive = Drive()
     for before, down in (
         (None, 50_000.0),
-        (Course(down=7.0), 7.0),
-        (Course(down=90_000.0), 50_000.0),
-        (Course(), 50_000.0),
+        (CommandedMotion(down=7.0), 7.0),
+        (CommandedMotion(down=90_000.0), 50_000.0),
+        (CommandedMotion(), 50_000.0),
     ):
         move = VelocityMove(PROFILE._replace(velocity=-5), drive.parameters, ready(), before)
-        assert move.course == Course(-10_000.0, 100_000.0, down)
+        assert move.course == CommandedMotion(-10_000.0, 100_000.0, down)
         move.step(*drive.cycle(statusword=ENABLED, mode=3, velocity=0))
         assert move.course.down == 50_000.0
     assert VelocityMove(PROFILE._replace(speed=None), drive.parameters, ready()).course.speed is None
-    assert TorqueMove(5, None, drive.parameters, ready()).course == Course(by_torque=True)
-    assert moving(drive, 5).course == Course(10_000.0, 100_000.0, 50_000.0, by_target=True)
+    assert TorqueMove(5, None, drive.parameters, ready()).course == CommandedMotion(by_torque=True)
+    assert moving(drive, 5).course == CommandedMotion(10_000.0, 100_000.0, 50_000.0, by_target=True)
 
 
 def test_a_jog_lives_as_long_as_it_is_renewed():
@@ -968,8 +968,8 @@ def test_while_a_command_is_at_work_its_drive_may_be_enabled():
 # What a drive says of its fault.
 
 
-def history(drive: Drive, *words: int) -> History:
-    made = History()
+def history(drive: Drive, *words: int) -> DriveHistory:
+    made = DriveHistory()
     for word in words:
         made.note(drive.cycle(statusword=word)[0])
     return made
@@ -986,8 +986,10 @@ def test_the_path_of_a_drive_is_its_last_four_states():
 
 def test_a_fault_is_explained_by_its_code_and_where_it_came_from():
     drive = Drive(fault_objects=((0x603F, 0),))
-    told = FaultStory(drive.parameters, drive.now)
-    assert told.tell(drive.image, History()).observed.startswith("its error code is being read (603Fh); ")
+    told = FaultDiagnosis(drive.parameters, drive.now)
+    assert told.tell(drive.image, DriveHistory()).observed.startswith(
+        "its error code is being read (603Fh); "
+    )
     assert not told.step(*drive.cycle(statusword=FAULT))
     for request in drive.order.sdo:
         assert request.index == 0x603F
@@ -1019,7 +1021,7 @@ def test_the_code_of_a_fault_is_603fh_and_else_the_newest_emergency_of_the_last_
     read, emergencies, code
 ):
     drive = Drive()
-    told = FaultStory(drive.parameters, drive.now)
+    told = FaultDiagnosis(drive.parameters, drive.now)
     told.step(*drive.cycle(statusword=FAULT))
     for request in drive.order.sdo:
         drive.answers(request.id, read, None if read is not None else 0x06020000)
@@ -1037,20 +1039,20 @@ def test_what_the_make_says_of_a_fault_is_told_with_it():
     drive = Drive(
         explain_fault=lambda code, values: [f"{code:04X}h and {values}"], fault_objects=((0x6041, 0),)
     )
-    told = FaultStory(drive.parameters, drive.now)
-    assert "; 0000h and {}; " in told.tell(drive.image, History()).observed
+    told = FaultDiagnosis(drive.parameters, drive.now)
+    assert "; 0000h and {}; " in told.tell(drive.image, DriveHistory()).observed
     told.step(*drive.cycle(statusword=FAULT))
     for request in drive.order.sdo:
         drive.answers(request.id, 0x2310 if request.index == 0x603F else 7)
     assert told.step(*drive.cycle())
-    assert f"; 2310h and { ({(0x6041, 0): 7}) }; " in told.tell(drive.image, History()).observed
+    assert f"; 2310h and { ({(0x6041, 0): 7}) }; " in told.tell(drive.image, DriveHistory()).observed
 
 
 def test_a_fault_is_told_with_its_last_two_emergencies():
     drive = Drive()
     made = history(drive, FAULT)
     made.emcy.extend(Emcy(code, 0, bytes(5), drive.now) for code in (0x2310, 0x3210, 0x8611))
-    error = FaultStory(drive.parameters, drive.now).tell(drive.image, made)
+    error = FaultDiagnosis(drive.parameters, drive.now).tell(drive.image, made)
     assert error.observed.split("; ")[1:] == [
         *(f"EMCY {emcy.describe(code)}" for code in (0x3210, 0x8611)),
         "path: fault",
@@ -1075,21 +1077,21 @@ def test_the_last_two_emergencies_of_the_five_seconds_before_now_are_told(ages, 
 
 
 def test_a_drive_that_explains_its_fault_at_the_last_moment_is_heard():
-    drive = Drive(timing=Timing(diagnosis=4 * T))
-    silent = FaultStory(drive.parameters, drive.now)
+    drive = Drive(timing=DriveTimeouts(diagnosis=4 * T))
+    silent = FaultDiagnosis(drive.parameters, drive.now)
     assert [silent.step(*drive.cycle(statusword=FAULT)) for _ in range(5)] == [False] * 4 + [True]
 
 
 def test_a_drive_that_does_not_explain_its_fault_has_its_time():
     drive = Drive()
-    silent = FaultStory(drive.parameters, drive.now)
+    silent = FaultDiagnosis(drive.parameters, drive.now)
     began = drive.now
     while not silent.step(*drive.cycle(statusword=FAULT)):
         assert drive.now < began + 2.0
     assert drive.now - began == 26 * T  # the first cycle after 0.4 s
     assert drive.order.cancel
-    assert "no error code could be read (603Fh)" in silent.tell(drive.image, History()).observed
-    refused = FaultStory(drive.parameters, drive.now)
+    assert "no error code could be read (603Fh)" in silent.tell(drive.image, DriveHistory()).observed
+    refused = FaultDiagnosis(drive.parameters, drive.now)
     refused.step(*drive.cycle())
     for request in drive.order.sdo:
         drive.answers(request.id, abort=0x06020000)
@@ -1119,7 +1121,7 @@ def test_an_error_is_told_with_what_was_seen_of_the_drive():
 
 def test_only_emergencies_of_the_last_seconds_that_are_no_resets_are_told():
     drive = Drive()
-    made = History()
+    made = DriveHistory()
     drive.cycle(statusword=ENABLED)
     codes = [(0x2310, 1.0), (0x0000, 9.5), (0x3210, 9.5), (0x4210, 9.75), (0x5210, 10.0)]
     drive.image.emcy = tuple(parse(code.to_bytes(2, "little") + bytes(6), stamp) for code, stamp in codes)
@@ -1129,7 +1131,7 @@ def test_only_emergencies_of_the_last_seconds_that_are_no_resets_are_told():
 
 def test_of_a_drive_that_says_much_the_last_sixteen_emergencies_are_kept():
     drive = Drive()
-    made = History()
+    made = DriveHistory()
 
     def hears(code: int, times: int) -> list[int]:
         drive.image.emcy = tuple(parse(code.to_bytes(2, "little") + bytes(6), 9.0) for _ in range(times))
@@ -1159,7 +1161,7 @@ def test_remedies_are_told_once_each_the_first_first():
 
 
 def test_what_was_sent_last_leads_the_axis():
-    led = Led()
+    led = ReferenceTracker()
     led.note(1.0, 1, None, 500, True)
     assert (led.set_point, led.set_point_at, led.target) == (500, 1.0, None)
     led.note(2.0, 1, None, 500, True)
@@ -1184,19 +1186,19 @@ def test_what_was_sent_last_leads_the_axis():
 @pytest.mark.parametrize(
     ("mode", "target", "lead", "position", "state", "pull"),
     [
-        (1, None, 20, 10, State.OPERATION_ENABLED, 20),
-        (1, None, None, 10, State.OPERATION_ENABLED, None),
-        (1, None, 20, None, State.OPERATION_ENABLED, None),
-        (1, None, 20, 10, State.SWITCHED_ON, None),
-        (1, None, 20, 10, State.QUICK_STOP_ACTIVE, 20),
-        (8, 50, None, 10, State.OPERATION_ENABLED, 40),
-        (8, 50, 20, 10, State.OPERATION_ENABLED, 40),
-        (8, 50, 80, 10, State.OPERATION_ENABLED, 80),
-        (8, -50, 20, 10, State.OPERATION_ENABLED, -60),
+        (1, None, 20, 10, PowerState.OPERATION_ENABLED, 20),
+        (1, None, None, 10, PowerState.OPERATION_ENABLED, None),
+        (1, None, 20, None, PowerState.OPERATION_ENABLED, None),
+        (1, None, 20, 10, PowerState.SWITCHED_ON, None),
+        (1, None, 20, 10, PowerState.QUICK_STOP_ACTIVE, 20),
+        (8, 50, None, 10, PowerState.OPERATION_ENABLED, 40),
+        (8, 50, 20, 10, PowerState.OPERATION_ENABLED, 40),
+        (8, 50, 80, 10, PowerState.OPERATION_ENABLED, 80),
+        (8, -50, 20, 10, PowerState.OPERATION_ENABLED, -60),
     ],
 )
 def test_how_far_an_axis_is_led_from_where_it_is(mode, target, lead, position, state, pull):
-    led = Led()
+    led = ReferenceTracker()
     led.note(0.0, mode, None, target, False)
     assert led.pull(lead, position, state) == pull
 
@@ -1225,17 +1227,17 @@ def test_how_far_an_axis_is_led_from_where_it_is(mode, target, lead, position, s
     ],
 )
 def test_after_a_quick_stop_the_last_target_leads_no_axis_that_has_braked(step, quick, position, lead, pull):
-    led = Led(quick=quick)
+    led = ReferenceTracker(quick=quick)
     for number, target in enumerate((1000 - step, 1000)):
         led.note(float(number), 8, None, target, False)
     led.note(2.0, 8, None, None, False)  # the quick stop sends no target
-    assert led.pull(lead, position, State.QUICK_STOP_ACTIVE) == pull
+    assert led.pull(lead, position, PowerState.QUICK_STOP_ACTIVE) == pull
     if pull != 200:  # in operation enabled the drive follows its target
-        assert led.pull(lead, position, State.OPERATION_ENABLED) == 1000 - position
+        assert led.pull(lead, position, PowerState.OPERATION_ENABLED) == 1000 - position
 
 
 def test_in_a_velocity_mode_6062h_leads_once_it_has_moved():
-    led = Led()
+    led = ReferenceTracker()
     led.note(0.0, 3, 100, None, False)
     shown = [led.counts(demand, 3) for demand in (100, 120, 121, 80, 79)]
     assert shown == [False, False, True, False, True]
@@ -1279,7 +1281,7 @@ def test_a_homing_that_searches_is_blind_where_nobody_sees_what_leads_it():
 
 def test_a_relief_is_a_slow_set_point_under_halt():
     drive = Drive()
-    relief = Relief(700, drive.parameters)
+    relief = HoldSetPoint(700, drive.parameters)
     seen = []
     for word in (ENABLED, ENABLED, ENABLED, ENABLED | 0x1000, ENABLED):
         for request in drive.order.sdo:
@@ -1295,13 +1297,13 @@ def test_a_relief_is_a_slow_set_point_under_halt():
         (False, None, 0),
         (True, None, 0),
     ]
-    refused = Relief(700, drive.parameters)
+    refused = HoldSetPoint(700, drive.parameters)
     refused.step(*drive.cycle(statusword=ENABLED))
     drive.answers(drive.order.sdo[0].id, abort=0x06090030)
     for word in (ENABLED, ENABLED, ENABLED | 0x1000, ENABLED, ENABLED):  # as if it took one all the same
         assert not refused.step(*drive.cycle(statusword=word))
         assert (drive.order.halt, drive.order.bits) == (True, 0)
-    under_way = Relief(700, drive.parameters)
+    under_way = HoldSetPoint(700, drive.parameters)
     under_way.step(*drive.cycle())
     [asked] = drive.order.sdo
     under_way.cancel(drive.order)

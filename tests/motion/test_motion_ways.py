@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.motion.group.path import Cycle, Way, way_of
+from axisbus.motion.group.path import CycleVelocity, Path, way_of
 from axisbus.motion.group.path_builder import arc_about, arc_through, polyline
-from axisbus.motion.group.path_position import Along, Share
-from axisbus.motion.group.path_speed import Travel
+from axisbus.motion.group.path_position import AxisPathShare, PathPosition
+from axisbus.motion.group.path_speed import PathSpeed
 from axisbus.motion.group.segments import Corner, Straight, corner, direction, turned
-from axisbus.motion.parameters import Limits
+from axisbus.motion.parameters import AxisLimits
 
 SAME = settings(deadline=None, derandomize=True)
 PLACES = st.floats(-20.0, 20.0)
@@ -29,18 +29,18 @@ def points(least: int, most: int) -> st.SearchStrategy[list[tuple[float, ...]]]:
     )
 
 
-def limits(number: int, kind: int) -> list[Limits]:
+def limits(number: int, kind: int) -> list[AxisLimits]:
     """Of some axes: none, or odd ones."""
     some = [
-        Limits(),
-        Limits(velocity=90.0),
-        Limits(acceleration=400.0),
-        Limits(velocity=30.0, acceleration=150.0),
+        AxisLimits(),
+        AxisLimits(velocity=90.0),
+        AxisLimits(acceleration=400.0),
+        AxisLimits(velocity=30.0, acceleration=150.0),
     ]
     return [some[(kind + place) % len(some)] for place in range(number)]
 
 
-def seen(way: Way, count: int = 4000) -> list[tuple[float, ...]]:
+def seen(way: Path, count: int = 4000) -> list[tuple[float, ...]]:
     return [way.at(way.length * step / count) for step in range(count + 1)]
 
 
@@ -171,7 +171,7 @@ def test_a_path_is_one_piece_without_gaps_from_its_first_point_to_its_last(place
         assert before.at(before.length) == pytest.approx(after.at(0.0), abs=1e-6)
     assert pieces[0].at(0.0) == pytest.approx(places[0], abs=1e-6)
     assert pieces[-1].at(pieces[-1].length) == pytest.approx(places[-1], abs=1e-6)
-    walked = seen(way_of(pieces, [Limits()] * len(places[0]), 100.0), 20_000)
+    walked = seen(way_of(pieces, [AxisLimits()] * len(places[0]), 100.0), 20_000)
     for place in places:
         reach = blend + 1e-6 + sum(piece.length for piece in pieces) / 20_000
         assert min(math.dist(place, other) for other in walked) <= reach
@@ -183,8 +183,8 @@ def test_a_path_is_one_piece_without_gaps_from_its_first_point_to_its_last(place
 class Trip:
     """What a group does on a way: its places, cycle by cycle, until it stands at the end."""
 
-    def __init__(self, way: Way, velocity: float, period: float, factors: list[float]) -> None:
-        self.travel = Travel()
+    def __init__(self, way: Path, velocity: float, period: float, factors: list[float]) -> None:
+        self.travel = PathSpeed()
         self.travel.begin(way, velocity)
         self.way, self.period = way, period
         self.places = [way.at(0.0)]
@@ -237,9 +237,9 @@ def test_no_axis_is_faster_or_harder_than_it_may_be_whatever_the_override_does(
     assert trip.places[-1] == pytest.approx(places[-1], abs=1e-6)
 
 
-def square(blend: float, acceleration: float = 500.0) -> Way:
+def square(blend: float, acceleration: float = 500.0) -> Path:
     pieces, stops = polyline([(0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0)], blend)
-    return way_of(pieces, [Limits()] * 2, acceleration, stops)
+    return way_of(pieces, [AxisLimits()] * 2, acceleration, stops)
 
 
 def test_the_velocity_is_kept_through_corners_that_are_wide_enough_for_it():
@@ -252,7 +252,7 @@ def test_the_velocity_is_kept_through_corners_that_are_wide_enough_for_it():
 
 
 def test_a_way_takes_the_time_that_its_trapezoid_takes():
-    way = way_of([Straight((0.0,), (90.0,), 90.0)], [Limits()], 500.0)
+    way = way_of([Straight((0.0,), (90.0,), 90.0)], [AxisLimits()], 500.0)
     trip = Trip(way, 100.0, 0.01, [])
     assert (len(trip.speeds) - 1) * 0.01 == pytest.approx(1.1, abs=0.011)  # 0.2 up, 0.7 along, 0.2 down
     assert max(trip.speeds) == 100.0
@@ -262,8 +262,8 @@ def test_a_way_takes_the_time_that_its_trapezoid_takes():
 @pytest.mark.parametrize("unit", [1.0, None])
 def test_the_shortest_way_is_gone_to_its_end_within_some_cycles(length, unit):
     size = length if unit is None else unit  # a line is one of length 1, however short it is
-    way = way_of([Straight((0.0,), (length,), size)], [Limits()], 5000.0 * size / length)
-    travel = Travel()
+    way = way_of([Straight((0.0,), (length,), size)], [AxisLimits()], 5000.0 * size / length)
+    travel = PathSpeed()
     travel.begin(way, 100.0 * size / length)
     for _ in range(5):
         travel.advance(0.01)
@@ -272,7 +272,7 @@ def test_the_shortest_way_is_gone_to_its_end_within_some_cycles(length, unit):
 
 def test_what_is_held_stands_on_its_way_and_goes_on():
     way = square(1.0)
-    travel = Travel()
+    travel = PathSpeed()
     travel.begin(way, 30.0)
     for _ in range(100):
         travel.advance(0.01)
@@ -289,10 +289,10 @@ def test_what_is_held_stands_on_its_way_and_goes_on():
 
 
 def test_what_brakes_takes_the_way_of_its_speed_and_an_override_does_not_scale_it():
-    way = way_of([Straight((0.0,), (900.0,), 900.0)], [Limits()], 500.0)
+    way = way_of([Straight((0.0,), (900.0,), 900.0)], [AxisLimits()], 500.0)
     ends = []
     for factor in (1.0, 1.5, 0.5):
-        travel = Travel()
+        travel = PathSpeed()
         travel.begin(way, 100.0)
         for _ in range(100):
             travel.advance(0.01)
@@ -306,7 +306,7 @@ def test_what_brakes_takes_the_way_of_its_speed_and_an_override_does_not_scale_i
 
 
 def test_a_way_is_gone_on_with_from_where_it_was_left():
-    way, travel = square(1.0), Travel()
+    way, travel = square(1.0), PathSpeed()
     travel.begin(way, 30.0, 50.0)
     assert (travel.t, travel.speed) == (50.0, 0.0)
     travel.advance(0.01)
@@ -316,8 +316,8 @@ def test_a_way_is_gone_on_with_from_where_it_was_left():
 @pytest.mark.parametrize("window", [2, 5, 40])
 @pytest.mark.parametrize("length", [0.5, 30.0, 400.0])
 def test_a_mean_of_some_cycles_limits_the_jerk_and_leads_to_the_same_end(window, length):
-    way = way_of([Straight((0.0,), (length,), length)], [Limits()], 500.0)
-    travel, places, chance = Travel(), [0.0], random.Random(window)
+    way = way_of([Straight((0.0,), (length,), length)], [AxisLimits()], 500.0)
+    travel, places, chance = PathSpeed(), [0.0], random.Random(window)
     travel.begin(way, 100.0, 0.0, window)
     while travel.t < length:
         if chance.random() < 0.02:
@@ -343,8 +343,8 @@ def differences(values: list[float], order: int, period: float) -> list[float]:
 @pytest.mark.parametrize(("left", "fits"), [(0.09, False), (0.12, True)])
 def test_what_is_gone_on_with_must_be_slow_enough_where_its_stretch_ends_within_the_cycle(left, fits):
     """Within a cycle it could come to rest, but the stretch ends before, with a corner that is slower."""
-    travel, period, ramp = Travel(), 0.01, 2200.0
-    straight = way_of([Straight((0.0, 0.0), (10.0, 0.0), 10.0)], [Limits()] * 2, ramp)
+    travel, period, ramp = PathSpeed(), 0.01, 2200.0
+    straight = way_of([Straight((0.0, 0.0), (10.0, 0.0), 10.0)], [AxisLimits()] * 2, ramp)
     travel.begin(straight, 20.8, 0.0)
     travel.speed, travel._ahead = 20.8, 10.0 - left
     slow = replace(straight, leaves=(2.1,))
@@ -352,8 +352,8 @@ def test_what_is_gone_on_with_must_be_slow_enough_where_its_stretch_ends_within_
 
 
 def test_a_halt_under_a_limit_of_jerk_ends_once_the_mean_has_come_up():
-    way = way_of([Straight((0.0,), (900.0,), 900.0)], [Limits()], 500.0)
-    travel = Travel()
+    way = way_of([Straight((0.0,), (900.0,), 900.0)], [AxisLimits()], 500.0)
+    travel = PathSpeed()
     travel.begin(way, 100.0, 0.0, 10)
     for _ in range(100):
         travel.advance(0.01)
@@ -364,14 +364,14 @@ def test_a_halt_under_a_limit_of_jerk_ends_once_the_mean_has_come_up():
         cycles += 1
     assert cycles == 20 + 9
     travel.advance(0.01)
-    again = Travel()
+    again = PathSpeed()
     again.begin(way, 100.0, travel.t, 10)
     assert again.t == travel.t
 
 
 def test_a_way_ends_whatever_is_said_of_its_end():
     way = replace(square(1.0), leaves=(9.0,) * len(square(1.0).leaves))
-    travel = Travel()
+    travel = PathSpeed()
     travel.begin(way, 30.0)
     for _ in range(3000):
         travel.advance(0.01)
@@ -383,8 +383,8 @@ def test_a_way_ends_whatever_is_said_of_its_end():
 
 def test_what_the_axes_are_off_at_the_beginning_is_taken_back_along_the_way():
     way = square(1.0)
-    along = Along(way, 0.0, (0.01, -0.02))
-    x, y = Share(along, 0, 30.0), Share(along, 1, 30.0)
+    along = PathPosition(way, 0.0, (0.01, -0.02))
+    x, y = AxisPathShare(along, 0, 30.0), AxisPathShare(along, 1, 30.0)
     assert (x.position(0.0), y.position(0.0)) == (0.01, -0.02)
     assert x.position(20.0) == pytest.approx(20.0, abs=0.01)
     assert -0.02 < y.position(20.0) < 0.0
@@ -396,8 +396,8 @@ def test_what_the_axes_are_off_at_the_beginning_is_taken_back_along_the_way():
 def test_no_cycle_goes_through_more_stretches_than_it_has_the_time_for():
     dense = [(30.0 * math.sin(k / 100), 0.003 * k) for k in range(3000)]
     pieces, stops = polyline(dense, 0.0005)
-    way = way_of(pieces, [Limits()] * 2, 5000.0, stops, Cycle(500.0, 0.004))
-    travel, most = Travel(), 0
+    way = way_of(pieces, [AxisLimits()] * 2, 5000.0, stops, CycleVelocity(500.0, 0.004))
+    travel, most = PathSpeed(), 0
     travel.begin(way, 500.0)
     while travel.t < way.length:
         before = way.number(travel.t)
@@ -409,10 +409,10 @@ def test_no_cycle_goes_through_more_stretches_than_it_has_the_time_for():
 def test_a_corner_is_no_finer_than_what_a_cycle_makes_of_it():
     pieces, stops = polyline([(0.0, 0.0), (40.0, 0.0), (40.0, 40.0)], 1.0)
     counts = [
-        len(way_of(pieces, [Limits()] * 2, 500.0, stops, Cycle(velocity, 0.004)).tops) - 2
+        len(way_of(pieces, [AxisLimits()] * 2, 500.0, stops, CycleVelocity(velocity, 0.004)).tops) - 2
         for velocity in (1.0, 30.0, 1000.0)
     ]
     assert counts[0] == 12
     assert 12 >= counts[1] >= counts[2] > 1
-    coarse = way_of(pieces, [Limits()] * 2, 500.0, stops, Cycle(1000.0, 0.5))
+    coarse = way_of(pieces, [AxisLimits()] * 2, 500.0, stops, CycleVelocity(1000.0, 0.5))
     assert len(coarse.tops) == 3

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.nmt import NmtCommand
-from axisbus.cia301.pdo import Carried
-from axisbus.cia401.port import Known
-from axisbus.cia401.signal import Point
+from axisbus.cia301.pdo import PdoLocation
+from axisbus.cia401.port import SignalValidity
+from axisbus.cia401.signal import IoPoint
 from axisbus.errors import ArgumentError
-from axisbus.motion.io.reading import Reading
+from axisbus.motion.io.reading import IoReading
 from axisbus.record.load import load
 from axisbus.record.object_selection import WantedObject
-from axisbus.record.pdo_objects import Place
+from axisbus.record.pdo_objects import MappedSignal
 from axisbus.record.triggers.io import IoMoment
 from kit.cell import SCALE, Stage, cell_text
 from kit.modules import LEVEL, MODULE
@@ -166,22 +166,22 @@ class Frames:
         del self.taps[hear]
 
     def knows(self, value: int | None, now: float = 0.0) -> None:
-        known = Known.YES if value is not None else Known.NOT_BOOTED
-        self.readings = {"part": Reading(now, known, value, now)}
+        known = SignalValidity.YES if value is not None else SignalValidity.NOT_BOOTED
+        self.readings = {"part": IoReading(now, known, value, now)}
 
     def comes(self, *frames: tuple[float, int]) -> None:
         for hear in self.taps:
-            hear([Frame(time, 0x185, bytes([value])) for time, value in frames])
+            hear([CanFrame(time, 0x185, bytes([value])) for time, value in frames])
 
 
 def watching(known: int | None) -> tuple[Frames, IoMoment]:
     session = Frames()
     session.knows(known)
     wanted = WantedObject(
-        "part", 5, 0x6000, 1, "part", None, Point("part", 5, 0x6000, 1, 8, False, output=False, bit=2)
+        "part", 5, 0x6000, 1, "part", None, IoPoint("part", 5, 0x6000, 1, 8, False, output=False, bit=2)
     )
     moment = IoMoment(
-        session, wanted, Place(wanted, Carried(0x185, "TPDO1", 0, 8)), lambda value: value is True
+        session, wanted, MappedSignal(wanted, PdoLocation(0x185, "TPDO1", 0, 8)), lambda value: value is True
     )
     moment.begin()
     return session, moment

@@ -15,7 +15,7 @@ from axisbus.record.compare import compare
 from axisbus.record.export import table, write_csv, write_parquet
 from axisbus.record.load import load
 from axisbus.record.plot import _thinned, plot
-from axisbus.record.recording_data import Happening, Recorded, Track
+from axisbus.record.recording_data import Recorded, RecordedEvent, RecordedSeries
 
 UNITS = dict.fromkeys(NAMES, "") | {
     "position": "deg", "velocity": "deg/s", "torque": "N·m", "target": "deg", "demand": "deg", "following_error": "deg",
@@ -23,7 +23,7 @@ UNITS = dict.fromkeys(NAMES, "") | {
 NAN = math.nan
 
 
-def track(name: str = "x", delay: int = 0, scale: float = 1.0, unit: str = "deg") -> Track:
+def track(name: str = "x", delay: int = 0, scale: float = 1.0, unit: str = "deg") -> RecordedSeries:
     """Return an axis that rests for ``delay`` samples, then goes to 10 in ten steps, and rests."""
     places = [0.0] * delay + [scale * step for step in range(11)] + [scale * 10.0] * 5
     count = len(places)
@@ -34,13 +34,15 @@ def track(name: str = "x", delay: int = 0, scale: float = 1.0, unit: str = "deg"
         "power": ["operation enabled"] * count, "mode": [None] * 3 + ["pp"] * (count - 3),
         "statusword": [0x237] * count, "homed": [True] * count,
     }  # fmt: skip
-    return Track(name, [0.1 * number for number in range(count)], columns, UNITS | {"position": unit})
+    return RecordedSeries(
+        name, [0.1 * number for number in range(count)], columns, UNITS | {"position": unit}
+    )
 
 
 def recorded(**changes) -> Recorded:
     events = [
-        Happening(0.1, "command", "x.move_absolute(10 deg)", "given"),
-        Happening(0.9, "emcy", "node 1", "0x8611"),
+        RecordedEvent(0.1, "command", "x.move_absolute(10 deg)", "given"),
+        RecordedEvent(0.9, "emcy", "node 1", "0x8611"),
     ]
     facts = {"cell": "cell.toml"}
     return replace(Recorded({"x": track(), "y": track("y")}, events=events, facts=facts), **changes)
@@ -59,7 +61,7 @@ def test_a_table_has_a_row_for_each_sample_and_none_where_nothing_is_known():
 
 
 def test_an_object_stands_in_the_row_after_it_was_read():
-    read = Track("x:1001", [0.05, 0.2, 9.9], {"value": [1, None, 3]}, {"value": ""})
+    read = RecordedSeries("x:1001", [0.05, 0.2, 9.9], {"value": [1, None, 3]}, {"value": ""})
     values = {field.name: field.values for field in table(recorded(objects={"x:1001": read}))}["x:1001"]
     assert values == [None, 1, *[None] * 13, 3]
     mixed = replace(read, columns={"value": [1, "two", 3]})
@@ -228,13 +230,13 @@ def test_a_long_line_is_thinned_and_keeps_its_peaks():
 
 def test_flags_that_would_overlap_are_one_and_commands_that_went_well_are_told_once():
     events = [
-        Happening(1.0, "command", "x.enable()", "given"),
-        Happening(1.01, "command", "y.enable()", "given"),
-        Happening(1.2, "command", "x.enable()", "done"),
-        Happening(5.0, "emcy", "node 1", "0x8611"),
-        Happening(5.05, "command", "x.move_absolute(1 deg)", "ended: fault"),
-        Happening(9.0, "machine", "", "the with block ended"),
-        Happening(20.0, "nmt", "node 1", "is lost"),
+        RecordedEvent(1.0, "command", "x.enable()", "given"),
+        RecordedEvent(1.01, "command", "y.enable()", "given"),
+        RecordedEvent(1.2, "command", "x.enable()", "done"),
+        RecordedEvent(5.0, "emcy", "node 1", "0x8611"),
+        RecordedEvent(5.05, "command", "x.move_absolute(1 deg)", "ended: fault"),
+        RecordedEvent(9.0, "machine", "", "the with block ended"),
+        RecordedEvent(20.0, "nmt", "node 1", "is lost"),
     ]
     found = flags(events, 0.0, 10.0)
     assert [(flag.number, flag.time, flag.words) for flag in found] == [
@@ -251,7 +253,7 @@ def test_flags_that_would_overlap_are_one_and_commands_that_went_well_are_told_o
 
 
 def test_too_many_words_are_counted_and_long_ones_cut_short():
-    events = [Happening(float(number), "nmt", "node 1", "is lost " * 60) for number in range(100)]
+    events = [RecordedEvent(float(number), "nmt", "node 1", "is lost " * 60) for number in range(100)]
     told = lines(flags(events, 0.0, 100.0))
     assert told[-1] == "     and 72 more lines"
     assert len(told) == 29

@@ -17,7 +17,7 @@ from axisbus.record import fault_file
 from axisbus.record.columns import NAMES, AxisForm
 from axisbus.record.export import write_csv
 from axisbus.record.load import load
-from axisbus.record.recording_data import Happening
+from axisbus.record.recording_data import RecordedEvent
 from axisbus.record.sample_packing import RowForm
 from kit.commands import ROOT
 from kit.mutated import mutated
@@ -247,7 +247,7 @@ def test_any_mutation_of_a_kept_fault_is_read_or_refused(tmp_path):
     packed = RowForm(2).struct
     rows = b"".join(packed.pack(now, *[1, 2, 3, 4, 5, 0, 8, 0x1237, 3, 2, 255] * 2) for now in range(20))
     path = tmp_path / "one.fault"
-    fault_file.write(path, {"x": form, "y": form}, rows, [Happening(1.0, "nmt", "node 1", "lost")], BEGAN)
+    fault_file.write(path, {"x": form, "y": form}, rows, [RecordedEvent(1.0, "nmt", "node 1", "lost")], BEGAN)
     assert len(load(path).tracks["x"].times) == 20
     whole, drawn = path.read_bytes(), random.Random(37)
     for _ in range(500):

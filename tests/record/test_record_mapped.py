@@ -8,21 +8,21 @@ from fractions import Fraction
 import pytest
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.cia301.frame import Frame
-from axisbus.cia301.pdo import Carried
-from axisbus.cia401.signal import Point
+from axisbus.cia301.frame import CanFrame
+from axisbus.cia301.pdo import PdoLocation
+from axisbus.cia401.signal import IoPoint
 from axisbus.ipc.frames import FrameQueue, unpacked
 from axisbus.record.object_selection import WantedObject
-from axisbus.record.pdo_objects import MappedObjects, Place
+from axisbus.record.pdo_objects import MappedObjects, MappedSignal
 
 
 def place(
     shift: int, bits: int, kind: DataType | None, label: str = "x", can_id: int = 0x181, **point
-) -> Place:
+) -> MappedSignal:
     wanted = WantedObject(
-        label, 1, 0x2000, 0, label, kind, Point("x", 1, 0x2000, 0, bits, **point) if point else None
+        label, 1, 0x2000, 0, label, kind, IoPoint("x", 1, 0x2000, 0, bits, **point) if point else None
     )
-    return Place(wanted, Carried(can_id, "TPDO1", shift, bits))
+    return MappedSignal(wanted, PdoLocation(can_id, "TPDO1", shift, bits))
 
 
 @pytest.mark.parametrize(
@@ -75,8 +75,14 @@ def test_each_frame_is_a_value_at_its_own_time():
     objects.begin()
     ((hear, wanted),) = session.taps.items()
     assert wanted == {0x181, 0x281}
-    hear([Frame(1.0, 0x181, b"\x01\x02\xff"), Frame(1.1, 0x281, b"\x07"), Frame(1.2, 0x181, b"\x02\x02")])
-    hear([Frame(1.3, 0x281, b"", remote=True), Frame(1.4, 0x381, b"\x01")])
+    hear(
+        [
+            CanFrame(1.0, 0x181, b"\x01\x02\xff"),
+            CanFrame(1.1, 0x281, b"\x07"),
+            CanFrame(1.2, 0x181, b"\x02\x02"),
+        ]
+    )
+    hear([CanFrame(1.3, 0x281, b"", remote=True), CanFrame(1.4, 0x381, b"\x01")])
     written = []
     objects.write(lambda *value: written.append(value))
     assert written == [("a", 1.0, 0x0201), ("b", 1.0, -1), ("c", 1.1, 7), ("a", 1.2, 0x0202)]
@@ -97,9 +103,9 @@ def test_without_such_objects_nothing_is_listened_to():
 
 def test_frames_cross_as_they_are_and_those_that_nobody_takes_are_counted():
     frames = [
-        Frame(1.25, 0x181, bytes(range(8))),
-        Frame(2.0, 0x1ABCDEF0, b"", extended=True),
-        Frame(3.0, 0x701, b"", remote=True),
+        CanFrame(1.25, 0x181, bytes(range(8))),
+        CanFrame(2.0, 0x1ABCDEF0, b"", extended=True),
+        CanFrame(3.0, 0x701, b"", remote=True),
     ]
     queue = FrameQueue()
     for frame in frames:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
 from axisbus.record.sample_packing import BLOCK, AxisSample, PackedRows
@@ -26,7 +26,7 @@ samples = st.builds(
     st.none() | st.integers(-128, 127),
     st.none() | st.integers(0, 0xFFFF),
     st.sampled_from(AxisState),
-    st.sampled_from(State),
+    st.sampled_from(PowerState),
     st.booleans(),
 )
 
@@ -38,7 +38,7 @@ def snapshot(sample: AxisSample) -> Snapshot:
     )  # fmt: skip
 
 
-PLAIN = AxisSample(1, 2, 3, 4, 5, 6, 7, 0x0237, AxisState.STANDSTILL, State.SWITCHED_ON, True)
+PLAIN = AxisSample(1, 2, 3, 4, 5, 6, 7, 0x0237, AxisState.STANDSTILL, PowerState.SWITCHED_ON, True)
 
 
 @given(st.lists(st.tuples(st.floats(0, 1e9), samples, samples), max_size=20))

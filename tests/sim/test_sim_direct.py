@@ -7,7 +7,7 @@ import pickle
 import pytest
 
 from axisbus.cia301.nmt import NmtCommand
-from axisbus.cia402.port import Cycle, Outputs, Port, SdoReply, SdoRequest, Source
+from axisbus.cia402.port import BusCycle, Outputs, Port, SdoReply, SdoRequest, ValueTransport
 from axisbus.errors import AdapterError, SdoAbort, SdoTimeout
 from axisbus.sim.device import Device
 from axisbus.sim.direct import CycleDials, DirectCycle, DirectPort
@@ -52,13 +52,13 @@ def as_port(port: Port) -> Port:
     return port
 
 
-def as_cycle(cycle: Cycle) -> Cycle:
+def as_cycle(cycle: BusCycle) -> BusCycle:
     return cycle
 
 
 def test_it_offers_the_seam():
     bench = Bench()
-    assert as_port(bench.port).capabilities.inputs["statusword"] is Source.SYNC_PDO
+    assert as_port(bench.port).capabilities.inputs["statusword"] is ValueTransport.SYNC_PDO
     assert as_cycle(bench.cycle).now() == 0.0
 
 
@@ -111,7 +111,7 @@ def test_without_sync_nothing_synchronous_happens():
 
 
 def test_event_driven_values_come_on_change_and_by_their_timer():
-    bench = Bench(options={"inputs": {"statusword": Source.EVENT_PDO}})
+    bench = Bench(options={"inputs": {"statusword": ValueTransport.EVENT_PDO}})
     bench.once(count=20)
     first = bench.inputs.statusword.stamp
     bench.once(Outputs(controlword=6))
@@ -120,29 +120,31 @@ def test_event_driven_values_come_on_change_and_by_their_timer():
     stamp = bench.inputs.statusword.stamp
     bench.once(count=50)
     assert bench.inputs.statusword.stamp == stamp
-    timed = Bench(options={"inputs": {"statusword": Source.EVENT_PDO}, "event_timer": 0.05})
+    timed = Bench(options={"inputs": {"statusword": ValueTransport.EVENT_PDO}, "event_timer": 0.05})
     timed.once(count=50)
     assert timed.inputs.now - timed.inputs.statusword.stamp <= 0.05
 
 
 def test_event_driven_outputs_act_at_commit():
-    bench = Bench(options={"outputs": {"controlword": Source.EVENT_PDO}})
+    bench = Bench(options={"outputs": {"controlword": ValueTransport.EVENT_PDO}})
     bench.cycle.dials.sync_lost = True
     bench.once(Outputs(controlword=6), 3)
     assert bench.device.drive.controlword == 6
 
 
 def test_absent_and_polled_values():
-    bench = Bench(options={"inputs": {"torque": Source.NONE, "position": Source.SDO}, "sdo_poll": 0.1})
+    bench = Bench(
+        options={"inputs": {"torque": ValueTransport.NONE, "position": ValueTransport.SDO}, "sdo_poll": 0.1}
+    )
     bench.once(count=30)
     assert bench.inputs.torque is None
     assert 0.0 <= bench.inputs.now - bench.inputs.position.stamp <= 0.11
     lacking = DirectPort(Device(without(0x6062), 5))
-    assert lacking.capabilities.inputs["demand"] is Source.NONE
+    assert lacking.capabilities.inputs["demand"] is ValueTransport.NONE
 
 
 def test_outputs_by_sdo_arrive_later():
-    bench = Bench(options={"outputs": {"controlword": Source.SDO}, "sdo_time": 0.025})
+    bench = Bench(options={"outputs": {"controlword": ValueTransport.SDO}, "sdo_time": 0.025})
     bench.once(Outputs(controlword=6))
     assert bench.device.drive.controlword == 0
     bench.once(count=3)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.sim.fault_injection import NEVER, DriveDials
+from axisbus.sim.fault_injection import NEVER, DriveFaults
 from axisbus.sim.power import Effort, PowerStage, Stage
 
 STAGES = {
@@ -36,9 +36,9 @@ class Options:
     fault_option: int = 2
 
 
-def stage_in(state: str, options: Options | None = None, dials: DriveDials | None = None) -> PowerStage:
+def stage_in(state: str, options: Options | None = None, dials: DriveFaults | None = None) -> PowerStage:
     """A power stage led to ``state``; every transition takes one tick."""
-    stage = PowerStage(options or Options(), dials or DriveDials(), delays=dict.fromkeys(range(17), TICK))
+    stage = PowerStage(options or Options(), dials or DriveFaults(), delays=dict.fromkeys(range(17), TICK))
     if state == "not ready to switch on":
         return stage
     stage.step(TICK, True)
@@ -176,23 +176,23 @@ def test_disable_voltage_cuts_a_quick_stop_ramp_short():
 
 
 def test_dials_make_it_deaf_slow_or_stubborn():
-    dials = DriveDials(ignore_quick_stop=True, ignore_disable_voltage=True)
+    dials = DriveFaults(ignore_quick_stop=True, ignore_disable_voltage=True)
     stage = stage_in("operation enabled", dials=dials)
     for word in (2, 0):
         stage.command(word)
         stage.step(1.0, True)
         assert stage.stage is Stage.ENABLED
-    stage = stage_in("ready to switch on", dials=DriveDials(transition_delay={3: 0.5}))
+    stage = stage_in("ready to switch on", dials=DriveFaults(transition_delay={3: 0.5}))
     stage.command(7)
     stage.step(0.4, True)
     assert stage.stage is Stage.READY
     stage.step(0.2, True)
     assert stage.stage is Stage.SWITCHED_ON
-    stage = stage_in("switched on", dials=DriveDials(transition_delay={4: NEVER}))
+    stage = stage_in("switched on", dials=DriveFaults(transition_delay={4: NEVER}))
     stage.command(15)
     stage.step(1e6, True)
     assert stage.stage is Stage.SWITCHED_ON
-    stage = stage_in("fault", dials=DriveDials(fault_persists=True))
+    stage = stage_in("fault", dials=DriveFaults(fault_persists=True))
     stage.command(0x80)
     stage.step(1.0, True)
     assert stage.stage is Stage.FAULT

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.cia301.sdo import Garbled, NoAnswer, Refused, Way, checksum
+from axisbus.cia301.sdo import Garbled, NoAnswer, SdoAborted, SdoTransferType, checksum
 from axisbus.cia301.sdo_download import Download
-from axisbus.cia301.sdo_session import Request, Session
+from axisbus.cia301.sdo_session import SdoSession, SdoTransferRequest
 from axisbus.cia301.sdo_upload import Upload
 from axisbus.sim.node.sdo_block import crc16
 from kit.sim.sdo_wire import FILE, TIMEOUT, SdoWire
@@ -47,7 +47,7 @@ def test_both_checksums_agree():
 
 
 def test_the_client_reads_nine_bytes_in_a_block():
-    upload = Upload(*FILE, TIMEOUT, Way.BLOCK)
+    upload = Upload(*FILE, TIMEOUT, SdoTransferType.BLOCK)
     assert hexed(upload.start()) == ["a40021007f000000"]  # CRC supported, 127 segments, no switching
     assert hexed(upload.receive(raw("c600210009000000"))) == ["a3" + "00" * 7]
     assert upload.receive(raw("01") + NINE[:7]) == ()
@@ -59,7 +59,7 @@ def test_the_client_reads_nine_bytes_in_a_block():
 
 
 def test_the_client_writes_nine_bytes_in_a_block():
-    download = Download(*FILE, NINE, TIMEOUT, Way.BLOCK)
+    download = Download(*FILE, NINE, TIMEOUT, SdoTransferType.BLOCK)
     assert hexed(download.start()) == ["c600210009000000"]
     assert hexed(download.receive(raw("a40021007f000000"))) == [
         "01" + NINE[:7].hex(),
@@ -72,14 +72,14 @@ def test_the_client_writes_nine_bytes_in_a_block():
 
 
 def test_a_server_without_checksum_gets_none():
-    download = Download(*FILE, NINE, TIMEOUT, Way.BLOCK)
+    download = Download(*FILE, NINE, TIMEOUT, SdoTransferType.BLOCK)
     download.start()
     download.receive(raw("a00021007f000000"))
     assert hexed(download.receive(raw("a2027f0000000000"))) == ["d500000000000000"]
 
 
 def test_the_client_takes_the_block_size_that_the_server_grants_each_time():
-    download = Download(*FILE, bytes(range(35)), TIMEOUT, Way.BLOCK)
+    download = Download(*FILE, bytes(range(35)), TIMEOUT, SdoTransferType.BLOCK)
     download.start()
     numbers = [frame[0] for frame in download.receive(raw("a400210002000000"))]
     assert numbers == [1, 2]
@@ -91,7 +91,7 @@ def test_the_client_takes_the_block_size_that_the_server_grants_each_time():
 
 
 def test_a_segment_that_was_not_confirmed_is_sent_again_with_what_follows():
-    download = Download(*FILE, bytes(range(28)), TIMEOUT, Way.BLOCK)
+    download = Download(*FILE, bytes(range(28)), TIMEOUT, SdoTransferType.BLOCK)
     download.start()
     assert len(download.receive(raw("a40021007f000000"))) == 4
     assert hexed(download.receive(raw("a2017f0000000000"))) == [
@@ -102,7 +102,7 @@ def test_a_segment_that_was_not_confirmed_is_sent_again_with_what_follows():
 
 
 def test_the_client_confirms_only_what_came_in_order():
-    upload = Upload(*FILE, TIMEOUT, Way.BLOCK, block_size=4)
+    upload = Upload(*FILE, TIMEOUT, SdoTransferType.BLOCK, block_size=4)
     assert hexed(upload.start()) == ["a400210004000000"]
     upload.receive(raw("c600210020000000"))
     assert upload.receive(raw("01" + "11" * 7)) == ()
@@ -112,7 +112,7 @@ def test_the_client_confirms_only_what_came_in_order():
 
 
 def test_a_wrong_checksum_is_an_error_and_is_told_to_the_server():
-    upload = Upload(*FILE, TIMEOUT, Way.BLOCK)
+    upload = Upload(*FILE, TIMEOUT, SdoTransferType.BLOCK)
     upload.start()
     upload.receive(raw("c600210009000000"))
     upload.receive(raw("01") + NINE[:7])
@@ -125,7 +125,7 @@ def test_a_wrong_checksum_is_an_error_and_is_told_to_the_server():
 
 def test_a_server_that_counts_the_unused_bytes_of_a_full_segment_as_seven_is_understood():
     """Seen in the wild: n = 7 where nothing is unused. Size and checksum agree, so they win."""
-    upload = Upload(*FILE, TIMEOUT, Way.BLOCK)
+    upload = Upload(*FILE, TIMEOUT, SdoTransferType.BLOCK)
     upload.start()
     upload.receive(raw("c600210007000000"))
     upload.receive(raw("81") + NINE[:7])
@@ -135,7 +135,7 @@ def test_a_server_that_counts_the_unused_bytes_of_a_full_segment_as_seven_is_und
 
 
 def test_without_a_checksum_the_size_must_be_right():
-    upload = Upload(*FILE, TIMEOUT, Way.BLOCK)
+    upload = Upload(*FILE, TIMEOUT, SdoTransferType.BLOCK)
     upload.start()
     upload.receive(raw("c200210007000000"))
     upload.receive(raw("81") + NINE[:7])
@@ -145,7 +145,7 @@ def test_without_a_checksum_the_size_must_be_right():
 
 @pytest.mark.parametrize("granted", [0, 128, 255])
 def test_a_block_size_that_cannot_be_is_refused(granted):
-    download = Download(*FILE, NINE, TIMEOUT, Way.BLOCK)
+    download = Download(*FILE, NINE, TIMEOUT, SdoTransferType.BLOCK)
     download.start()
     with pytest.raises(Garbled, match=f"blocks of {granted} segments") as caught:
         download.receive(raw("a4002100") + bytes([granted, 0, 0, 0]))
@@ -153,7 +153,7 @@ def test_a_block_size_that_cannot_be_is_refused(granted):
 
 
 def test_a_confirmation_of_what_was_never_sent_is_refused():
-    download = Download(*FILE, NINE, TIMEOUT, Way.BLOCK)
+    download = Download(*FILE, NINE, TIMEOUT, SdoTransferType.BLOCK)
     download.start()
     download.receive(raw("a40021007f000000"))
     with pytest.raises(Garbled, match="segment 3 was confirmed, 2 were sent") as caught:
@@ -162,7 +162,7 @@ def test_a_confirmation_of_what_was_never_sent_is_refused():
 
 
 def test_a_server_that_takes_no_segment_at_all_is_given_up():
-    download = Download(*FILE, NINE, TIMEOUT, Way.BLOCK)
+    download = Download(*FILE, NINE, TIMEOUT, SdoTransferType.BLOCK)
     download.start()
     download.receive(raw("a40021007f000000"))
     for _ in range(7):
@@ -172,7 +172,7 @@ def test_a_server_that_takes_no_segment_at_all_is_given_up():
 
 
 def test_more_bytes_than_announced_are_an_error():
-    upload = Upload(*FILE, TIMEOUT, Way.BLOCK)
+    upload = Upload(*FILE, TIMEOUT, SdoTransferType.BLOCK)
     upload.start()
     upload.receive(raw("c600210008000000"))
     upload.receive(raw("01" + "11" * 7))
@@ -185,19 +185,19 @@ def test_more_bytes_than_announced_are_an_error():
 
 
 def test_many_announced_bytes_are_fetched_in_blocks():
-    upload = Upload(*FILE, TIMEOUT, Way.AUTO)
+    upload = Upload(*FILE, TIMEOUT, SdoTransferType.AUTO)
     assert hexed(upload.start()) == ["4000210000000000"]
     assert hexed(upload.receive(raw("4100210000010000"))) == ["8000210000000008", "a40021007f000000"]
 
 
 def test_few_announced_bytes_are_fetched_in_segments():
-    upload = Upload(*FILE, TIMEOUT, Way.AUTO)
+    upload = Upload(*FILE, TIMEOUT, SdoTransferType.AUTO)
     upload.start()
     assert hexed(upload.receive(raw("41002100ff000000"))) == ["6000000000000000"]
 
 
 def test_a_server_may_answer_a_block_upload_normally():
-    upload = Upload(*FILE, TIMEOUT, Way.BLOCK)
+    upload = Upload(*FILE, TIMEOUT, SdoTransferType.BLOCK)
     upload.start()
     assert upload.receive(raw("4b00210034120000")) == ()
     assert upload.done
@@ -207,8 +207,8 @@ def test_a_server_may_answer_a_block_upload_normally():
 @pytest.mark.parametrize("answer", ["8000210001000405", None])
 def test_a_refused_or_ignored_block_is_followed_by_a_normal_transfer(answer):
     for dialogue, first in (
-        (Upload(*FILE, TIMEOUT, Way.BLOCK), "4000210000000000"),
-        (Download(*FILE, NINE, TIMEOUT, Way.BLOCK), "2100210009000000"),
+        (Upload(*FILE, TIMEOUT, SdoTransferType.BLOCK), "4000210000000000"),
+        (Download(*FILE, NINE, TIMEOUT, SdoTransferType.BLOCK), "2100210009000000"),
     ):
         dialogue.start()
         frames = dialogue.receive(raw(answer)) if answer else dialogue.elapse(TIMEOUT)
@@ -219,10 +219,10 @@ def test_a_refused_or_ignored_block_is_followed_by_a_normal_transfer(answer):
 def test_a_node_without_blocks_is_asked_only_once():
     wire = SdoWire(BIG[:1000])
     wire.dials.sdo_block = False
-    first = wire.upload(Way.AUTO)
+    first = wire.upload(SdoTransferType.AUTO)
     assert first.data == BIG[:1000]
     assert first.no_block
-    second = Session(Request(*FILE, BIG, TIMEOUT, 3), no_block=first.no_block)
+    second = SdoSession(SdoTransferRequest(*FILE, BIG, TIMEOUT, 3), no_block=first.no_block)
     assert hexed(second.start()) == ["2100210000000100"]
 
 
@@ -230,7 +230,7 @@ def test_a_refusal_in_the_middle_of_a_block_is_the_servers_word():
     wire = SdoWire()
     wire.dials.sdo_aborts[FILE] = 0x0800_0022  # "because of the present device state"
     session = wire.download(BIG[:1000])
-    assert isinstance(session.failure, Refused)
+    assert isinstance(session.failure, SdoAborted)
     assert session.failure.code == 0x0800_0022
     assert [frame[:2] for frame in wire.said(">")] == ["c6", "21"]  # asked twice, and not a third time
 
@@ -239,7 +239,7 @@ def test_the_last_attempt_goes_the_normal_way():
     """A server whose blocks never come to an end, but whose segments do."""
     wire = SdoWire()
     wire.fate = lambda _, frame: None if frame[0] == 0xA2 else 0.0
-    session = wire.download(BIG[:300], Way.AUTO)
+    session = wire.download(BIG[:300], SdoTransferType.AUTO)
     assert session.failure is None
     assert wire.content == BIG[:300]
     asked = [frame[:2] for frame in wire.said(">") if frame[2:8] == "002100"]
@@ -292,13 +292,13 @@ def test_the_server_refuses_a_block_that_does_not_hold(end, abort):
 
 
 @pytest.mark.parametrize("size", [0, 1, 4, 5, 7, 8, 14, 888, 889, 890, 65536])
-@pytest.mark.parametrize("way", list(Way))
+@pytest.mark.parametrize("way", list(SdoTransferType))
 def test_any_size_arrives_whole_in_both_directions(size, way):
     wire = SdoWire(BIG[:size])
     session = wire.upload(way)
     assert (session.failure, session.data) == (None, BIG[:size])
     wire = SdoWire()
-    session = wire.download(BIG[:size], Way.BLOCK if way is Way.AUTO else way)
+    session = wire.download(BIG[:size], SdoTransferType.BLOCK if way is SdoTransferType.AUTO else way)
     assert session.failure is None
     assert wire.content == BIG[:size]
 
@@ -366,7 +366,7 @@ FATES = st.dictionaries(st.integers(1, 400), st.one_of(st.none(), st.floats(0.0,
 @given(
     fates=FATES,
     size=st.integers(0, 2000),
-    way=st.sampled_from(list(Way)),
+    way=st.sampled_from(list(SdoTransferType)),
     block_size=st.integers(1, 127),
     seed=st.integers(0, 3),
 )
@@ -379,7 +379,7 @@ def test_whatever_is_lost_or_late_data_is_right_or_there_is_an_error(fates, size
     for _ in range(2):
         data = noise.randbytes(size) if seed else bytes(size)
         before = wire.content
-        written = wire.download(data, way if way is not Way.AUTO else Way.BLOCK)
+        written = wire.download(data, way if way is not SdoTransferType.AUTO else SdoTransferType.BLOCK)
         wire.settle()
         assert wire.content in (before, data)
         assert written.failure is not None or wire.content == data

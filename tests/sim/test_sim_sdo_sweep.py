@@ -11,7 +11,7 @@ import random
 
 import pytest
 
-from axisbus.cia301.sdo import Way
+from axisbus.cia301.sdo import SdoTransferType
 from kit.sim.sdo_sweep import Sweep
 from kit.sim.sdo_wire import SdoWire
 
@@ -69,5 +69,9 @@ def _ends_badly(sweep: Sweep, number: int) -> bool:
 def _fails(data: bytes, writing: bool, tries: int, lost: int) -> bool:
     wire = SdoWire(b"old" if writing else data)
     wire.fate = lambda number, _: None if number == lost else 0.0
-    session = wire.download(data, Way.BLOCK, tries) if writing else wire.upload(Way.BLOCK, tries)
+    session = (
+        wire.download(data, SdoTransferType.BLOCK, tries)
+        if writing
+        else wire.upload(SdoTransferType.BLOCK, tries)
+    )
     return session.failure is not None

@@ -10,7 +10,7 @@ from unittest.mock import patch
 import pytest
 
 from axisbus.errors import ArgumentError, AxisbusError, CommandError, LimitError
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.cell import SCALE
 
 LIMITED = "position_limits = [-90.0, 90.0]\nmax_torque = 2.0\nrated_torque = 5.0\nmax_acceleration = 3000.0"
@@ -129,7 +129,10 @@ def test_an_absolute_move_waits_for_homing_where_limits_promise_a_position(story
     text = story_text(story, axis=LIMITED).replace("required = false", "required = true")
     cell = story.simulated(text=text).enabled()
     golden("argument_not_homed", sends_nothing(cell, lambda: cell.x.move_absolute(1.0)))
-    golden("argument_not_homed_follow", sends_nothing(cell, lambda: cell.x.follow(Trapezoid(0, 1, 1, 1))))
+    golden(
+        "argument_not_homed_follow",
+        sends_nothing(cell, lambda: cell.x.follow(TrapezoidalTrajectory(0, 1, 1, 1))),
+    )
     cell.x.home().wait(3)
     cell.x.move_absolute(1.0).wait(3)
 
@@ -185,9 +188,9 @@ GIVEN = {
     "homing timeout": lambda x, value: x.home(35, timeout=value),
     "set_position": lambda x, value: x.set_position(value),
     "probe_move": lambda x, value: x.probe_move(value),
-    "span": lambda x, value: x.follow(Trapezoid(x.position, value, 1.0, 1.0)),
-    "speed": lambda x, value: x.follow(Trapezoid(x.position, 1.0, value, 1.0)),
-    "ramp": lambda x, value: x.follow(Trapezoid(x.position, 1.0, 1.0, value)),
+    "span": lambda x, value: x.follow(TrapezoidalTrajectory(x.position, value, 1.0, 1.0)),
+    "speed": lambda x, value: x.follow(TrapezoidalTrajectory(x.position, 1.0, value, 1.0)),
+    "ramp": lambda x, value: x.follow(TrapezoidalTrajectory(x.position, 1.0, 1.0, value)),
 }
 IN_A_GROUP = {
     "line": lambda group, value: group.move_linear((value, 1.0), velocity=10.0),

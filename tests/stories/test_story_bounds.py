@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.bounds.ledger import ACCELERATION, JERK, MOST, VELOCITY, Ledger
 from kit.bounds.play import HARDEST, ORDER, PERIOD, Play, played
 
@@ -36,7 +36,7 @@ def test_what_is_more_than_is_allowed_would_be_seen(story):
     cell = story.simulated("x", axis=f"max_acceleration = {HARDEST}").enabled()
     ledger = Ledger(cell, PERIOD)
     ledger.jerk = 1000.0
-    cell.end_of(cell.x.follow(Trapezoid(0.0, 90.0, 200.0, 0.5 * HARDEST)))
+    cell.end_of(cell.x.follow(TrapezoidalTrajectory(0.0, 90.0, 200.0, 0.5 * HARDEST)))
     assert ledger.worst.shares[ACCELERATION][0] == pytest.approx(0.5, abs=1e-6)
     assert ledger.worst.shares[VELOCITY][0] == pytest.approx(0.5, abs=1e-6)
     assert ledger.worst.shares[JERK][0] > 10.0

@@ -7,9 +7,9 @@ from itertools import pairwise
 import pytest
 
 from axisbus.errors import ArgumentError, CommandError, Interrupted, LimitError, StateError
-from axisbus.machine.streaming.controller import Measured
-from axisbus.motion.commands import Answer, Control, CyclicTorque, CyclicVelocity
-from axisbus.motion.cyclic.user_controller import Answers
+from axisbus.machine.streaming.controller import AxisFeedback
+from axisbus.motion.commands import ControllerCommand, ControllerOutput, CyclicTorque, CyclicVelocity
+from axisbus.motion.cyclic.user_controller import ControllerOutputBuffer
 from axisbus.motion.states import AxisState
 from kit.cell import Cell
 from kit.probe import ENABLED, OFF, QUICK_STOP
@@ -30,9 +30,9 @@ def opened(story, axis: str = "") -> Cell:
 
 def test_a_loop_of_velocities_leads_the_axis_to_its_place(story):
     cell = opened(story)
-    seen: list[Measured] = []
+    seen: list[AxisFeedback] = []
 
-    def loop(measured: Measured) -> float:
+    def loop(measured: AxisFeedback) -> float:
         seen.append(measured)
         return to(90.0)(measured)
 
@@ -51,9 +51,9 @@ def test_a_loop_of_velocities_leads_the_axis_to_its_place(story):
 
 def test_a_loop_of_torques_holds_a_place_and_knows_the_torque(story):
     cell = opened(story)
-    seen: list[Measured] = []
+    seen: list[AxisFeedback] = []
 
-    def loop(measured: Measured) -> float:
+    def loop(measured: AxisFeedback) -> float:
         seen.append(measured)
         return 0.05 * (30.0 - measured.position) - 0.01 * measured.velocity
 
@@ -94,7 +94,7 @@ def test_an_answer_that_is_none_stops_the_axis_and_says_why(story, by, answer):
     cell = opened(story)
     calls = iter(range(10_000))
 
-    def loop(_: Measured) -> float:
+    def loop(_: AxisFeedback) -> float:
         if next(calls) < 100:
             return 50.0 if by == "velocity" else 0.3
         if answer == 1 / 3:
@@ -129,7 +129,7 @@ def test_the_end_of_a_block_raises_what_has_ended_the_loop(story):
     cell = opened(story)
     calls = []
 
-    def loop(_: Measured) -> float:
+    def loop(_: AxisFeedback) -> float:
         calls.append(1)
         if len(calls) > 50:
             raise ZeroDivisionError("no way")
@@ -241,15 +241,15 @@ def test_what_a_controller_cannot_be_is_said(story, options, words):
 # -- how late an answer may be -------------------------------------------------------------------------------------------
 
 
-def answers(late: int = 0) -> Answers:
-    return Answers(Control(7, CyclicVelocity(0, 1.0, 1.0), late), "x")
+def answers(late: int = 0) -> ControllerOutputBuffer:
+    return ControllerOutputBuffer(ControllerCommand(7, CyclicVelocity(0, 1.0, 1.0), late), "x")
 
 
 @pytest.mark.parametrize("late", [0, 1, 3])
 def test_an_answer_holds_for_the_next_cycle_and_for_as_many_more_as_are_allowed(late):
     loop = answers(late)
     assert loop.due(1.0) is None
-    assert loop.take(Answer(7, 1.0, 50))
+    assert loop.take(ControllerOutput(7, 1.0, 50))
     for number in range(late + 1):
         assert loop.due(1.01 + 0.01 * number) == 50
     with pytest.raises(CommandError, match="answered too late"):
@@ -259,21 +259,21 @@ def test_an_answer_holds_for_the_next_cycle_and_for_as_many_more_as_are_allowed(
 def test_cycles_that_the_core_has_skipped_count_as_one():
     loop = answers()
     loop.due(1.0)
-    loop.take(Answer(7, 1.0, 50))
+    loop.take(ControllerOutput(7, 1.0, 50))
     assert loop.due(1.3) == 50
 
 
 def test_an_older_answer_and_one_of_another_loop_change_nothing():
     loop = answers(5)
     loop.due(1.0)
-    assert loop.take(Answer(7, 1.0, 50))
-    assert loop.take(Answer(7, 0.9, 10))
-    assert not loop.take(Answer(8, 1.0, 20))
+    assert loop.take(ControllerOutput(7, 1.0, 50))
+    assert loop.take(ControllerOutput(7, 0.9, 10))
+    assert not loop.take(ControllerOutput(8, 1.0, 20))
     assert loop.due(1.01) == 50
 
 
 def test_a_loop_that_never_answers_is_not_waited_for():
-    loop = Answers(Control(7, CyclicTorque(0, 5), 1000), "x")
+    loop = ControllerOutputBuffer(ControllerCommand(7, CyclicTorque(0, 5), 1000), "x")
     assert [loop.due(0.1 * number) for number in range(10)] == [None] * 10
     with pytest.raises(CommandError, match="did not begin to answer"):
         loop.due(1.2)

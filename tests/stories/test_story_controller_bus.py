@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from axisbus import AxisState, Machine, Measured
+from axisbus import AxisFeedback, AxisState, Machine
 from axisbus.errors import CommandError
 
 LATE = 125  # cycles: half a second, which a busy computer does not take
@@ -17,7 +17,7 @@ CELL = Path(__file__).parents[2] / "examples" / "cell.toml"
 def loop_that(late: list[bool]):
     """One that goes on at 60 deg/s, and is late once for each that is put into ``late``."""
 
-    def loop(_: Measured) -> float:
+    def loop(_: AxisFeedback) -> float:
         if late and late.pop():
             time.sleep(1.5)
         return 60.0

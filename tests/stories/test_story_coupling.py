@@ -10,11 +10,11 @@ import pytest
 
 from axisbus import Cam, wait
 from axisbus.errors import ArgumentError, Interrupted, LimitError, StateError
-from axisbus.motion.axis.fast_path import Cruise
-from axisbus.motion.coupling.master_estimator import Debt
+from axisbus.motion.axis.fast_path import FastPath
+from axisbus.motion.coupling.master_estimator import LagCorrection
 from axisbus.motion.coupling.slave_axis import Coupled
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.cell import SCALE, Cell
 from kit.probe import ENABLED
 from kit.virtual import Trail, virtual
@@ -81,7 +81,7 @@ def shifting(story) -> Cell:
     """A cell whose x goes on at 30 deg/s, with y in step."""
     cell = two(story)
     cell.end_of(cell["y"].gear_in(cell["x"], 2.0))
-    cell["x"].follow(Trapezoid(0.0, 180.0, 30.0, 60.0))
+    cell["x"].follow(TrapezoidalTrajectory(0.0, 180.0, 30.0, 60.0))
     cell.run(1.5)
     return cell
 
@@ -569,7 +569,7 @@ def test_late_cycles_of_a_drive_that_leads_itself_do_not_shake_its_slave(story, 
 
 def test_a_debt_is_taken_back_without_a_jump_of_speed_and_by_a_tenth_of_the_master_s_at_most():
     for off, speed in ((-4.0, 100.0), (-40.0, -100.0), (0.5, 0.0), (0.5, 1e-12)):
-        debt = Debt(CYCLE)
+        debt = LagCorrection(CYCLE)
         debt.add(off, speed)
         rates = [debt.rate]
         for _ in range(40_000):
@@ -617,7 +617,7 @@ def test_whatever_is_asked_of_both_nothing_jolts_and_every_slave_can_be_stopped(
 @pytest.fixture
 def short_cycles(monkeypatch):
     """The cycles that were done the short way."""
-    taken, step = [], Cruise.step
+    taken, step = [], FastPath.step
 
     def noted(self, inputs):
         outputs = step(self, inputs)
@@ -625,7 +625,7 @@ def short_cycles(monkeypatch):
             taken.append(outputs)
         return outputs
 
-    monkeypatch.setattr(Cruise, "step", noted)
+    monkeypatch.setattr(FastPath, "step", noted)
     return taken
 
 

@@ -588,9 +588,12 @@ def test_a_move_takes_over_from_a_torque(story, command):
     ],
 )
 def test_values_must_travel_with_sync(story, mode, lacks, names):
-    from axisbus.cia402.port import Source
+    from axisbus.cia402.port import ValueTransport
 
-    port = {side: {name: Source[source] for name, source in values.items()} for side, values in lacks.items()}
+    port = {
+        side: {name: ValueTransport[source] for name, source in values.items()}
+        for side, values in lacks.items()
+    }
     cell = story.simulated("x", axis=RATED, port=port).enabled()
     handle = cell.x.cyclic_velocity(10.0) if mode == "csv" else cell.x.cyclic_torque(0.1, slope=1.0)
     error = cell.failure_of(handle)

@@ -12,7 +12,7 @@ from axisbus.cia301.nmt import NmtState
 from axisbus.core.core import Core
 from axisbus.errors import DriveFault, NodeError, ScanError, StateError
 from axisbus.machine.machine import Machine
-from axisbus.motion.command_status import Ticket
+from axisbus.motion.command_status import CommandStatus
 from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED, PlantMoves
 from kit.stories.bus import Line, enable, turning, until
 
@@ -242,7 +242,7 @@ def test_handles_that_are_open_when_the_machine_closes_end(story):
     (handle,) = cell.travelling()
     cell.machine.close()
     assert handle.aborted
-    late = Ticket("x.late")
+    late = CommandStatus("x.late")
     cell.machine._core.scan.submit("x", None, late)
     assert isinstance(late.error, ScanError)
     assert cell.stage() != ENABLED

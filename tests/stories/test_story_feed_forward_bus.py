@@ -13,7 +13,7 @@ from axisbus.core.process.rescue_record import Lifeline
 from axisbus.eds.builtin import resolve
 from axisbus.errors import ArgumentError, BootError
 from axisbus.ipc import rescue_memory
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from kit.cell import GENERIC, Cell, Stage
@@ -34,7 +34,7 @@ def made(story: Stage) -> Cell:
 def test_the_offsets_travel_with_the_targets(story: Stage) -> None:
     cell = made(story)
     witness = Witness(cell.drive())
-    cell.x.follow(Trapezoid(0.0, 180.0, SPEED, 500.0)).wait(10)
+    cell.x.follow(TrapezoidalTrajectory(0.0, 180.0, SPEED, 500.0)).wait(10)
     cell.run(0.1)
     even = [held for held in witness.held if held.mode == CSP and held.velocity_offset == 9000]
     assert len(even) > 100  # of the two seconds at speed
@@ -52,7 +52,7 @@ def test_a_core_that_is_gone_leaves_frames_without_them(story: Stage) -> None:
     memory = mmap.mmap(-1, rescue_memory.size_of(1))
     line = Lifeline(memory, 0, core, ["x"])
     core.session.observe(line.after_cycle)
-    cell.x.follow(Trapezoid(0.0, 180.0, SPEED, 500.0))
+    cell.x.follow(TrapezoidalTrajectory(0.0, 180.0, SPEED, 500.0))
     cell.until(lambda: cell.drive().velocity_offset == 9000)
     found = rescue_memory.found(memory, 0)
     frames = dict(found.frames)
@@ -64,7 +64,7 @@ def test_a_core_that_is_gone_leaves_frames_without_them(story: Stage) -> None:
 
 def test_a_scan_that_ends_by_an_error_sends_0(story: Stage) -> None:
     cell = made(story)
-    cell.x.follow(Trapezoid(0.0, 180.0, SPEED, 500.0))
+    cell.x.follow(TrapezoidalTrajectory(0.0, 180.0, SPEED, 500.0))
     cell.until(lambda: cell.drive().velocity_offset == 9000)
     cell.machine._core.scan.cycle.quick_stop_all()
     cell.run(0.1)

@@ -9,9 +9,9 @@ import pytest
 
 from axisbus.core.command_queue import MOST
 from axisbus.errors import StateError, Stopped
-from axisbus.motion.command_status import Ticket
+from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.commands import MoveVelocity
-from axisbus.motion.moves.profile import Profile
+from axisbus.motion.moves.profile import MoveProfile
 from kit.probe import ENABLED, OFF
 
 STOPS = {
@@ -59,7 +59,7 @@ def test_a_command_too_many_is_refused_and_says_what_to_do(story, golden):
     golden("overtaken_by_a_stop", handles[-2].exception())
 
 
-PROFILE = Profile(5000, 50_000, 50_000, 5000.0, 50_000.0)  # 50 deg/s
+PROFILE = MoveProfile(5000, 50_000, 50_000, 5000.0, 50_000.0)  # 50 deg/s
 ENDLESS = {
     "a jog that is renewed": MoveVelocity(PROFILE, life=0.2),
     "a motion again and again": MoveVelocity(PROFILE),
@@ -75,7 +75,7 @@ def test_four_threads_that_command_without_a_pause_take_no_cycles_and_keep_no_st
 
     def command() -> None:
         while not over.is_set():
-            scan.submit("x", ENDLESS[what], Ticket("x.flood"))
+            scan.submit("x", ENDLESS[what], CommandStatus("x.flood"))
 
     threads = [threading.Thread(target=command, daemon=True) for _ in range(4)]
     cycles, begin = scan.lateness.cycles, time.monotonic()

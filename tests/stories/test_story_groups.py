@@ -13,8 +13,8 @@ from axisbus.errors import ArgumentError, CommandError, Interrupted, LimitError,
 from axisbus.machine.groups import Group
 from axisbus.motion.axis import accept_motion
 from axisbus.motion.group import path_motion
-from axisbus.motion.group.path_speed import Travel
-from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.group.path_speed import PathSpeed
+from axisbus.motion.group.start_barrier import StartBarrier
 from kit.bounds.starts import starts
 from kit.cell import Cell
 from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED
@@ -80,7 +80,7 @@ def test_all_set_off_in_one_sync_whatever_modes_their_drives_come_from(tmp_path)
 
 def test_who_sets_off_later_would_be_seen(tmp_path, monkeypatch):
     """Whoever comes last to the gate is held there for two cycles more."""
-    passes, came = Gate.pass_through, defaultdict(list)
+    passes, came = StartBarrier.pass_through, defaultdict(list)
 
     def pass_through(gate, comer):
         if not passes(gate, comer):
@@ -88,7 +88,7 @@ def test_who_sets_off_later_would_be_seen(tmp_path, monkeypatch):
         came[gate].append(comer)
         return len(came[gate]) != 3 and came[gate].count(comer) != 2
 
-    monkeypatch.setattr(Gate, "pass_through", pass_through)
+    monkeypatch.setattr(StartBarrier, "pass_through", pass_through)
     monkeypatch.setattr("kit.bounds.starts._WAYS", (lambda group, goal: group.move_direct(goal),))
     assert starts(seed=1, count=1, folder=tmp_path).apart == 2
 
@@ -421,7 +421,7 @@ def test_an_exception_while_a_line_is_planned_ends_it_and_nobody_has_moved(story
 def test_an_exception_in_the_middle_of_a_line_stops_all_of_its_axes(story, monkeypatch):
     cell, _, handle = on_a_line(story)
     with monkeypatch.context() as patch:
-        patch.setattr(Travel, "advance", lambda *_: 1 // 0)
+        patch.setattr(PathSpeed, "advance", lambda *_: 1 // 0)
         error = cell.failure_of(handle)
         assert isinstance(error, CommandError)
         for name in "xyz":

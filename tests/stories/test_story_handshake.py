@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import ValueTransport
 from axisbus.errors import Replaced, SetPointError
 from axisbus.sim.fault_injection import NEVER
 from kit.cell import SCALE
@@ -157,8 +157,11 @@ def test_an_acknowledge_that_never_falls_stops_the_axis(story, golden):
 
 TRAVELS = {
     "with SYNC": {},
-    "once per change": {"inputs": {"statusword": Source.EVENT_PDO}, "max_age": {"statusword": float("inf")}},
-    "by SDO": {"inputs": {"statusword": Source.SDO}, "max_age": {"statusword": 0.35}},
+    "once per change": {
+        "inputs": {"statusword": ValueTransport.EVENT_PDO},
+        "max_age": {"statusword": float("inf")},
+    },
+    "by SDO": {"inputs": {"statusword": ValueTransport.SDO}, "max_age": {"statusword": 0.35}},
 }
 
 

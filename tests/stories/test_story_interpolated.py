@@ -9,7 +9,7 @@ import pytest
 
 from axisbus.errors import AxisbusError, ModeError
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.drive import Drive
 from axisbus.sim.fault_injection import NEVER
 from kit.cell import Cell, Stage
@@ -43,7 +43,7 @@ def made(story: Stage, names: str = "x", modes: int = USUAL, **changes: str) -> 
 
 def follow(cell: Cell, distance: float, velocity: float = 100.0, name: str = "x"):
     start = cell[name].position
-    return cell[name].follow(Trapezoid(start, start + distance, velocity, 400.0))
+    return cell[name].follow(TrapezoidalTrajectory(start, start + distance, velocity, 400.0))
 
 
 def test_a_trajectory_is_followed_in_ip(story):

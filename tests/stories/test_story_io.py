@@ -18,7 +18,7 @@ from axisbus.errors import (
 )
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from axisbus.motion.stop.shutdown_stop import Leaving
+from axisbus.motion.stop.shutdown_stop import ShutdownStop
 from kit.cell import Cell, cell_text
 from kit.modules import LEVEL, MODULE
 from kit.probe import ENABLED, OFF
@@ -370,7 +370,7 @@ def test_outputs_become_safe_though_nobody_waits_for_an_axis_any_longer(story, m
     """Else the scan would go on sending them as they were, and undo what is written by SDO."""
     cell = with_io(story)
     cell.machine.io["lamp"].set(True).wait(1)
-    monkeypatch.setattr(Leaving, "over", False)
+    monkeypatch.setattr(ShutdownStop, "over", False)
     sent = []
     cell.each_cycle(lambda *_: sent.append(word(cell)))
     cell.machine.close()

@@ -10,7 +10,7 @@ import pytest
 from axisbus.eds.builtin import resolve
 from axisbus.errors import ArgumentError, DriveError, Interrupted, LimitError, StateError
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.device import Device
 from kit.cell import GENERIC, MODULE, cell_text
 from kit.stories.softly import JERK, NEAR, Demand, Led, soft
@@ -213,7 +213,7 @@ def test_a_led_move_with_another_acceleration_takes_over_what_there_is(story, be
     assert led.worst(2) <= max(before, 400.0) * 1.001
     assert led.worst(3) <= 8000.0 * 1.001
     assert len([row for row in led.rows if row]) == 1
-    cell.x.follow(Trapezoid(-20.0, 0.0, 100.0, 500.0))
+    cell.x.follow(TrapezoidalTrajectory(-20.0, 0.0, 100.0, 500.0))
     cell.run(0.1)
     cell.x.move_absolute(100.0, acceleration=before, jerk=math.inf)
     cell.run(moment)
@@ -227,7 +227,7 @@ def test_a_led_move_with_another_acceleration_takes_over_what_there_is(story, be
 def test_out_of_a_trajectory_a_led_move_goes_on_with_its_velocity(story):
     cell = soft(story, MODULE)
     led = Led(cell)
-    cell.x.follow(Trapezoid(0.0, 200.0, 100.0, 500.0))
+    cell.x.follow(TrapezoidalTrajectory(0.0, 200.0, 100.0, 500.0))
     cell.run(1.2)
     assert cell.x.velocity == pytest.approx(100.0, abs=2.0)
     led.forget()

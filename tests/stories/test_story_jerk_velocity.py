@@ -9,7 +9,7 @@ import pytest
 
 from axisbus.errors import ArgumentError, Interrupted, LimitError, MotionTimeout, Replaced, StateError
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.cell import MODULE, cell_text
 from kit.stories.softly import JERK, NEAR, PERIOD, Demand, Led, differences, soft
 from kit.virtual import virtual
@@ -171,7 +171,7 @@ def test_it_takes_over_from_a_move_on_the_way(story, moment, velocity):
 @pytest.mark.parametrize("moment", [0.1, 0.5, 2.03])
 def test_out_of_a_move_without_a_jerk_it_goes_on_with_its_acceleration_too(story, moment):
     cell = soft(story, MODULE)
-    cell.x.follow(Trapezoid(0.0, 10.0, 50.0, HARD))
+    cell.x.follow(TrapezoidalTrajectory(0.0, 10.0, 50.0, HARD))
     cell.run(0.1)
     cell.x.move_absolute(200.0, jerk=math.inf)  # out of a trajectory it is led
     cell.run(moment)

@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from axisbus import eds
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import ValueTransport
 from axisbus.eds import builtin
 from axisbus.errors import LimitError, MotionTimeout, Replaced, StaleError
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.build import device_from_eds, motor_from_eds
 from axisbus.sim.device import Device
 from kit.cell import Cell, cell_text
@@ -121,10 +121,10 @@ def test_a_standing_axis_at_its_limit_is_not_let_out_by_a_single_increment(story
     must_end_within(cell, "y", -90.0, 90.003)
 
 
-@pytest.mark.parametrize("source", [Source.SDO, Source.EVENT_PDO])
+@pytest.mark.parametrize("source", [ValueTransport.SDO, ValueTransport.EVENT_PDO])
 def test_feedback_that_comes_late_is_counted_by_its_age(story, source):
     """A position that is polled each 100 ms is up to 100 ms old: at 360 deg/s that is 36 deg."""
-    port = {"inputs": {"position": source, "demand": Source.NONE}, "event_timer": 0.05}
+    port = {"inputs": {"position": source, "demand": ValueTransport.NONE}, "event_timer": 0.05}
     cell = joints(story, **port)
     cell["y"].move_velocity(360, acceleration=3600)
     must_end_within(cell, "y", -90.0, 90.0)
@@ -262,9 +262,9 @@ def test_a_trajectory_at_all_its_limits_is_followed_to_its_end(story):
     cell = joints(story)
     for end in (170.0, -170.0, -169.0, 0.1):
         for velocity in (360.0, 77.7):
-            cell["x"].follow(Trapezoid(cell["x"].position, end, velocity, 3600.0)).wait(5)
+            cell["x"].follow(TrapezoidalTrajectory(cell["x"].position, end, velocity, 3600.0)).wait(5)
             assert cell.where("x") == pytest.approx(end, abs=0.01)
-            own = Trapezoid(cell["x"].position, -end, velocity, 3600.0)
+            own = TrapezoidalTrajectory(cell["x"].position, -end, velocity, 3600.0)
             cell["x"].follow(Own(own.duration, own.position)).wait(5)
             assert cell.where("x") == pytest.approx(-end, abs=0.01)
     assert cell.top_speed("x") <= 361.0
@@ -371,7 +371,7 @@ def test_a_move_out_of_a_trajectory_begins_from_the_present_velocity(story, targ
     """A drive that changes to profile position mode has no set-point for a cycle or more, and brakes as it sees fit."""
     cell = joints(story)
     cell.drive("x").dials.mode_delay = mode_delay
-    handle = cell["x"].follow(Trapezoid(0.0, 150.0, 90.0, 720.0))
+    handle = cell["x"].follow(TrapezoidalTrajectory(0.0, 150.0, 90.0, 720.0))
     cell.until(lambda: cell.where("x") > 40.0)
     since = cell.moment("x")
     move = cell["x"].move_absolute(target, velocity=90)
@@ -388,7 +388,7 @@ def test_a_move_out_of_a_trajectory_begins_from_the_present_velocity(story, targ
 
 def test_a_move_out_of_a_halt_on_a_trajectory_and_a_halt_of_that_move_do_not_jolt(story):
     cell = joints(story)
-    cell["x"].follow(Trapezoid(0.0, 150.0, 90.0, 720.0))
+    cell["x"].follow(TrapezoidalTrajectory(0.0, 150.0, 90.0, 720.0))
     cell.until(lambda: cell.where("x") > 40.0)
     since = cell.moment("x")
     cell["x"].halt()
@@ -405,7 +405,7 @@ def test_a_move_out_of_a_halt_on_a_trajectory_and_a_halt_of_that_move_do_not_jol
 
 def test_a_move_out_of_a_trajectory_that_could_not_brake_within_the_limits_is_refused(story):
     cell = joints(story)
-    cell["y"].follow(Trapezoid(0.0, 88.0, 300.0, 3600.0))
+    cell["y"].follow(TrapezoidalTrajectory(0.0, 88.0, 300.0, 3600.0))
     cell.until(lambda: cell.where("y") > 40.0)
     error = cell.failure_of(cell["y"].move_absolute(80.0, velocity=300, deceleration=300))
     assert "could not stop within the position limits" in error.message
@@ -419,7 +419,7 @@ def test_a_group_goes_over_from_its_trajectories_in_one_cycle_without_a_jolt(sto
     cell["z"].enable().wait(5)
     cell["z"].home().wait(5)
     for name, end in (("x", 150.0), ("y", 80.0)):
-        cell[name].follow(Trapezoid(0.0, end, 60.0, 720.0))
+        cell[name].follow(TrapezoidalTrajectory(0.0, end, 60.0, 720.0))
     cell.until(lambda: cell.where("x") > 30.0)
     since = cell.moment("x")
     cell.machine.group("x", "y", "z").move_direct((20.0, -10.0, 30.0), velocity=60.0).wait(10)
@@ -431,7 +431,7 @@ def test_a_group_goes_over_from_its_trajectories_in_one_cycle_without_a_jolt(sto
 
 def test_a_move_out_of_a_trajectory_ends_at_the_caller_s_timeout(story):
     cell = joints(story)
-    cell["x"].follow(Trapezoid(0.0, 150.0, 90.0, 720.0))
+    cell["x"].follow(TrapezoidalTrajectory(0.0, 150.0, 90.0, 720.0))
     cell.until(lambda: cell.where("x") > 40.0)
     error = cell.failure_of(cell["x"].move_absolute(170.0, velocity=10, timeout=0.5))
     assert isinstance(error, MotionTimeout)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import ValueTransport
 from axisbus.errors import DriveError, LimitError, ModeError, StateError
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.cell import SCALE
 from kit.probe import ENABLED, OFF, QUICK_STOP
 
@@ -64,7 +64,7 @@ def test_a_mode_refused_while_enabled_fails_the_command_and_the_axis_holds(story
     asked = {
         "move_velocity": lambda: cell.x.move_velocity(50.0),
         "home": lambda: cell.x.home(),
-        "follow": lambda: cell.x.follow(Trapezoid(0, 10, 10, 10)),
+        "follow": lambda: cell.x.follow(TrapezoidalTrajectory(0, 10, 10, 10)),
     }
     failed = cell.failure_of(asked[what]())
     assert isinstance(failed, ModeError)
@@ -122,9 +122,9 @@ def test_csp_is_refused_where_60c2_reads_back_another_period(story, golden):
 @pytest.mark.parametrize(
     ("name", "port"),
     [
-        ("statusword", {"inputs": {"statusword": Source.EVENT_PDO}, "event_timer": 0.02}),
-        ("position", {"inputs": {"position": Source.SDO}}),
-        ("target", {"outputs": {"target_position": Source.SDO}}),
+        ("statusword", {"inputs": {"statusword": ValueTransport.EVENT_PDO}, "event_timer": 0.02}),
+        ("position", {"inputs": {"position": ValueTransport.SDO}}),
+        ("target", {"outputs": {"target_position": ValueTransport.SDO}}),
     ],
 )
 def test_csp_is_refused_where_its_values_do_not_travel_with_sync(story, golden, name, port):
@@ -137,7 +137,7 @@ def test_csp_is_refused_where_its_values_do_not_travel_with_sync(story, golden, 
 
 def test_a_trajectory_that_does_not_begin_where_the_axis_stands_is_refused(story, golden):
     cell = story.simulated("x").enabled()
-    failed = cell.failure_of(cell.x.follow(Trapezoid(5.0, 10.0, 10.0, 10.0)))
+    failed = cell.failure_of(cell.x.follow(TrapezoidalTrajectory(5.0, 10.0, 10.0, 10.0)))
     golden("csp_begins_elsewhere", failed)
     cell.run(0.3)
     assert abs(cell.where()) < 0.02
@@ -180,7 +180,7 @@ def test_a_trajectory_that_runs_into_the_limit_is_braked_so_that_the_axis_stands
 def test_a_trajectory_that_is_known_to_leave_the_limits_is_refused_at_the_call(story, golden):
     cell = story.simulated("x", axis="position_limits = [-90.0, 90.0]").enabled()
     with pytest.raises(LimitError) as caught:
-        cell.x.follow(Trapezoid(0.0, 91.0, 50.0, 500.0))
+        cell.x.follow(TrapezoidalTrajectory(0.0, 91.0, 50.0, 500.0))
     golden("csp_known_to_leave_limits", caught.value)
 
 

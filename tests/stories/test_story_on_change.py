@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import ValueTransport
 from axisbus.errors import MotionTimeout, Replaced, SetPointError
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
@@ -29,12 +29,12 @@ BIT_4, RELATIVE, HALT = 0x10, 0x40, 0x100
 TRAVELS = {
     "with SYNC": {},
     "statusword once per change": {
-        "inputs": {"statusword": Source.EVENT_PDO},
+        "inputs": {"statusword": ValueTransport.EVENT_PDO},
         "max_age": {"statusword": float("inf")},
     },
-    "statusword by SDO": {"inputs": {"statusword": Source.SDO}, "max_age": {"statusword": 0.35}},
-    "without 6062h": {"inputs": {"demand": Source.NONE}},
-    "controlword by SDO": {"outputs": {"controlword": Source.SDO}},
+    "statusword by SDO": {"inputs": {"statusword": ValueTransport.SDO}, "max_age": {"statusword": 0.35}},
+    "without 6062h": {"inputs": {"demand": ValueTransport.NONE}},
+    "controlword by SDO": {"outputs": {"controlword": ValueTransport.SDO}},
 }
 
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from axisbus import Trapezoid
+from axisbus import TrapezoidalTrajectory
 from axisbus.errors import ArgumentError, DriveError, StateError
 from axisbus.motion.states import AxisState
 from axisbus.sim.modes.profile_position import ProfilePosition
@@ -229,7 +229,7 @@ def test_a_torque_and_a_homing_are_not_scaled(story):
 
 def test_a_trajectory_is_slowed_held_and_gone_on_with_on_its_path(story):
     cell = story.simulated("x", axis="max_acceleration = 2000.0").enabled()
-    handle = cell.x.follow(Trapezoid(0.0, 200.0, 100.0, 500.0))
+    handle = cell.x.follow(TrapezoidalTrajectory(0.0, 200.0, 100.0, 500.0))
     cell.run(0.6)
     for factor in (0.3, 0.0, 1.5):
         cell.x.set_override(factor).wait()
@@ -274,7 +274,7 @@ def test_a_line_goes_as_slowly_as_its_slowest_axis_times_its_group(story):
 
 def test_a_move_out_of_a_trajectory_is_planned_anew_and_held(story):
     cell = story.simulated("x", axis="max_acceleration = 2000.0").enabled()
-    cell.x.follow(Trapezoid(0.0, 200.0, 100.0, 500.0))
+    cell.x.follow(TrapezoidalTrajectory(0.0, 200.0, 100.0, 500.0))
     cell.run(0.6)
     handle = cell.x.move_absolute(-200.0, velocity=100.0)
     cell.run(1.0)

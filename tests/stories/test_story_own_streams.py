@@ -10,9 +10,9 @@ import pytest
 
 from axisbus import Scara
 from axisbus.errors import ArgumentError, LimitError, StateError, Stopped
-from axisbus.machine.user_kinematics.kinematics import Own
+from axisbus.machine.user_kinematics.kinematics import UserKinematicsAdapter
 from axisbus.machine.user_kinematics.point_solver import PlaceJoining
-from axisbus.motion.point_stream.curve_fit import Allowed, Point
+from axisbus.motion.point_stream.curve_fit import Allowed, StreamPoint
 from axisbus.motion.point_stream.quintic import at
 from kit.cell import SCALE
 
@@ -124,7 +124,7 @@ def test_turns_are_counted_on_from_what_was_answered_before(story):
 def test_the_spans_join_whatever_was_refused_between_them(refused):
     """By spans alone: a solution that is forgotten would be looked for from the beginning, a turn off."""
     axes = {name: Allowed("deg", None, 400.0, 4000.0, "max_acceleration", 4000.0) for name in "xy"}
-    own = Own(Turntable(), {}, 0.05)
+    own = UserKinematicsAdapter(Turntable(), {}, 0.05)
     own.inverse = Turntable().inverse
     joining = PlaceJoining(own, axes, lambda: (0.0, 0.0), "stream")
     ends = [(0.0, 0.0)]
@@ -132,9 +132,9 @@ def test_the_spans_join_whatever_was_refused_between_them(refused):
         angle = math.radians(4.0 * number * min(1.0, number / 40.0))
         for wide in [115.0 + more for more in range(refused if number == 120 else 0)]:
             with pytest.raises(LimitError, match="acceleration"):
-                joining.take(Point(0.05 * number, (wide * math.cos(angle), wide * math.sin(angle))))
+                joining.take(StreamPoint(0.05 * number, (wide * math.cos(angle), wide * math.sin(angle))))
         for span in (
-            joining.take(Point(0.05 * number, (100.0 * math.cos(angle), 100.0 * math.sin(angle)))) or ()
+            joining.take(StreamPoint(0.05 * number, (100.0 * math.cos(angle), 100.0 * math.sin(angle)))) or ()
         ):
             assert [at(curve, 0.0) for curve in span.curves] == pytest.approx(ends[-1], abs=1e-6)
             ends.append([at(curve, span.seconds) for curve in span.curves])

@@ -22,7 +22,7 @@ from axisbus.errors import (
     Stopped,
 )
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.cell import GENERIC, MODULE, SCALE, Cell, Stage, cell_text
 from kit.probe import ENABLED, SWITCH_ON_DISABLED
 
@@ -521,7 +521,7 @@ def test_an_axis_on_a_trajectory_goes_its_way_as_if_nobody_probed(story):
             probe.cancel()
         cell.run(0.2)
         since = cell.moment()
-        cell.x.follow(Trapezoid(0.0, 60.0, 100.0, 500.0)).wait(5)
+        cell.x.follow(TrapezoidalTrajectory(0.0, 60.0, 100.0, 500.0)).wait(5)
         cell.must_stand(within=0.5, stages=ENABLED)
         ways.append(cell.positions(since=since))
         assert [edge.position for edge in probe.captures] == pytest.approx([20.0, 30.0] if probed else [])

@@ -11,8 +11,8 @@ import pytest
 from axisbus.bus.link import detect_other_master
 from axisbus.bus.node.events import NodeEvent, NodeEventKind
 from axisbus.cell.model import BusConfig
-from axisbus.cia301.frame import Frame
-from axisbus.cia301.master_detection import Cast, Signs
+from axisbus.cia301.frame import CanFrame
+from axisbus.cia301.master_detection import ExpectedMasters, MasterDetector
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
 from axisbus.core import canlink
@@ -325,23 +325,23 @@ def test_commands_that_only_listen_are_not_refused(tmp_path, axisbus, command):
 
 
 def test_the_message_tells_what_was_heard_what_is_not_known_and_what_to_do(golden):
-    signs = Signs(Cast(frozenset({1, 2, 3}), frozenset({127})))
+    signs = MasterDetector(ExpectedMasters(frozenset({1, 2, 3}), frozenset({127})))
     for tick in range(50):
         now = 100.002 + tick * 0.004
-        signs.note(Frame(now, 0x80))
+        signs.note(CanFrame(now, 0x80))
         for node in (1, 2, 3):
-            signs.note(Frame(now, 0x200 + node, b"\x0f\0"))
-            signs.note(Frame(now, 0x300 + node, b"\0\0\0\0"))
+            signs.note(CanFrame(now, 0x200 + node, b"\x0f\0"))
+            signs.note(CanFrame(now, 0x300 + node, b"\0\0\0\0"))
         if tick in (10, 35):
-            signs.note(Frame(now, 0x77F, b"\x05"))
-    signs.note(Frame(100.1, 0x603, bytes(8)))
-    signs.note(Frame(100.15, 0x000, b"\x01\0"))
+            signs.note(CanFrame(now, 0x77F, b"\x05"))
+    signs.note(CanFrame(100.1, 0x603, bytes(8)))
+    signs.note(CanFrame(100.15, 0x000, b"\x01\0"))
     golden("second_master", detect_other_master.refusal("socketcan:can0", signs.heard, 100.0, 0.2))
 
 
 def test_a_tool_alone_is_told_as_what_it_did(golden):
-    signs = Signs(Cast(frozenset({1}), frozenset({127})))
-    signs.note(Frame(7.05, 0x601, bytes.fromhex("40 41 60 00 00 00 00 00")))
+    signs = MasterDetector(ExpectedMasters(frozenset({1}), frozenset({127})))
+    signs.note(CanFrame(7.05, 0x601, bytes.fromhex("40 41 60 00 00 00 00 00")))
     golden("second_master_tool", detect_other_master.refusal("pcan:PCAN_USBBUS1", signs.heard, 7.0, 0.2))
 
 
@@ -385,6 +385,6 @@ def test_a_quiet_bus_costs_no_more_than_that(tmp_path):
 
         with Channel.open("virtual", line.channel) as channel:
             begin = time.monotonic()
-            detect_other_master.require_alone(channel, Cast(frozenset({1}), frozenset({127})), 0.2)
+            detect_other_master.require_alone(channel, ExpectedMasters(frozenset({1}), frozenset({127})), 0.2)
             assert 0.2 <= time.monotonic() - begin < 0.5
             assert channel.counters.sent == 0

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from axisbus import eds
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import ValueTransport
 from axisbus.errors import FollowingError, ModeError, StateError, UncommandedMotion
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.build import motor_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.fault_injection import NEVER
@@ -39,7 +39,7 @@ def going(cell, what: str, velocity: float = 60.0):
         "pp": lambda: cell.x.move_relative(1000.0, velocity=velocity),
         "pv": lambda: cell.x.move_velocity(velocity),
         "csp": lambda: cell.x.follow(
-            Trapezoid(
+            TrapezoidalTrajectory(
                 cell.x.position, cell.x.position + math.copysign(1000.0, velocity), abs(velocity), 720.0
             )
         ),
@@ -123,7 +123,7 @@ def test_a_stop_on_a_jam_ends_with_nothing_that_pulls(story, way, what):
 
 
 HOLDS = 'quick_stop = "ramp-hold"'
-UNSEEN = {"inputs": {"demand": Source.NONE}}
+UNSEEN = {"inputs": {"demand": ValueTransport.NONE}}
 
 
 @pytest.mark.parametrize("velocity", [200.0, -200.0])
@@ -217,7 +217,7 @@ def test_a_jam_of_a_jog_that_nobody_sees_pull_ends_without_power(story):
 
 @pytest.mark.parametrize("way", ["stop", "halt"])
 def test_a_jam_on_a_drive_without_6062h_ends_without_power(story, golden, way):
-    port = {"inputs": {"demand": Source.NONE}}
+    port = {"inputs": {"demand": ValueTransport.NONE}}
     cell = story.simulated("x", port=port, axis="following_error = 1000.0").enabled()
     going(cell, "pp")
     cell.jam()
@@ -232,7 +232,7 @@ def test_a_jam_on_a_drive_without_6062h_ends_without_power(story, golden, way):
 
 
 def test_a_halt_on_a_drive_without_6062h_leaves_it_no_old_target(story):
-    cell = story.simulated("x", port={"inputs": {"demand": Source.NONE}}).enabled()
+    cell = story.simulated("x", port={"inputs": {"demand": ValueTransport.NONE}}).enabled()
     going(cell, "pp")
     cell.x.halt().wait(5)
     place, moment = cell.where(), cell.moment()
@@ -261,7 +261,7 @@ def test_a_drive_whose_6062h_is_its_target_can_be_halted_and_does_not_trip(story
 
 
 def test_a_drive_without_6062h_that_takes_no_target_under_halt_says_so(story):
-    cell = story.simulated("x", port={"inputs": {"demand": Source.NONE}}).enabled()
+    cell = story.simulated("x", port={"inputs": {"demand": ValueTransport.NONE}}).enabled()
     going(cell, "pp")
     cell.drive().dials.acknowledge_delay = NEVER
     error = cell.failure_of(cell.x.halt())
@@ -287,7 +287,9 @@ def test_a_drive_that_lags_trips_nothing(story, lag, velocity):
     cell.x.move_velocity(-velocity).wait(10)
     cell.run(1.0)
     cell.x.halt().wait(10)
-    cell.x.follow(Trapezoid(cell.x.position, cell.x.position + velocity, velocity, 300.0)).wait(20)
+    cell.x.follow(TrapezoidalTrajectory(cell.x.position, cell.x.position + velocity, velocity, 300.0)).wait(
+        20
+    )
     assert cell.x.state is AxisState.STANDSTILL
 
 
@@ -299,7 +301,7 @@ def test_a_trajectory_whose_drive_leaves_csp_is_stopped_within_its_limits(story,
     """Once csp fell to pv and ended 91 deg beyond the position limit."""
     cell = story.simulated("x", eds=MODULE, axis="position_limits = [-180.0, 180.0]").enabled()
     cell.x.home().wait(5)
-    cell.x.follow(Trapezoid(cell.x.position, 150.0, 60.0, 720.0))
+    cell.x.follow(TrapezoidalTrajectory(cell.x.position, 150.0, 60.0, 720.0))
     cell.run(0.6)
     cell.drive().target_velocity = round(60.0 * 100)
     moment = slip(cell, to)
@@ -468,7 +470,10 @@ def test_a_motor_that_runs_down_without_power_is_awaited(story):
 @pytest.mark.parametrize("timer", [0.1, 0.5])
 def test_a_position_from_before_the_stop_does_not_count(story, timer):
     """Once an event-driven position half a second old, from before the motion, counted as standing."""
-    port = {"inputs": {"position": Source.EVENT_PDO, "velocity": Source.NONE}, "event_timer": timer}
+    port = {
+        "inputs": {"position": ValueTransport.EVENT_PDO, "velocity": ValueTransport.NONE},
+        "event_timer": timer,
+    }
     cell = story.simulated("x", port=port | {"max_age": {"position": 3 * timer + 0.05}}).enabled()
     silence(cell, timer)
     cell.x.move_velocity(10.0)
@@ -518,7 +523,7 @@ def test_a_demand_from_before_the_jam_does_not_count(story, way):
     cell.must_not_leap(since=moment)
 
 
-POLLED_DEMAND = {"inputs": {"demand": Source.SDO}, "max_age": {"demand": 0.8}, "sdo_poll": 0.25}
+POLLED_DEMAND = {"inputs": {"demand": ValueTransport.SDO}, "max_age": {"demand": 0.8}, "sdo_poll": 0.25}
 
 
 # -- in real time, over a bus --------------------------------------------------------------------------------------------

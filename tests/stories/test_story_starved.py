@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.core.hang_diagnosis import Place, whereabouts
+from axisbus.core.hang_diagnosis import BlockedLocation, whereabouts
 from axisbus.core.realtime_setup import IN_A_THREAD
 from axisbus.cpu_starvation import DRIVES, REMEDY
 from axisbus.errors import AxisbusError, NodeError, StaleError
@@ -232,7 +232,7 @@ def test_where_a_thread_is():
     try:
         place = whereabouts(thread.ident)
         assert place is not None
-        assert place.place is Place.OURS  # nothing of the program's own is on its stack
+        assert place.place is BlockedLocation.OURS  # nothing of the program's own is on its stack
         assert whereabouts(None) is None
     finally:
         free.set()

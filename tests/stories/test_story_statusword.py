@@ -6,11 +6,11 @@ import math
 
 import pytest
 
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import ValueTransport
 from axisbus.errors import StaleError
 from kit.probe import ENABLED, OFF
 
-EVENT = Source.EVENT_PDO
+EVENT = ValueTransport.EVENT_PDO
 # How the inputs of a drive may travel. Without an event timer silence says nothing: the bus then polls 6041h and 6064h by SDO.
 TRAVELS = {
     "with SYNC": {},
@@ -23,19 +23,26 @@ TRAVELS = {
         "max_age": {"statusword": math.inf},
     },
     "by SDO": {
-        "inputs": {"statusword": Source.SDO, "position": Source.SDO, "mode": Source.SDO},
+        "inputs": {
+            "statusword": ValueTransport.SDO,
+            "position": ValueTransport.SDO,
+            "mode": ValueTransport.SDO,
+        },
         "max_age": {"statusword": 0.35, "position": 0.35},
     },
     "by SDO, without a position": {
         "inputs": {
-            "statusword": Source.SDO,
-            "position": Source.NONE,
-            "demand": Source.NONE,
-            "velocity": Source.NONE,
+            "statusword": ValueTransport.SDO,
+            "position": ValueTransport.NONE,
+            "demand": ValueTransport.NONE,
+            "velocity": ValueTransport.NONE,
         },
         "max_age": {"statusword": 0.35},
     },
-    "with SYNC, the mode by SDO": {"inputs": {"mode": Source.SDO}, "outputs": {"mode": Source.SDO}},
+    "with SYNC, the mode by SDO": {
+        "inputs": {"mode": ValueTransport.SDO},
+        "outputs": {"mode": ValueTransport.SDO},
+    },
     "everything event-driven": {
         "inputs": dict.fromkeys(("statusword", "mode", "position", "velocity", "torque", "demand"), EVENT),
         "outputs": dict.fromkeys(

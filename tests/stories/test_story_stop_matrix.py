@@ -17,7 +17,7 @@ import can
 import pytest
 
 from axisbus import eds
-from axisbus.boot.configure import Watch
+from axisbus.boot.configure import DriveMonitoringSetup
 from axisbus.boot.stop_report import NO_WATCHDOG
 from axisbus.cell import reader
 from axisbus.cia301.nmt import NmtCommand
@@ -25,7 +25,7 @@ from axisbus.eds.builtin import resolve
 from axisbus.errors import AxisbusError, SecondMasterError
 from axisbus.machine.machine import Machine
 from axisbus.machine.stop_external import stop_beside
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
 from kit.stories.bus import Line, enable, until
@@ -61,7 +61,9 @@ class Bench(Line):
 MODES: dict[str, Callable[[Machine], object]] = {
     "pv": lambda machine: machine["x"].move_velocity(SPEED),
     "pp": lambda machine: machine["x"].move_relative(20_000.0, velocity=SPEED),
-    "csp": lambda machine: machine["x"].follow(Trapezoid(machine["x"].position, 20_000.0, SPEED, 500.0)),
+    "csp": lambda machine: machine["x"].follow(
+        TrapezoidalTrajectory(machine["x"].position, 20_000.0, SPEED, 500.0)
+    ),
     "csv": lambda machine: machine["x"].cyclic_velocity(SPEED),
     "tq": lambda machine: machine["x"].torque_control(0.5, slope=5.0),
     "cst": lambda machine: machine["x"].cyclic_torque(0.5, slope=5.0),
@@ -148,8 +150,8 @@ WAYS: dict[str, Callable[[Bench, Machine], bool]] = {
 
 @pytest.fixture
 def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-    monkeypatch.setattr(Watch, "arm", lambda *_: NO_WATCHDOG)
-    monkeypatch.setattr(Watch, "arm_deadlines", lambda *_: NO_WATCHDOG)
+    monkeypatch.setattr(DriveMonitoringSetup, "arm", lambda *_: NO_WATCHDOG)
+    monkeypatch.setattr(DriveMonitoringSetup, "arm_deadlines", lambda *_: NO_WATCHDOG)
     with ExitStack() as stack, Bench(tmp_path, stop=TIMES, axis="rated_torque = 5.0") as bench:
         bench.stack = stack
         yield bench

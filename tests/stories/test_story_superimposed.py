@@ -10,7 +10,7 @@ import pytest
 
 from axisbus.errors import ArgumentError, Interrupted, LimitError, StateError
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.cell import SCALE, Cell, cell_text
 from kit.probe import ENABLED, OFF
 
@@ -53,7 +53,7 @@ class Targets:
 def going(story, velocity: float = 30.0, end: float = 150.0, **changes: str):
     """A cell whose x goes on along a trajectory, and the handle of that."""
     cell = one(story, **changes)
-    below = cell.x.follow(Trapezoid(0.0, end, velocity, 200.0))
+    below = cell.x.follow(TrapezoidalTrajectory(0.0, end, velocity, 200.0))
     cell.run(0.5)
     return cell, below
 
@@ -98,7 +98,7 @@ def test_time_that_is_scaled_lays_it_over_once_in_each_cycle(story, factor):
     cell = one(story)
     targets = Targets(cell)
     cell.end_of(cell.x.set_override(factor))
-    below = cell.x.follow(Trapezoid(0.0, -115.0, 300.0, 1500.0))
+    below = cell.x.follow(TrapezoidalTrajectory(0.0, -115.0, 300.0, 1500.0))
     cell.run(0.15)
     over = cell.x.move_superimposed(-14.6, velocity=100.0, acceleration=1000.0)
     cell.run(0.1)
@@ -141,7 +141,7 @@ def test_a_slave_in_step_is_displaced_and_so_is_who_follows_it(story):
     cell = one(story, "xyz")
     assert cell.end_of(cell["y"].gear_in(cell["x"], 1.0)) is None
     assert cell.end_of(cell["z"].gear_in(cell["y"], 2.0)) is None
-    cell["x"].follow(Trapezoid(0.0, 60.0, 30.0, 100.0))
+    cell["x"].follow(TrapezoidalTrajectory(0.0, 60.0, 30.0, 100.0))
     cell.run(0.5)
     assert cell.end_of(cell["y"].move_superimposed(10.0, velocity=20.0, acceleration=100.0)) is None
     cell.run(3.0)
@@ -155,7 +155,7 @@ def test_a_slave_in_step_is_displaced_and_so_is_who_follows_it(story):
 def test_a_shift_of_the_master_and_a_distance_of_the_slave_go_on_together(story):
     cell = one(story, "xy")
     assert cell.end_of(cell["y"].gear_in(cell["x"], 1.0)) is None
-    cell["x"].follow(Trapezoid(0.0, 90.0, 30.0, 100.0))
+    cell["x"].follow(TrapezoidalTrajectory(0.0, 90.0, 30.0, 100.0))
     cell.run(0.5)
     over = cell["y"].move_superimposed(10.0, velocity=10.0)
     phase = cell["y"].phase_by(-4.0, velocity=5.0, acceleration=50.0)
@@ -225,7 +225,7 @@ def test_the_sum_is_no_faster_than_the_axis_and_the_addition_waits(story):
 
 def test_what_leaves_no_acceleration_is_not_laid_anything_over(story):
     cell = one(story)
-    below = cell.x.follow(Trapezoid(0.0, 100.0, 100.0, 1990.0))
+    below = cell.x.follow(TrapezoidalTrajectory(0.0, 100.0, 100.0, 1990.0))
     error = cell.failure_of(cell.x.move_superimposed(10.0))
     assert isinstance(error, LimitError)
     assert "takes all of max_acceleration" in error.message
@@ -246,7 +246,7 @@ def test_a_sum_that_would_leave_the_limits_is_refused_where_that_is_known_in_adv
 def test_where_nothing_is_known_in_advance_the_addition_is_braked_within_the_limits(story):
     cell = one(story, "xy", axis=AXIS + "\nposition_limits = [-100.0, 100.0]")
     assert cell.end_of(cell["y"].gear_in(cell["x"], 1.0)) is None
-    cell["x"].follow(Trapezoid(0.0, 60.0, 20.0, 100.0))
+    cell["x"].follow(TrapezoidalTrajectory(0.0, 60.0, 20.0, 100.0))
     targets = Targets(cell, "y")
     error = cell.failure_of(cell["y"].move_superimposed(90.0, velocity=60.0))
     assert isinstance(error, LimitError)
@@ -256,7 +256,7 @@ def test_where_nothing_is_known_in_advance_the_addition_is_braked_within_the_lim
     assert targets.hardest <= 2000.0 + STEP
 
 
-@pytest.mark.parametrize("below", [Trapezoid(0.0, 60.0, 60.0, 300.0), lambda t: 20.0 * t * t])
+@pytest.mark.parametrize("below", [TrapezoidalTrajectory(0.0, 60.0, 60.0, 300.0), lambda t: 20.0 * t * t])
 def test_an_addition_is_no_jump_where_only_an_acceleration_tells_one(story, below):
     cell = story.simulated("x", text=cell_text("x").replace("max_velocity = 400.0\n", "")).enabled()
     handle = cell.x.follow(below, duration=1.0 if callable(below) else None)

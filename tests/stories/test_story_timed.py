@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from axisbus import TimedPoint
+from axisbus import TrajectoryPoint
 from axisbus.errors import ArgumentError, AxisbusError, LimitError, StateError, Stopped
 from axisbus.motion.point_stream.quintic import at, coefficients
 from axisbus.motion.point_stream.timed import way_of
@@ -39,7 +39,9 @@ def begin_of(seen, start) -> float:
 def test_with_velocities_axes_are_at_their_points_in_time_by_the_cubic(story):
     cell = opened(story)
     seen = targets(cell)
-    group(cell).follow([TimedPoint(0.5, (10, -5), (30, -15)), TimedPoint(1.0, (20, -10), (0, 0))]).wait(5)
+    group(cell).follow(
+        [TrajectoryPoint(0.5, (10, -5), (30, -15)), TrajectoryPoint(1.0, (20, -10), (0, 0))]
+    ).wait(5)
     begun = begin_of(seen, (0.0, 0.0))
     for now, x, y in seen:
         t = min(max(now - begun, 0.0), 1.0)
@@ -53,7 +55,12 @@ def test_with_velocities_axes_are_at_their_points_in_time_by_the_cubic(story):
 
 
 def test_what_is_given_is_what_the_curve_has_and_positions_alone_are_never_passed():
-    points = [TimedPoint(1, (10,)), TimedPoint(1.1, (10.5,)), TimedPoint(3, (11,)), TimedPoint(4, (2,))]
+    points = [
+        TrajectoryPoint(1, (10,)),
+        TrajectoryPoint(1.1, (10.5,)),
+        TrajectoryPoint(3, (11,)),
+        TrajectoryPoint(4, (2,)),
+    ]
     way = way_of(points, (0.0,), 0.01, "it")[1:-1]
     for one in way:
         curve = coefficients(one.from_[0], one.to[0], one.seconds)
@@ -67,18 +74,18 @@ def test_what_is_given_is_what_the_curve_has_and_positions_alone_are_never_passe
         0.0,
         0.0,
     )  # at rest at both ends, and where it turns
-    full = [TimedPoint(1, (10,), (3,), (4,)), TimedPoint(2, (12,), (0,), (-1,))]
+    full = [TrajectoryPoint(1, (10,), (3,), (4,)), TrajectoryPoint(2, (12,), (0,), (-1,))]
     (_, first, last, _) = way_of(full, (0.0,), 0.01, "it")
     assert (first.from_[0], first.to[0], last.to[0]) == ((0, 0, 0), (10, 3, 4), (12, 0, -1))
 
 
 def test_it_begins_where_the_axes_stand_where_the_first_point_is_of_now(story):
     cell = opened(story)
-    group(cell).follow([TimedPoint(0, (0, 0)), TimedPoint(0.4, (4, 2))]).wait(5)
+    group(cell).follow([TrajectoryPoint(0, (0, 0)), TrajectoryPoint(0.4, (4, 2))]).wait(5)
     assert [cell.where(name) for name in "xy"] == pytest.approx([4, 2], abs=0.05)
     before = [cell.where(name) for name in "xy"]
     with pytest.raises(StateError, match="does not stand"):
-        group(cell).follow([TimedPoint(0, (0, 0)), TimedPoint(0.4, (4, 2))])
+        group(cell).follow([TrajectoryPoint(0, (0, 0)), TrajectoryPoint(0.4, (4, 2))])
     assert [cell.where(name) for name in "xy"] == before
 
 
@@ -86,28 +93,36 @@ def test_it_begins_where_the_axes_stand_where_the_first_point_is_of_now(story):
     ("points", "kind", "words"),
     [
         ([], ArgumentError, "no trajectory"),
-        ([TimedPoint(1, (1, 1))] * 4001, ArgumentError, "no trajectory"),
-        ([TimedPoint(0, (0, 0))], ArgumentError, "time of point 1"),
-        ([TimedPoint(-1, (0, 0))], ArgumentError, "time of point 1"),
-        ([TimedPoint(1, (1, 1)), TimedPoint(1, (2, 2))], ArgumentError, "time of point 2"),
-        ([TimedPoint(1, (1, 1)), TimedPoint(1.0001, (1, 1))], ArgumentError, "between two points"),
-        ([TimedPoint(float("inf"), (1, 1))], ArgumentError, "point 1 is none"),
-        ([TimedPoint(1, (1, float("nan")))], ArgumentError, "point 1 is none"),
-        ([TimedPoint(1, (1,))], ArgumentError, "point 1 is none"),
-        ([TimedPoint(1, None)], ArgumentError, "point 1 is none"),
-        ([TimedPoint(1, (1, 1), (0,))], ArgumentError, "point 1 is none"),
-        ([TimedPoint(1, (1, 1), (0, 0)), TimedPoint(2, (1, 1))], ArgumentError, "some points have"),
-        ([TimedPoint(1, (1, 1), None, (0, 0))], ArgumentError, "some points have"),
-        ([TimedPoint(1, (1, 1), (1, 0))], ArgumentError, "last point is in motion"),
-        ([TimedPoint(0, (0, 0), (1, 0)), TimedPoint(1, (1, 1), (0, 0))], ArgumentError, "first point is in"),
-        ([TimedPoint(9, (301, 0))], LimitError, "300"),
+        ([TrajectoryPoint(1, (1, 1))] * 4001, ArgumentError, "no trajectory"),
+        ([TrajectoryPoint(0, (0, 0))], ArgumentError, "time of point 1"),
+        ([TrajectoryPoint(-1, (0, 0))], ArgumentError, "time of point 1"),
+        ([TrajectoryPoint(1, (1, 1)), TrajectoryPoint(1, (2, 2))], ArgumentError, "time of point 2"),
+        ([TrajectoryPoint(1, (1, 1)), TrajectoryPoint(1.0001, (1, 1))], ArgumentError, "between two points"),
+        ([TrajectoryPoint(float("inf"), (1, 1))], ArgumentError, "point 1 is none"),
+        ([TrajectoryPoint(1, (1, float("nan")))], ArgumentError, "point 1 is none"),
+        ([TrajectoryPoint(1, (1,))], ArgumentError, "point 1 is none"),
+        ([TrajectoryPoint(1, None)], ArgumentError, "point 1 is none"),
+        ([TrajectoryPoint(1, (1, 1), (0,))], ArgumentError, "point 1 is none"),
+        ([TrajectoryPoint(1, (1, 1), (0, 0)), TrajectoryPoint(2, (1, 1))], ArgumentError, "some points have"),
+        ([TrajectoryPoint(1, (1, 1), None, (0, 0))], ArgumentError, "some points have"),
+        ([TrajectoryPoint(1, (1, 1), (1, 0))], ArgumentError, "last point is in motion"),
         (
-            [TimedPoint(1, (1, 1)), TimedPoint(1.1, (90, 1))],
+            [TrajectoryPoint(0, (0, 0), (1, 0)), TrajectoryPoint(1, (1, 1), (0, 0))],
+            ArgumentError,
+            "first point is in",
+        ),
+        ([TrajectoryPoint(9, (301, 0))], LimitError, "300"),
+        (
+            [TrajectoryPoint(1, (1, 1)), TrajectoryPoint(1.1, (90, 1))],
             LimitError,
             "point 2 leads x beyond its velocity",
         ),
-        ([TimedPoint(0.05, (5, 1))], LimitError, "point 1 leads x beyond its acceleration"),
-        ([TimedPoint(1, (299, 0), (90, 0)), TimedPoint(2, (299, 0), (0, 0))], LimitError, "beyond its"),
+        ([TrajectoryPoint(0.05, (5, 1))], LimitError, "point 1 leads x beyond its acceleration"),
+        (
+            [TrajectoryPoint(1, (299, 0), (90, 0)), TrajectoryPoint(2, (299, 0), (0, 0))],
+            LimitError,
+            "beyond its",
+        ),
     ],
 )
 def test_what_may_not_be_followed_is_refused_and_nothing_moves(story, points, kind, words):
@@ -122,7 +137,7 @@ def test_what_may_not_be_followed_is_refused_and_nothing_moves(story, points, ki
 def test_a_halt_brakes_on_the_way_and_resume_goes_on_to_the_end(story):
     cell = opened(story)
     both = group(cell)
-    handle = both.follow([TimedPoint(1, (40, 20)), TimedPoint(2, (60, 30))])
+    handle = both.follow([TrajectoryPoint(1, (40, 20)), TrajectoryPoint(2, (60, 30))])
     cell.until(lambda: cell.where("x") > 15)
     cell["y"].halt()  # of one of them
     assert isinstance(cell.failure_of(handle), Stopped)
@@ -137,9 +152,9 @@ def test_a_halt_brakes_on_the_way_and_resume_goes_on_to_the_end(story):
 
 def test_another_one_while_it_runs_is_refused_and_it_goes_on(story):
     cell = opened(story)
-    handle = group(cell).follow([TimedPoint(1, (20, 10))])
+    handle = group(cell).follow([TrajectoryPoint(1, (20, 10))])
     cell.run(0.5)
-    error = cell.failure_of(group(cell).follow([TimedPoint(1, (-20, 10))]))
+    error = cell.failure_of(group(cell).follow([TrajectoryPoint(1, (-20, 10))]))
     assert isinstance(error, AxisbusError)
     assert cell.end_of(handle) is None
     assert [cell.where(name) for name in "xy"] == pytest.approx([20, 10], abs=0.05)
@@ -147,7 +162,7 @@ def test_another_one_while_it_runs_is_refused_and_it_goes_on(story):
 
 def test_many_points_are_followed_to_their_end(story):
     cell = opened(story)
-    points = [TimedPoint(0.01 * n, (0.02 * n, -0.01 * n)) for n in range(1, 500)]
+    points = [TrajectoryPoint(0.01 * n, (0.02 * n, -0.01 * n)) for n in range(1, 500)]
     handle = group(cell).follow(points)
     assert cell.end_of(handle, 20.0) is None
     assert [cell.where(name) for name in "xy"] == pytest.approx([9.98, -4.99], abs=0.05)

@@ -12,7 +12,7 @@ import time
 import pytest
 
 from axisbus import Machine
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.errors import ArgumentError, AxisbusError, LimitError, StaleError, StateError
 from axisbus.motion.states import AxisState
 from kit.cell import cell_text
@@ -44,13 +44,13 @@ def test_it_begins_at_0_without_power_and_moves_only_once_it_is_enabled(story):
     cell = story.simulated("x", more=virtual())
     v = cell["v"]
     assert (v.position, v.homed, v.state) == (0.0, True, AxisState.DISABLED)
-    assert v.snapshot.power is State.SWITCH_ON_DISABLED
+    assert v.snapshot.power is PowerState.SWITCH_ON_DISABLED
     error = cell.failure_of(v.move_absolute(10.0))
     assert isinstance(error, StateError)
     cell.run(0.2)
     assert v.position == 0.0
     assert cell.end_of(v.enable()) is None
-    assert (v.state, v.snapshot.power) == (AxisState.STANDSTILL, State.OPERATION_ENABLED)
+    assert (v.state, v.snapshot.power) == (AxisState.STANDSTILL, PowerState.OPERATION_ENABLED)
     assert cell["x"].state is AxisState.DISABLED
 
 
@@ -156,10 +156,10 @@ def test_set_position_gives_its_place_another_name_and_moves_nothing(story):
 @pytest.mark.parametrize(
     ("verb", "state", "power"),
     [
-        ("halt", AxisState.STANDSTILL, State.OPERATION_ENABLED),
-        ("stop", AxisState.STOPPING, State.OPERATION_ENABLED),
-        ("quick_stop", AxisState.DISABLED, State.SWITCH_ON_DISABLED),
-        ("disable", AxisState.DISABLED, State.SWITCH_ON_DISABLED),
+        ("halt", AxisState.STANDSTILL, PowerState.OPERATION_ENABLED),
+        ("stop", AxisState.STOPPING, PowerState.OPERATION_ENABLED),
+        ("quick_stop", AxisState.DISABLED, PowerState.SWITCH_ON_DISABLED),
+        ("disable", AxisState.DISABLED, PowerState.SWITCH_ON_DISABLED),
     ],
 )
 @pytest.mark.parametrize("how", ["move", "turn", "follow"])
@@ -204,7 +204,7 @@ def test_without_power_it_comes_to_rest_on_a_ramp_and_never_from_one_cycle_to_th
     cell, v, trail = alone(story, stop="deceleration = 500.0")
     v.move_velocity(100.0).wait(5)
     v.disable(coast=True).wait(5)
-    assert v.snapshot.power is State.SWITCH_ON_DISABLED
+    assert v.snapshot.power is PowerState.SWITCH_ON_DISABLED
     cell.run(0.5)
     assert (v.velocity, v.state) == (0.0, AxisState.DISABLED)
     trail.must_be_smooth()
@@ -242,7 +242,7 @@ def test_the_way_out_stops_and_disables_it(story):
     cell, v, trail = alone(story)
     v.move_velocity(100.0).wait(5)
     assert cell.ctrl_c(5.0) == []
-    assert (v.velocity, v.snapshot.power) == (0.0, State.SWITCH_ON_DISABLED)
+    assert (v.velocity, v.snapshot.power) == (0.0, PowerState.SWITCH_ON_DISABLED)
     trail.must_be_smooth()
 
 
@@ -253,7 +253,7 @@ def test_leaving_the_block_stops_it(tmp_path):
         v = machine["v"]
         v.enable().wait(5)
         v.move_velocity(100.0).wait(5)
-    assert (v.snapshot.velocity, v.snapshot.power) == (0, State.SWITCH_ON_DISABLED)
+    assert (v.snapshot.velocity, v.snapshot.power) == (0, PowerState.SWITCH_ON_DISABLED)
 
 
 def test_a_dead_scan_leaves_nothing_of_it_to_be_rescued(story):
@@ -422,7 +422,7 @@ def test_in_real_time_it_is_led_by_the_core_wherever_that_runs(tmp_path, names, 
         v.move_velocity(50.0).wait(5)
         with pytest.raises(StateError, match="virtual"):
             _ = v.temperature
-    assert (v.snapshot.velocity, v.snapshot.power) == (0, State.SWITCH_ON_DISABLED)
+    assert (v.snapshot.velocity, v.snapshot.power) == (0, PowerState.SWITCH_ON_DISABLED)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")

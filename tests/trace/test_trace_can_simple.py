@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 
 from axisbus.cell import reader
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.core.files import load_dictionaries
 from axisbus.errors import ArgumentError
-from axisbus.machine.bus_monitor import Overview
+from axisbus.machine.bus_monitor import BusMonitor
 from axisbus.trace import context
 from axisbus.trace.can_simple import nodes_of
-from axisbus.trace.decoded import Kind
+from axisbus.trace.decoded import FrameKind
 from axisbus.trace.decoder import Decoder
 from axisbus.trace.text import what
 from kit import commands
@@ -19,7 +19,7 @@ from kit.can_simple.mixed import write
 
 
 def decoded(can_id, data, nodes=(1, 5), **how):
-    return Decoder(simple=nodes).feed(Frame(0.0, can_id, bytes.fromhex(data), **how))
+    return Decoder(simple=nodes).feed(CanFrame(0.0, can_id, bytes.fromhex(data), **how))
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ def decoded(can_id, data, nodes=(1, 5), **how):
 )
 def test_a_frame_of_a_named_node(can_id, data, words):
     one = decoded(can_id, data)
-    assert one.kind is Kind.FOREIGN
+    assert one.kind is FrameKind.FOREIGN
     assert one.node == can_id >> 5
     assert what(one) == f"CAN Simple, {words}"
 
@@ -77,7 +77,7 @@ def test_a_remote_frame_asks():
 def test_faults_and_missed_heartbeats_are_trouble():
     decoder = Decoder(simple=[1])
     tails = ["80 00 10", "80 00 13", "81 00 14"]
-    told = [decoder.feed(Frame(0.0, 0x021, bytes.fromhex(f"40 00 00 00 01 {tail}"))) for tail in tails]
+    told = [decoder.feed(CanFrame(0.0, 0x021, bytes.fromhex(f"40 00 00 00 01 {tail}"))) for tail in tails]
     assert "axis MOTOR_FAILED: the motor part reports an error" in what(told[0])
     assert "2 heartbeats missed before it" in told[1].problem
     assert "fault of motor" in what(told[2])
@@ -88,7 +88,7 @@ def test_faults_and_missed_heartbeats_are_trouble():
 def test_what_is_not_of_a_named_node_is_left_alone(how):
     assert "CAN Simple" not in what(decoded(0x0AC, "C3 F5 48 40 E8 03 88 13", **how))
     assert "CAN Simple" not in what(decoded(0x0AC, "C3 F5 48 40 E8 03 88 13", nodes=(1,)))
-    assert decoded(0x0AC, "C3 F5 48 40 E8 03 88 13", nodes=()).kind is Kind.EMCY
+    assert decoded(0x0AC, "C3 F5 48 40 E8 03 88 13", nodes=()).kind is FrameKind.EMCY
 
 
 @pytest.mark.parametrize("text", ["64", "a", "1,,2", "-1", "0x1", "", "１"])
@@ -112,16 +112,16 @@ def test_the_command_line(monkeypatch, capsys, tmp_path):
 
 def test_the_modules_of_a_cell_need_not_be_named(tmp_path):
     cell = reader.load(write(tmp_path, 'interface = "sim"'))
-    one = Decoder(context.of_cell(cell, load_dictionaries(cell))).feed(Frame(0.0, 0x201, bytes(8)))
-    assert (one.kind, one.node, one.name) == (Kind.FOREIGN, 16, "m")
+    one = Decoder(context.of_cell(cell, load_dictionaries(cell))).feed(CanFrame(0.0, 0x201, bytes(8)))
+    assert (one.kind, one.node, one.name) == (FrameKind.FOREIGN, 16, "m")
     assert "Heartbeat" in what(one)
 
 
 def test_who_listens_to_a_cell_sees_the_heartbeats_of_its_module(tmp_path):
     cell = reader.load(write(tmp_path, 'interface = "sim"'))
-    overview = Overview(cell, load_dictionaries(cell))
+    overview = BusMonitor(cell, load_dictionaries(cell))
     for number in range(5):
-        overview.feed(Frame(0.1 * number, 0x201, bytes((0, 0, 0, 0, 1, 0, 0, number))), 0.1 * number)
+        overview.feed(CanFrame(0.1 * number, 0x201, bytes((0, 0, 0, 0, 1, 0, 0, number))), 0.1 * number)
     node = overview.nodes[16]
     assert node.name == "m"
     assert node.beat.intervals == pytest.approx((0.1, 0.1, 0.1))

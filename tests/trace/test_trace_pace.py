@@ -6,25 +6,27 @@ import random
 
 import pytest
 
-from axisbus.cia301.frame import Frame
-from axisbus.trace.cycle_timing import Cast, Pace, histogram, spread
+from axisbus.cia301.frame import CanFrame
+from axisbus.trace.cycle_timing import CycleTiming, CyclicIdentifiers, histogram, spread
 
-CAST = Cast(0x80, frozenset({0x181, 0x182, 0x281}), frozenset({0x201, 0x202}), frozenset({0x181, 0x182}))
+CAST = CyclicIdentifiers(
+    0x80, frozenset({0x181, 0x182, 0x281}), frozenset({0x201, 0x202}), frozenset({0x181, 0x182})
+)
 PERIOD = 0.004
 
 
 def cycle(began, tpdos=(0.0003, 0.0005, 0.0007), rpdos=(0.0002, 0.0009)):
-    frames = [Frame(began, 0x80), Frame(began + 0.001, 0x701)]
+    frames = [CanFrame(began, 0x80), CanFrame(began + 0.001, 0x701)]
     frames += [
-        Frame(began + after, can_id) for after, can_id in zip(tpdos, (0x181, 0x182, 0x281), strict=False)
+        CanFrame(began + after, can_id) for after, can_id in zip(tpdos, (0x181, 0x182, 0x281), strict=False)
     ]
     return frames + [
-        Frame(began + after, can_id) for after, can_id in zip(rpdos, (0x201, 0x202), strict=False)
+        CanFrame(began + after, can_id) for after, can_id in zip(rpdos, (0x201, 0x202), strict=False)
     ]
 
 
 def paced(frames, size=7):
-    pace = Pace(CAST, PERIOD)
+    pace = CycleTiming(CAST, PERIOD)
     for start in range(0, len(frames), size):
         pace.add(frames[start : start + size])
     pace.finish()
@@ -65,7 +67,7 @@ def test_where_an_answer_is_missing_there_is_no_skew():
 
 
 def test_what_comes_before_the_first_sync_belongs_to_none():
-    pace = paced([Frame(-0.001, 0x181), *cycle(0.0), *cycle(PERIOD)])
+    pace = paced([CanFrame(-0.001, 0x181), *cycle(0.0), *cycle(PERIOD)])
     assert pace.last_tpdo == pytest.approx([0.0007])
 
 

@@ -10,7 +10,7 @@ from axisbus.cell import reader
 from axisbus.core.files import load_dictionaries
 from axisbus.eds import builtin, load
 from axisbus.trace import context
-from axisbus.trace.decoded import Kind
+from axisbus.trace.decoded import FrameKind
 from axisbus.trace.text import what
 from kit.typed_frames import Wire
 
@@ -18,7 +18,7 @@ CELL = Path(__file__).parents[2] / "examples" / "cell.toml"
 
 
 @pytest.fixture(scope="module")
-def cell() -> context.Known:
+def cell() -> context.TraceContext:
     loaded = reader.load(CELL)
     return context.of_cell(loaded, load_dictionaries(loaded))
 
@@ -26,7 +26,7 @@ def cell() -> context.Known:
 def test_by_the_cells_plan_with_words_and_units(cell):
     """TPDO1 by the plan: 6041h, 6061h, 6064h. 32768 increments are 90 degrees (131072 for 360)."""
     one = Wire(cell)(0x181, "37 16 01 00 80 00 00")
-    assert (one.kind, one.node, one.name, one.problem) == (Kind.TPDO, 1, "x", "")
+    assert (one.kind, one.node, one.name, one.problem) == (FrameKind.TPDO, 1, "x", "")
     assert [(value.index, value.value) for value in one.values] == [
         (0x6041, 0x1637),
         (0x6061, 1),
@@ -80,7 +80,7 @@ def test_by_the_eds_alone():
 
 def test_without_any_file_a_pdo_is_named_by_the_connection_set():
     one = Wire()(0x285, "01 02")
-    assert (one.kind, one.node, one.what) == (Kind.TPDO, 5, "TPDO2, mapping not known: 01 02")
+    assert (one.kind, one.node, one.what) == (FrameKind.TPDO, 5, "TPDO2, mapping not known: 01 02")
     assert not one.trouble
 
 
@@ -100,7 +100,7 @@ def test_a_mapping_is_learned_from_the_transfers_that_set_it():
     _write(wire, 0x1602, 2, 0x00050008, 4)
     _write(wire, 0x1602, 3, 0x607A0018, 4)
     _write(wire, 0x1602, 0, 3, 1)
-    assert wire(0x345, "0F 00 EE FF FF FF").kind is Kind.RPDO  # still off: named by the connection set
+    assert wire(0x345, "0F 00 EE FF FF FF").kind is FrameKind.RPDO  # still off: named by the connection set
     _write(wire, 0x1402, 1, 0x345, 4)
     one = wire(0x345, "0F 00 EE FE FF FF")
     assert (one.node, one.from_node, one.problem) == (5, False, "")
@@ -140,4 +140,4 @@ def test_a_multiplexed_pdo_names_its_object():
 def test_the_sync_identifier_is_learned():
     wire = Wire()
     _write(wire, 0x1005, 0, 0x81, 4)
-    assert wire(0x081).kind is Kind.SYNC
+    assert wire(0x081).kind is FrameKind.SYNC

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.trace.context import Known, KnownNode
-from axisbus.trace.decoded import Kind
+from axisbus.trace.context import KnownNode, TraceContext
+from axisbus.trace.decoded import FrameKind
 from axisbus.trace.text import line, who
 from kit.typed_frames import Wire
 
@@ -13,72 +13,96 @@ from kit.typed_frames import Wire
 @pytest.mark.parametrize(
     ("can_id", "data", "kind", "node", "words"),
     [
-        (0x000, "01 05", Kind.NMT, 5, "start: node 5"),
-        (0x000, "80 00", Kind.NMT, None, "enter pre-operational: all nodes"),
-        (0x000, "81 7F", Kind.NMT, 127, "reset node: node 127"),
-        (0x000, "82 01", Kind.NMT, 1, "reset communication: node 1"),
-        (0x080, "", Kind.SYNC, None, ""),
-        (0x080, "07", Kind.SYNC, None, "counter 7"),
+        (0x000, "01 05", FrameKind.NMT, 5, "start: node 5"),
+        (0x000, "80 00", FrameKind.NMT, None, "enter pre-operational: all nodes"),
+        (0x000, "81 7F", FrameKind.NMT, 127, "reset node: node 127"),
+        (0x000, "82 01", FrameKind.NMT, 1, "reset communication: node 1"),
+        (0x080, "", FrameKind.SYNC, None, ""),
+        (0x080, "07", FrameKind.SYNC, None, "counter 7"),
         # 43 200 000 ms after midnight, 15 000 days after 1984-01-01
-        (0x100, "00 2E 93 02 98 3A", Kind.TIME, None, "2025-01-25 12:00:00.000"),
-        (0x705, "00", Kind.BOOT_UP, 5, "boot-up: enters pre-operational"),
-        (0x705, "05", Kind.HEARTBEAT, 5, "operational"),
-        (0x77F, "7F", Kind.HEARTBEAT, 127, "pre-operational"),
-        (0x7E5, "04 01 00 00 00 00 00 00", Kind.LSS, None, "all to configuration state"),
-        (0x7E5, "11 05 00 00 00 00 00 00", Kind.LSS, None, "set node ID 5"),
-        (0x7E4, "11 00 00 00 00 00 00 00", Kind.LSS, None, "set node ID: done"),
-        (0x7E5, "13 00 02 00 00 00 00 00", Kind.LSS, None, "set bit rate: 500 kbit/s"),
+        (0x100, "00 2E 93 02 98 3A", FrameKind.TIME, None, "2025-01-25 12:00:00.000"),
+        (0x705, "00", FrameKind.BOOT_UP, 5, "boot-up: enters pre-operational"),
+        (0x705, "05", FrameKind.HEARTBEAT, 5, "operational"),
+        (0x77F, "7F", FrameKind.HEARTBEAT, 127, "pre-operational"),
+        (0x7E5, "04 01 00 00 00 00 00 00", FrameKind.LSS, None, "all to configuration state"),
+        (0x7E5, "11 05 00 00 00 00 00 00", FrameKind.LSS, None, "set node ID 5"),
+        (0x7E4, "11 00 00 00 00 00 00 00", FrameKind.LSS, None, "set node ID: done"),
+        (0x7E5, "13 00 02 00 00 00 00 00", FrameKind.LSS, None, "set bit rate: 500 kbit/s"),
         (
             0x7E4,
             "13 01 00 00 00 00 00 00",
-            Kind.LSS,
+            FrameKind.LSS,
             None,
             "set bit rate: refused: the slave does not support this bit rate",
         ),
         (
             0x7E4,
             "11 01 00 00 00 00 00 00",
-            Kind.LSS,
+            FrameKind.LSS,
             None,
             "set node ID: refused: the node-ID is out of range",
         ),
         (
             0x7E4,
             "17 02 00 00 00 00 00 00",
-            Kind.LSS,
+            FrameKind.LSS,
             None,
             "store the configuration: refused: the slave could not write to its memory",
         ),
         (
             0x7E4,
             "17 FF 07 00 00 00 00 00",
-            Kind.LSS,
+            FrameKind.LSS,
             None,
             "store the configuration: refused: the maker's own error 7 (0x07)",
         ),
         (
             0x7E4,
             "11 05 00 00 00 00 00 00",
-            Kind.LSS,
+            FrameKind.LSS,
             None,
             "set node ID: refused: error 5, which CiA 305 reserves",
         ),
-        (0x7E5, "11 FF 00 00 00 00 00 00", Kind.LSS, None, "take the node ID away"),
-        (0x7E5, "13 00 09 00 00 00 00 00", Kind.LSS, None, "set bit rate: found out by itself"),
-        (0x7E5, "13 00 05 00 00 00 00 00", Kind.LSS, None, "set bit rate: entry 5"),
-        (0x7E5, "13 80 07 00 00 00 00 00", Kind.LSS, None, "set bit rate: entry 7 of the maker's table 128"),
-        (0x7E5, "15 E8 03 00 00 00 00 00", Kind.LSS, None, "activate the bit rate after 1000 ms"),
-        (0x7E5, "43 04 03 02 01 00 00 00", Kind.LSS, None, "select by serial number 0x01020304"),
-        (0x7E4, "44 00 00 00 00 00 00 00", Kind.LSS, None, "selected"),
-        (0x7E5, "48 01 00 00 00 00 00 00", Kind.LSS, None, "identify by lowest revision number 0x00000001"),
-        (0x7E5, "4B 02 00 00 00 00 00 00", Kind.LSS, None, "identify by highest serial number 0x00000002"),
-        (0x7E4, "5E 05 00 00 00 00 00 00", Kind.LSS, None, "its node ID is 5"),
-        (0x7E4, "5E FF 00 00 00 00 00 00", Kind.LSS, None, "it has no node ID"),
-        (0x7E5, "5A 00 00 00 00 00 00 00", Kind.LSS, None, "what is your vendor-ID?"),
-        (0x7E4, "5A 00 0B 0C 00 00 00 00", Kind.LSS, None, "its vendor-ID 0x000C0B00"),
-        (0x7E5, "51 00 00 00 00 80 00 00", Kind.LSS, None, "fast scan: is anybody unconfigured?"),
-        (0x7E5, "51 00 0B 0C 00 1F 00 00", Kind.LSS, None, "fast scan: vendor-ID 0x000C0B00 from bit 31 on"),
-        (0x7E4, "4F 00 00 00 00 00 00 00", Kind.LSS, None, "identified: it is there"),
+        (0x7E5, "11 FF 00 00 00 00 00 00", FrameKind.LSS, None, "take the node ID away"),
+        (0x7E5, "13 00 09 00 00 00 00 00", FrameKind.LSS, None, "set bit rate: found out by itself"),
+        (0x7E5, "13 00 05 00 00 00 00 00", FrameKind.LSS, None, "set bit rate: entry 5"),
+        (
+            0x7E5,
+            "13 80 07 00 00 00 00 00",
+            FrameKind.LSS,
+            None,
+            "set bit rate: entry 7 of the maker's table 128",
+        ),
+        (0x7E5, "15 E8 03 00 00 00 00 00", FrameKind.LSS, None, "activate the bit rate after 1000 ms"),
+        (0x7E5, "43 04 03 02 01 00 00 00", FrameKind.LSS, None, "select by serial number 0x01020304"),
+        (0x7E4, "44 00 00 00 00 00 00 00", FrameKind.LSS, None, "selected"),
+        (
+            0x7E5,
+            "48 01 00 00 00 00 00 00",
+            FrameKind.LSS,
+            None,
+            "identify by lowest revision number 0x00000001",
+        ),
+        (
+            0x7E5,
+            "4B 02 00 00 00 00 00 00",
+            FrameKind.LSS,
+            None,
+            "identify by highest serial number 0x00000002",
+        ),
+        (0x7E4, "5E 05 00 00 00 00 00 00", FrameKind.LSS, None, "its node ID is 5"),
+        (0x7E4, "5E FF 00 00 00 00 00 00", FrameKind.LSS, None, "it has no node ID"),
+        (0x7E5, "5A 00 00 00 00 00 00 00", FrameKind.LSS, None, "what is your vendor-ID?"),
+        (0x7E4, "5A 00 0B 0C 00 00 00 00", FrameKind.LSS, None, "its vendor-ID 0x000C0B00"),
+        (0x7E5, "51 00 00 00 00 80 00 00", FrameKind.LSS, None, "fast scan: is anybody unconfigured?"),
+        (
+            0x7E5,
+            "51 00 0B 0C 00 1F 00 00",
+            FrameKind.LSS,
+            None,
+            "fast scan: vendor-ID 0x000C0B00 from bit 31 on",
+        ),
+        (0x7E4, "4F 00 00 00 00 00 00 00", FrameKind.LSS, None, "identified: it is there"),
     ],
 )
 def test_a_sound_frame_in_words(can_id, data, kind, node, words):
@@ -91,7 +115,7 @@ def test_a_sound_frame_in_words(can_id, data, kind, node, words):
 def test_an_emergency_names_code_register_and_the_makers_bytes():
     wire = Wire()
     one = wire(0x085, "11 86 21 01 02 00 00 00")
-    assert (one.kind, one.node, one.error, one.problem) == (Kind.EMCY, 5, True, "")
+    assert (one.kind, one.node, one.error, one.problem) == (FrameKind.EMCY, 5, True, "")
     assert "0x8611, Following error" in one.what
     assert "error register 0x21 (generic error, device profile)" in one.what
     assert "maker's data 01 02 00 00 00" in one.what
@@ -118,9 +142,9 @@ def test_a_heartbeat_tells_what_changed():
 def test_node_guarding_is_told_from_a_heartbeat_by_the_remote_frame_before():
     wire = Wire()
     asked = wire(0x705, remote=True)
-    assert (asked.kind, asked.from_node) == (Kind.GUARD, False)
+    assert (asked.kind, asked.from_node) == (FrameKind.GUARD, False)
     first = wire(0x705, "85")
-    assert (first.kind, first.what) == (Kind.GUARD, "operational")
+    assert (first.kind, first.what) == (FrameKind.GUARD, "operational")
     wire(0x705, remote=True)
     assert not wire(0x705, "05").problem
     wire(0x705, remote=True)
@@ -161,23 +185,23 @@ def test_what_is_against_the_protocol_is_said_with_its_clause(can_id, data, word
 @pytest.mark.parametrize("can_id", [0x001, 0x071, 0x101, 0x17F, 0x580, 0x600, 0x680, 0x700, 0x7E3, 0x7FF])
 def test_an_identifier_outside_the_connection_set_is_a_value(can_id):
     one = Wire()(can_id, "AB CD")
-    assert (one.kind, one.what, one.trouble) == (Kind.UNKNOWN, "AB CD", False)
+    assert (one.kind, one.what, one.trouble) == (FrameKind.UNKNOWN, "AB CD", False)
 
 
 def test_a_long_identifier_is_no_pdo_of_the_short_one():
     one = Wire()(0x181, "01", extended=True)
-    assert one.kind is Kind.UNKNOWN
+    assert one.kind is FrameKind.UNKNOWN
     assert "00000181h" in line(one)
 
 
 def test_an_error_frame_is_trouble():
     one = Wire()(0x04, "00 08 00 00 00 00 00 00", error=True)
-    assert (one.kind, one.error) == (Kind.ERROR_FRAME, True)
+    assert (one.kind, one.error) == (FrameKind.ERROR_FRAME, True)
     assert "transmit errors (warning)" in one.what
 
 
 def test_who_names_node_axis_and_direction():
-    wire = Wire(Known({5: KnownNode(5, "x")}, master_id=127))
+    wire = Wire(TraceContext({5: KnownNode(5, "x")}, master_id=127))
     assert who(wire(0x705, "05")) == "5 x"
     assert who(wire(0x605, "40 41 60 00 00 00 00 00")) == "> 5 x"
     assert who(wire(0x77F, "05")) == "127 master"

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from axisbus import Machine
 from axisbus.bus.link.listen import listen
 from axisbus.cell import reader
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.core.files import load_dictionaries
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
 from axisbus.trace import context, filters
-from axisbus.trace.decoded import Kind
+from axisbus.trace.decoded import FrameKind
 from axisbus.trace.decoder import Decoder
 from axisbus.trace.json_form import plain
 from axisbus.trace.text import line
@@ -51,15 +51,15 @@ def _decode(frames, what):
 def test_every_frame_is_decoded_without_complaint(session):
     frames, cell = session
     decoded = _decode(frames, cell)
-    assert [line(one) for one in decoded if one.problem or one.kind is Kind.UNKNOWN] == []
+    assert [line(one) for one in decoded if one.problem or one.kind is FrameKind.UNKNOWN] == []
     assert {one.kind for one in decoded} >= {
-        Kind.NMT,
-        Kind.SYNC,
-        Kind.SDO,
-        Kind.RPDO,
-        Kind.TPDO,
-        Kind.HEARTBEAT,
-        Kind.BOOT_UP,
+        FrameKind.NMT,
+        FrameKind.SYNC,
+        FrameKind.SDO,
+        FrameKind.RPDO,
+        FrameKind.TPDO,
+        FrameKind.HEARTBEAT,
+        FrameKind.BOOT_UP,
     }
 
 
@@ -69,7 +69,7 @@ def test_every_pdo_is_decoded_by_what_boot_up_showed_alone(session):
     with_files = _decode(frames, cell)
     alone = _decode(frames, context.NOTHING)
     for one, other in zip(with_files, alone, strict=True):
-        if one.kind in (Kind.TPDO, Kind.RPDO):
+        if one.kind in (FrameKind.TPDO, FrameKind.RPDO):
             assert [value.value for value in one.values] == [value.value for value in other.values]
             assert one.values
 
@@ -100,7 +100,7 @@ def test_filters(session):
     assert {one.node for one in commands} == {1}
     named = filters.parse(["object=controlword"])
     assert all(named(one) for one in commands)
-    assert not any(filters.parse(["node=1,2,3"])(one) for one in decoded if one.kind is Kind.SYNC)
+    assert not any(filters.parse(["node=1,2,3"])(one) for one in decoded if one.kind is FrameKind.SYNC)
 
 
 identifiers = st.one_of(
@@ -116,7 +116,7 @@ sdo = st.builds(
     st.binary(min_size=4, max_size=4),
 )
 frame = st.builds(
-    Frame,
+    CanFrame,
     st.floats(-10, 1e9),
     identifiers,
     st.one_of(st.binary(max_size=8), sdo),

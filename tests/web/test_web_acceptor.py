@@ -20,11 +20,11 @@ import pytest
 
 from axisbus.web.access import acceptor
 from axisbus.web.access.acceptor import Acceptor, Connection, one_too_many
-from axisbus.web.access.admission import Door
+from axisbus.web.access.admission import ServedOrigin
 from axisbus.web.access.limits import CONNECTIONS
-from axisbus.web.access.middleware import Gate
+from axisbus.web.access.middleware import AccessMiddleware
 from axisbus.web.access.origin import Origin
-from axisbus.web.access.tokens import Keys, Role
+from axisbus.web.access.tokens import PageSessions, Role
 
 resource = pytest.importorskip("resource", reason="the test needs many descriptors")
 uvicorn = pytest.importorskip("uvicorn", reason="the server of the page is uvicorn")
@@ -66,7 +66,7 @@ async def serving(tls: tuple[Path, Path] | None) -> AsyncIterator[SimpleNamespac
     """A gate that answers "well" to a request with a cookie, and the means to reach it."""
     listening = socket.create_server(("127.0.0.1", 0))
     scheme, port = "http" if tls is None else "https", listening.getsockname()[1]
-    keys = Keys()
+    keys = PageSessions()
 
     async def well(scope: Any, receive: Any, send: Any) -> None:
         if scope["path"] == "/long":
@@ -77,7 +77,7 @@ async def serving(tls: tuple[Path, Path] | None) -> AsyncIterator[SimpleNamespac
         await send({"type": "http.response.body", "body": b"well"})
 
     accepting = Acceptor(listening)
-    gate = Gate(well, Door(scheme, frozenset({"localhost"})), keys, "c", accepting.let_in)
+    gate = AccessMiddleware(well, ServedOrigin(scheme, frozenset({"localhost"})), keys, "c", accepting.let_in)
     config = uvicorn.Config(
         gate,
         log_config=None,

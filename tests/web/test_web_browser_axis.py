@@ -19,7 +19,7 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.web import address
 from axisbus.web.access.tokens import Role
-from axisbus.web.server import Server
+from axisbus.web.server import PageServer
 from kit.browser import ENTER, MARKS, SPACE, TAB, Page, chromium
 from kit.served_page import served, until
 from kit.stories.bus import Line
@@ -155,7 +155,7 @@ def late(tmp_path: Path) -> Iterator[SimpleNamespace]:
         line.devices["y"].dials.dead = True
         listening, where = address.opened("127.0.0.1", 0, tls=False)
         with line.open() as machine:
-            server = Server(machine, where, listening, None, list)
+            server = PageServer(machine, where, listening, None, list)
             server.begin()
             driver = chromium()
             try:

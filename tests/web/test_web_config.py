@@ -26,17 +26,17 @@ from axisbus.eds.io import reader
 from axisbus.errors import EdsError, LimitError, StateError, UserError
 from axisbus.machine.machine import Machine
 from axisbus.web.access.middleware import SESSION
-from axisbus.web.access.tokens import Role, Session
-from axisbus.web.commands.clients import Desk
+from axisbus.web.access.tokens import PageSession, Role
+from axisbus.web.commands.clients import PageClients
 from axisbus.web.config import job_runner, report
-from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, Files, about, named
+from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, PageFiles, about, named
 from axisbus.web.config.job_runner import Configuring
 from axisbus.web.config.jobs import refusal
-from axisbus.web.config.report import Kind, Progressed, Wanted
-from axisbus.web.config.routes import Routes
+from axisbus.web.config.report import ConfigJob, ConfigJobKind, ConfigProgress
+from axisbus.web.config.routes import ConfigRoutes
 from axisbus.web.objects import throttled_node
 from axisbus.web.objects.transfers import node_of
-from axisbus.web.objects.worker import Worker
+from axisbus.web.objects.worker import ObjectWorker
 from kit.cell import GENERIC, cell_text
 
 ACCELERATION, WINDOW, HEARTBEAT = (0x6083, 0), (0x6065, 0), (0x1017, 0)
@@ -59,15 +59,15 @@ def device(machine: Machine, node: int = 1) -> Any:
     return machine.stand_in(node).device
 
 
-def done(machine: Machine, kind: Kind, node: int = 1, file: Dcf | None = None) -> Any:
+def done(machine: Machine, kind: ConfigJobKind, node: int = 1, file: Dcf | None = None) -> Any:
     """Do a job, and return its report; raises what the library does."""
-    ended = Configuring().carry_out(machine, node_of(machine, node), Wanted(kind, 1, node, file))
+    ended = Configuring().carry_out(machine, node_of(machine, node), ConfigJob(kind, 1, node, file))
     assert ended.over
     return ended.report
 
 
 def backup(machine: Machine, node: int = 1) -> Dcf:
-    made = done(machine, Kind.BACKUP, node).dcf
+    made = done(machine, ConfigJobKind.BACKUP, node).dcf
     assert isinstance(made, Dcf)
     return made
 
@@ -89,7 +89,7 @@ def edited(file: Dcf, section: str, *lines: str) -> Dcf:
 
 def test_a_backup_is_a_dcf_of_what_the_node_has(machine):
     device(machine).write(*ACCELERATION, 4711)
-    found = done(machine, Kind.BACKUP)
+    found = done(machine, ConfigJobKind.BACKUP)
     eds = found.dcf.reading().eds
     assert eds.get(*ACCELERATION).initial(1) == 4711
     assert (eds.node_id, found.dcf.name) == (1, "node-1.dcf")
@@ -102,7 +102,7 @@ def test_a_backup_is_a_dcf_of_what_the_node_has(machine):
 
 def test_what_the_drive_refuses_is_left_out_and_said(machine):
     device(machine).dials.sdo_aborts[ACCELERATION] = abort.OBJECT_MISSING
-    found = done(machine, Kind.BACKUP)
+    found = done(machine, ConfigJobKind.BACKUP)
     (row,) = [row for row in found.rows if row[0] == "6083h:00"]
     assert "the device refuses it" in row[2]
     assert found.dcf.reading().eds.get(*ACCELERATION).parameter_value is None
@@ -113,12 +113,12 @@ def test_what_the_drive_refuses_is_left_out_and_said(machine):
 
 def test_a_node_is_like_its_own_backup_and_then_is_not(machine):
     made = backup(machine)
-    same = done(machine, Kind.COMPARE, 1, made)
+    same = done(machine, ConfigJobKind.COMPARE, 1, made)
     assert same.rows == ()
     assert same.text.endswith("compared, 0 differ")
     before = device(machine).read(*ACCELERATION)
     device(machine).write(*ACCELERATION, 777)
-    other = done(machine, Kind.COMPARE, 1, made)
+    other = done(machine, ConfigJobKind.COMPARE, 1, made)
     (row,) = other.rows
     assert (row[0], row[2], row[3]) == ("6083h:00", str(before), "777")
     assert other.titles[2:] == ("node-1.dcf", "node 1")
@@ -128,7 +128,7 @@ def test_a_node_is_like_its_own_backup_and_then_is_not(machine):
 def test_what_the_drive_refuses_to_show_is_a_difference_with_its_reason(machine):
     made = backup(machine)
     device(machine).dials.sdo_aborts[ACCELERATION] = abort.OBJECT_MISSING
-    (row,) = done(machine, Kind.COMPARE, 1, made).rows
+    (row,) = done(machine, ConfigJobKind.COMPARE, 1, made).rows
     assert "the device refuses it" in row[3]
 
 
@@ -138,14 +138,14 @@ def test_what_the_drive_refuses_to_show_is_a_difference_with_its_reason(machine)
 def test_a_restore_is_told_and_not_done(machine):
     made = backup(machine)
     device(machine).write(*ACCELERATION, 777)
-    found = done(machine, Kind.WOULD_RESTORE, 1, made)
+    found = done(machine, ConfigJobKind.WOULD_RESTORE, 1, made)
     assert [row[0] for row in found.rows] == ["6083h:00"]
     assert found.rows[0][2] == "777"
     assert "nothing was written" in found.text
     assert device(machine).read(*ACCELERATION) == 777
     assert found.refusal == {}
     device(machine).write(*HEARTBEAT, 1234)
-    found = done(machine, Kind.WOULD_RESTORE, 1, made)
+    found = done(machine, ConfigJobKind.WOULD_RESTORE, 1, made)
     assert any("orders and no settings" in line for line in found.lines)
     assert "configured in pre-operational only" in found.refusal["message"]
     assert found.command.startswith("axisbus config restore node-1.dcf 1 --cell cell.toml")
@@ -154,7 +154,7 @@ def test_a_restore_is_told_and_not_done(machine):
 def test_an_energised_node_is_refused_by_that(machine):
     made = backup(machine)
     machine["x"].enable().wait(10)
-    assert "is energised" in done(machine, Kind.WOULD_RESTORE, 1, made).refusal["message"]
+    assert "is energised" in done(machine, ConfigJobKind.WOULD_RESTORE, 1, made).refusal["message"]
 
 
 def test_a_node_that_meets_the_conditions_is_not_restored_either_since_it_is_one_of_a_machine(machine):
@@ -165,26 +165,26 @@ def test_a_node_that_meets_the_conditions_is_not_restored_either_since_it_is_one
 def test_the_file_of_another_node_is_refused(machine):
     made = backup(machine, 2)
     with pytest.raises(UserError, match="was taken from another device than node 1") as caught:
-        done(machine, Kind.WOULD_RESTORE, 1, made)
+        done(machine, ConfigJobKind.WOULD_RESTORE, 1, made)
     assert "node-ID" in caught.value.observed
 
 
 def test_the_file_of_another_type_of_device_is_refused(machine):
     other = edited(backup(machine), "[1000]", "ParameterValue=0x00030191")
     with pytest.raises(UserError, match="another type of device than node 1"):
-        done(machine, Kind.WOULD_RESTORE, 1, other)
+        done(machine, ConfigJobKind.WOULD_RESTORE, 1, other)
 
 
 def test_a_file_without_values_is_refused(machine):
     plain = Dcf("plain.eds", reader.file_bytes(builtin.resolve(GENERIC, Path())))
     with pytest.raises(EdsError, match="no parameter values"):
-        done(machine, Kind.WOULD_RESTORE, 1, plain)
+        done(machine, ConfigJobKind.WOULD_RESTORE, 1, plain)
 
 
 def test_a_value_beyond_the_limits_of_the_file_is_refused(machine):
     beyond = edited(backup(machine), "[6098]", "LowLimit=-3", "HighLimit=3", "ParameterValue=34")
     with pytest.raises(LimitError, match="beyond its own limits; nothing was written"):
-        done(machine, Kind.WOULD_RESTORE, 1, beyond)
+        done(machine, ConfigJobKind.WOULD_RESTORE, 1, beyond)
 
 
 # -- restores of settings -----------------------------------------------------------------------------------------------
@@ -201,7 +201,7 @@ def test_the_settings_come_back_and_what_the_machine_goes_by_stays(machine):
     made = backup(machine)
     before = device(machine).read(*ACCELERATION)
     changed(machine)
-    found = done(machine, Kind.RESTORE, 1, made)
+    found = done(machine, ConfigJobKind.RESTORE, 1, made)
     assert device(machine).read(*ACCELERATION) == before
     assert (device(machine).read(*WINDOW), device(machine).read(*HEARTBEAT)) == (4321, 1234)
     assert [(row[0], row[2], row[4]) for row in found.rows] == [("6083h:00", "777", "restored")]
@@ -209,13 +209,13 @@ def test_the_settings_come_back_and_what_the_machine_goes_by_stays(machine):
     assert "lost with the next power-off" in found.text
     assert any("6065h:00" in line and "or goes by" in line for line in found.lines)
     assert found.command.startswith("axisbus config restore")
-    assert done(machine, Kind.RESTORE, 1, made).text.startswith("0 restored")
+    assert done(machine, ConfigJobKind.RESTORE, 1, made).text.startswith("0 restored")
 
 
 def test_the_dry_run_says_what_this_page_would_write_and_what_not(machine):
     made = backup(machine)
     changed(machine)
-    here = {row[0]: row[4] for row in done(machine, Kind.WOULD_RESTORE, 1, made).rows}
+    here = {row[0]: row[4] for row in done(machine, ConfigJobKind.WOULD_RESTORE, 1, made).rows}
     assert here["6083h:00"] == "yes"
     assert here["6065h:00"] == here["1017h:00"] == "no: the machine has set it, or goes by it"
 
@@ -225,7 +225,7 @@ def test_an_energised_node_gets_nothing(machine):
     device(machine).write(*ACCELERATION, 777)
     machine["x"].enable().wait(10)
     with pytest.raises(StateError, match="energised: it is not configured; nothing was written"):
-        done(machine, Kind.RESTORE, 1, made)
+        done(machine, ConfigJobKind.RESTORE, 1, made)
     assert device(machine).read(*ACCELERATION) == 777
 
 
@@ -243,7 +243,7 @@ def test_a_drive_that_is_energised_on_the_way_ends_the_restore_which_tells_how_f
         machine["x"].enable().wait(10)
 
     monkeypatch.setattr(throttled_node.WritingSdo, "download", enabled_meanwhile)
-    told = done(machine, Kind.RESTORE, 1, made).told()
+    told = done(machine, ConfigJobKind.RESTORE, 1, made).told()
     assert "is energised" in told["broken"]["message"]
     assert [device(machine).read(*key) for key in (ACCELERATION, velocity)].count(777) == 1
     assert {row[0]: row[4].partition(":")[0] for row in told["rows"]} == {
@@ -311,7 +311,7 @@ def test_names_keep_what_is_plain():
 
 
 def test_a_page_has_two_files_at_most_and_none_once_it_is_gone():
-    files = Files()
+    files = PageFiles()
     for number in range(5):
         files.keep(1, BROUGHT, Dcf(str(number), b"1"))
         files.keep(1, MADE, Dcf(str(number), b"2"))
@@ -330,10 +330,10 @@ def desk(machine: Machine) -> SimpleNamespace:
     """A desk with an operator, who has the controls, and a looker; ``run`` lets the worker work until no job is under way, and
 
     does something in the midst of it."""
-    at = Desk(machine, str)
-    worker = Worker(machine, at.objects)
+    at = PageClients(machine, str)
+    worker = ObjectWorker(machine, at.objects)
     operator, looker = (
-        at.sit(Session(number, role), "here") for number, role in ((1, Role.OPERATOR), (2, Role.LOOKER))
+        at.sit(PageSession(number, role), "here") for number, role in ((1, Role.OPERATOR), (2, Role.LOOKER))
     )
     job = at.objects.configuring
 
@@ -496,14 +496,16 @@ def test_a_mistake_is_told_and_the_next_job_goes_on(desk, monkeypatch):
 
 def test_a_long_report_is_cut_and_says_how_long_it_is():
     rows = tuple((str(n), "") for n in range(report.MOST + 5))
-    told = Progressed(Wanted(Kind.COMPARE, 1, 1), report=report.Report("", rows=rows)).told()
+    told = ConfigProgress(
+        ConfigJob(ConfigJobKind.COMPARE, 1, 1), report=report.ConfigReport("", rows=rows)
+    ).told()
     assert (len(told["report"]["rows"]), told["report"]["all"]) == (report.MOST, report.MOST + 5)
 
 
 # -- requests -------------------------------------------------------------------------------------------------------------
 
 
-def request(session: Session, query: str, *chunks: bytes, cut: bool = False) -> Request:
+def request(session: PageSession, query: str, *chunks: bytes, cut: bool = False) -> Request:
     """A request as it comes through the gate; ``cut``: its body was longer than it may be."""
     coming = [{"type": "http.request", "body": chunk, "more_body": True} for chunk in chunks]
     coming.append({"type": "http.disconnect"} if cut else {"type": "http.request", "body": b""})
@@ -521,7 +523,7 @@ def request(session: Session, query: str, *chunks: bytes, cut: bool = False) -> 
     return Request(scope, receive)
 
 
-def never_ended(session: Session, query: str) -> Request:
+def never_ended(session: PageSession, query: str) -> Request:
     """A request whose body does not come."""
     waiting = request(session, query)
 
@@ -534,13 +536,13 @@ def never_ended(session: Session, query: str) -> Request:
 
 @pytest.fixture
 def bring(desk: SimpleNamespace) -> Any:
-    routes = Routes(desk.desk)
+    routes = ConfigRoutes(desk.desk)
 
     def bring(query: str, *chunks: bytes, number: int = 1, cut: bool = False) -> Any:
-        return asyncio.run(routes.bring(request(Session(number, Role.OPERATOR), query, *chunks, cut=cut)))
+        return asyncio.run(routes.bring(request(PageSession(number, Role.OPERATOR), query, *chunks, cut=cut)))
 
     bring.made = lambda query, number=1: asyncio.run(
-        routes.made(request(Session(number, Role.OPERATOR), query))
+        routes.made(request(PageSession(number, Role.OPERATOR), query))
     )
     return bring
 
@@ -555,13 +557,13 @@ def test_a_file_is_brought_in_pieces_and_told(desk, bring):
 
 
 def test_a_file_of_one_browser_that_never_comes_keeps_no_other_one_waiting(desk):
-    routes, data = Routes(desk.desk), backup(desk.machine).data
+    routes, data = ConfigRoutes(desk.desk), backup(desk.machine).data
 
     async def brought() -> list[int]:
-        crowd = [asyncio.create_task(routes.bring(never_ended(Session(2, Role.LOOKER), "page=2")))]
+        crowd = [asyncio.create_task(routes.bring(never_ended(PageSession(2, Role.LOOKER), "page=2")))]
         await asyncio.sleep(0)
-        again = await routes.bring(request(Session(2, Role.LOOKER), "page=2", b"more"))
-        own = await routes.bring(request(Session(1, Role.OPERATOR), "page=1", data))
+        again = await routes.bring(request(PageSession(2, Role.LOOKER), "page=2", b"more"))
+        own = await routes.bring(request(PageSession(1, Role.OPERATOR), "page=1", data))
         crowd[0].cancel()
         return [again.status_code, own.status_code]
 

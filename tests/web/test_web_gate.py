@@ -16,33 +16,33 @@ from hypothesis import strategies as st
 
 from axisbus.client_support.rate import Bucket
 from axisbus.web.access import limits
-from axisbus.web.access.admission import Arrival, Door, Entered, Refused, decide
+from axisbus.web.access.admission import AccessRefused, AdmissionRequest, Entered, ServedOrigin, decide
 from axisbus.web.access.limits import FOREIGN_MESSAGE, SOCKETS, SOCKETS_ALWAYS, SOCKETS_OF_BROWSER
-from axisbus.web.access.middleware import SESSION, Gate, arrival_of
+from axisbus.web.access.middleware import SESSION, AccessMiddleware, arrival_of
 from axisbus.web.access.origin import Origin, origin_of
-from axisbus.web.access.tokens import Entry, Keys, Role, Session
+from axisbus.web.access.tokens import LinkRefusal, PageSession, PageSessions, Role
 
 HOST, ORIGIN = "127.0.0.1:8402", "http://127.0.0.1:8402"
-DOOR = Door("http", frozenset({HOST, "localhost:8402"}))
+DOOR = ServedOrigin("http", frozenset({HOST, "localhost:8402"}))
 
 
-def keys_with(role: Role = Role.OPERATOR) -> tuple[Keys, str]:
-    keys = Keys()
+def keys_with(role: Role = Role.OPERATOR) -> tuple[PageSessions, str]:
+    keys = PageSessions()
     cookie = keys.enter(keys.issue(role))
     assert isinstance(cookie, str)
     return keys, cookie
 
 
-def judged(keys: Keys, arrival: Arrival, *sockets: int) -> Any:
+def judged(keys: PageSessions, arrival: AdmissionRequest, *sockets: int) -> Any:
     """``sockets``: how many each session has open, from the first one on."""
     return decide(arrival, DOOR, keys, dict(enumerate(sockets, 1)), FOREIGN_MESSAGE)
 
 
-def get(path: str = "/", **more: Any) -> Arrival:
-    return dataclasses.replace(Arrival("GET", path, hosts=(HOST,)), **more)
+def get(path: str = "/", **more: Any) -> AdmissionRequest:
+    return dataclasses.replace(AdmissionRequest("GET", path, hosts=(HOST,)), **more)
 
 
-def socket(**more: Any) -> Arrival:
+def socket(**more: Any) -> AdmissionRequest:
     return get("/live", socket=True, origins=(ORIGIN,), **more)
 
 
@@ -57,7 +57,7 @@ def test_a_stranger_keeps_no_connection_open():
         sent.append(message)
 
     scope = {"type": "http", "path": "/", "headers": [(b"host", b"evil.example")]}
-    asyncio.run(Gate(None, DOOR, Keys(), "c")(scope, None, send))
+    asyncio.run(AccessMiddleware(None, DOOR, PageSessions(), "c")(scope, None, send))
     assert (b"connection", b"close") in sent[0]["headers"]
 
 
@@ -65,11 +65,11 @@ def test_a_stranger_keeps_no_connection_open():
 
 
 def test_a_link_opens_one_browser_once():
-    keys = Keys()
+    keys = PageSessions()
     token = keys.issue(Role.OPERATOR)
     entered = judged(keys, get("/enter", token=token))
     assert isinstance(entered, Entered)
-    assert judged(keys, get(cookies=(entered.cookie,))) == Session(1, Role.OPERATOR)
+    assert judged(keys, get(cookies=(entered.cookie,))) == PageSession(1, Role.OPERATOR)
     again = judged(keys, get("/enter", token=token))
     assert again.status == 403
     assert "used already" in again.text
@@ -78,29 +78,31 @@ def test_a_link_opens_one_browser_once():
 
 @pytest.mark.parametrize("token", [None, "", "x", "a" * 5000, "\udcff"])
 def test_a_wrong_token_opens_nothing(token):
-    keys = Keys()
+    keys = PageSessions()
     keys.issue(Role.OPERATOR)
     assert judged(keys, get("/enter", token=token)).status == 403
 
 
 def test_a_token_is_no_cookie_and_a_cookie_no_token():
-    keys = Keys()
+    keys = PageSessions()
     token = keys.issue(Role.OPERATOR)
     assert judged(keys, get(cookies=(token,))).status == 403
     cookie = keys.enter(token)
-    assert keys.enter(cookie) is Entry.UNKNOWN
+    assert keys.enter(cookie) is LinkRefusal.UNKNOWN
 
 
 @pytest.mark.parametrize("method", ["HEAD", "POST", "OPTIONS"])
 def test_what_only_looks_at_a_link_does_not_use_it_up(method):
-    keys = Keys()
+    keys = PageSessions()
     token = keys.issue(Role.OPERATOR)
-    assert isinstance(judged(keys, get("/enter", token=token, method=method, origins=(ORIGIN,))), Refused)
+    assert isinstance(
+        judged(keys, get("/enter", token=token, method=method, origins=(ORIGIN,))), AccessRefused
+    )
     assert isinstance(judged(keys, get("/enter", token=token)), Entered)
 
 
 def test_a_foreign_page_does_not_use_a_link_up():
-    keys = Keys()
+    keys = PageSessions()
     token = keys.issue(Role.OPERATOR)
     assert judged(keys, get("/enter", token=token, origins=("http://evil.example",))).status == 403
     assert judged(keys, get("/enter", token=token, hosts=("evil.example:8402",))).status == 421
@@ -108,7 +110,7 @@ def test_a_foreign_page_does_not_use_a_link_up():
 
 
 def test_links_differ_and_each_has_the_role_that_it_was_made_for():
-    keys = Keys()
+    keys = PageSessions()
     tokens = {keys.issue(role) for role in Role}
     assert len(tokens) == len(Role)
     assert min(map(len, tokens)) >= 43  # 32 bytes
@@ -117,12 +119,12 @@ def test_links_differ_and_each_has_the_role_that_it_was_made_for():
 
 
 def test_what_nobody_uses_is_forgotten_at_a_number():
-    keys = Keys()
+    keys = PageSessions()
     first, *rest = [keys.issue(Role.LOOKER) for _ in range(65)]
-    assert keys.enter(first) is Entry.UNKNOWN
+    assert keys.enter(first) is LinkRefusal.UNKNOWN
     cookies = [keys.enter(token) for token in rest] + [keys.enter(keys.issue(Role.LOOKER))]
     assert keys.session(cookies[0]) is None
-    assert keys.session(cookies[-1]) == Session(65, Role.LOOKER)
+    assert keys.session(cookies[-1]) == PageSession(65, Role.LOOKER)
 
 
 HERE = Origin("127.0.0.1", 1000)
@@ -131,16 +133,16 @@ HERE = Origin("127.0.0.1", 1000)
 @pytest.mark.parametrize("thief", [Origin("127.0.0.1", 1001), Origin("127.0.0.1"), Origin("10.0.0.1", 1000)])
 def test_a_cookie_is_of_no_use_to_another_user_or_at_another_address_but_for_a_stop(thief):
     """A browser shows it to every port of the host, also to another user's web server."""
-    keys = Keys()
+    keys = PageSessions()
     entered = judged(keys, get("/enter", token=keys.issue(Role.OPERATOR), origin=HERE))
     stop = get("/stop", method="POST", origins=(ORIGIN,), cookies=(entered.cookie,))
     for arrival in (get(cookies=(entered.cookie,)), socket(cookies=(entered.cookie,))):
-        assert isinstance(judged(keys, dataclasses.replace(arrival, origin=HERE)), Session)
+        assert isinstance(judged(keys, dataclasses.replace(arrival, origin=HERE)), PageSession)
         refused = judged(keys, dataclasses.replace(arrival, origin=thief))
         assert refused.status == 403
         assert "another user" in refused.text
     for origin in (HERE, thief):
-        assert isinstance(judged(keys, dataclasses.replace(stop, origin=origin)), Session)
+        assert isinstance(judged(keys, dataclasses.replace(stop, origin=origin)), PageSession)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux names the user of a connection")
@@ -173,7 +175,7 @@ class Clock:
 
 def test_a_link_that_nobody_has_used_for_an_hour_opens_nothing():
     clock = Clock()
-    keys = Keys(clock=clock)
+    keys = PageSessions(clock=clock)
     tokens = [keys.issue(Role.LOOKER) for _ in range(2)]
     clock.now = 3599.0
     assert isinstance(judged(keys, get("/enter", token=tokens[0])), Entered)
@@ -185,19 +187,19 @@ def test_a_link_that_nobody_has_used_for_an_hour_opens_nothing():
 
 def test_a_session_ends_twelve_hours_after_its_browser_was_there_last_but_for_a_stop():
     clock = Clock()
-    keys = Keys(clock=clock)
+    keys = PageSessions(clock=clock)
     cookie = keys.enter(keys.issue(Role.OPERATOR))
     for _ in range(5):
         clock.now += 11 * 3600.0
-        assert isinstance(judged(keys, get(cookies=(cookie,))), Session)
+        assert isinstance(judged(keys, get(cookies=(cookie,))), PageSession)
     clock.now += 13 * 3600.0
-    assert isinstance(judged(keys, get(cookies=(cookie,)), 1), Session)  # a page of it is open
+    assert isinstance(judged(keys, get(cookies=(cookie,)), 1), PageSession)  # a page of it is open
     clock.now += 13 * 3600.0
     late = judged(keys, socket(cookies=(cookie,)))
     assert late.status == 403
     assert "12 hours" in late.text
     stop = get("/stop", method="POST", origins=(ORIGIN,), cookies=(cookie,))
-    assert isinstance(judged(keys, stop), Session)
+    assert isinstance(judged(keys, stop), PageSession)
     assert judged(keys, get(cookies=(cookie,))).status == 403
 
 
@@ -252,19 +254,21 @@ def test_a_socket_and_a_post_come_from_our_page_or_not_at_all(origins):
     keys, cookie = keys_with()
     for arrival in (socket(cookies=(cookie,)), get("/stop", method="POST", cookies=(cookie,))):
         assert judged(keys, dataclasses.replace(arrival, origins=origins)).status == 403
-        assert isinstance(judged(keys, dataclasses.replace(arrival, origins=(ORIGIN,))), Session)
+        assert isinstance(judged(keys, dataclasses.replace(arrival, origins=(ORIGIN,))), PageSession)
 
 
 def test_reading_needs_no_origin_but_a_foreign_one_is_refused():
     keys, cookie = keys_with()
-    assert isinstance(judged(keys, get(cookies=(cookie,))), Session)
+    assert isinstance(judged(keys, get(cookies=(cookie,))), PageSession)
     assert judged(keys, get(cookies=(cookie,), origins=("http://evil.example",))).status == 403
 
 
 def test_another_name_of_ours_is_as_good_and_small_letters_do_not_matter():
     keys, cookie = keys_with()
     other = socket(cookies=(cookie,), hosts=("LocalHost:8402",))
-    assert isinstance(judged(keys, dataclasses.replace(other, origins=("http://LOCALHOST:8402",))), Session)
+    assert isinstance(
+        judged(keys, dataclasses.replace(other, origins=("http://LOCALHOST:8402",))), PageSession
+    )
 
 
 @given(st.text(max_size=60), st.text(max_size=60), st.text(max_size=60))
@@ -273,7 +277,7 @@ def test_without_a_cookie_of_ours_nothing_is_served(host, origin, cookie):
     for hosts, origins in itertools.product([(host,), (HOST,)], [(origin,), (ORIGIN,), ()]):
         for arrival in (get(), socket(), get("/own/page.js"), get("/stop", method="POST")):
             shown = dataclasses.replace(arrival, hosts=hosts, origins=origins, cookies=(cookie,))
-            assert isinstance(judged(keys, shown), Refused)
+            assert isinstance(judged(keys, shown), AccessRefused)
 
 
 # -- limits -----------------------------------------------------------------------------------------------------------
@@ -296,15 +300,15 @@ def test_a_browser_has_its_share_of_sockets_whatever_the_others_have_and_no_stop
 ):
     keys, cookie = keys_with(Role.LOOKER)
     found = judged(keys, socket(cookies=(cookie,)), own, *others)
-    assert isinstance(found, Session) if let_in else found.status == 503
+    assert isinstance(found, PageSession) if let_in else found.status == 503
     stop = get("/stop", method="POST", origins=(ORIGIN,), cookies=(cookie,), length=10 * FOREIGN_MESSAGE)
-    assert isinstance(judged(keys, stop, own, *others), Session)
+    assert isinstance(judged(keys, stop, own, *others), PageSession)
 
 
 def test_a_request_that_brings_too_much_is_refused():
     keys, cookie = keys_with()
     post = get("/_nicegui/x", method="POST", origins=(ORIGIN,), cookies=(cookie,), length=FOREIGN_MESSAGE)
-    assert isinstance(judged(keys, post), Session)
+    assert isinstance(judged(keys, post), PageSession)
     assert judged(keys, dataclasses.replace(post, length=FOREIGN_MESSAGE + 1)).status == 413
 
 
@@ -337,9 +341,9 @@ class Served:
     """An application behind a gate: it tells what reaches it."""
 
     def __init__(self, clock: Any = time.monotonic) -> None:
-        self.keys = Keys(clock=clock)
+        self.keys = PageSessions(clock=clock)
         self.cookie = self.keys.enter(self.keys.issue(Role.OPERATOR))
-        self.gate = Gate(self._inner, DOOR, self.keys, "axisbus_8402")
+        self.gate = AccessMiddleware(self._inner, DOOR, self.keys, "axisbus_8402")
         self.seen: list[Any] = []
 
     async def _inner(self, scope, receive, send) -> None:
@@ -405,7 +409,7 @@ def test_every_answer_has_the_security_headers_and_none_of_them_twice():
         assert "*" not in found["content-security-policy"]
     assert (b"x-own", b"1") in well[0]["headers"]
     assert [sent[0]["status"] for sent in (entering, refused, well)] == [200, 403, 200]
-    assert served.seen[0] == Session(1, Role.OPERATOR)
+    assert served.seen[0] == PageSession(1, Role.OPERATOR)
 
 
 def test_the_cookie_is_kept_from_scripts_and_from_other_sites():
@@ -415,7 +419,9 @@ def test_the_cookie_is_kept_from_scripts_and_from_other_sites():
     assert cookie.startswith("axisbus_8402=")
     assert {"HttpOnly", "SameSite=Strict", "Path=/"} <= set(cookie.split("; ")[1:])
     assert "Secure" not in cookie  # a browser would not keep it without https
-    served.gate = Gate(served._inner, Door("https", DOOR.hosts), served.keys, "axisbus_8402")
+    served.gate = AccessMiddleware(
+        served._inner, ServedOrigin("https", DOOR.hosts), served.keys, "axisbus_8402"
+    )
     sent = served.ask(path=f"/enter?token={served.keys.issue(Role.OPERATOR)}")
     assert "Secure" in dict(sent[0]["headers"])[b"set-cookie"].decode().split("; ")
 

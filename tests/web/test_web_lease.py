@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.web.access.lease import Lease, Refusal, Seat
+from axisbus.web.access.lease import PageLease, Refusal, Seat
 from axisbus.web.access.tokens import Role
 
 ONE, TWO = Seat(1, "page 1 at here", Role.OPERATOR), Seat(2, "page 2 at there", Role.OPERATOR)
@@ -14,36 +14,36 @@ LOOKER = Seat(3, "page 3", Role.LOOKER)
 
 
 def test_the_second_writer_is_refused_and_told_who_has_them():
-    lease = Lease().taken(ONE, over=False)
+    lease = PageLease().taken(ONE, over=False)
     refusal = lease.taken(TWO, over=False)
     assert isinstance(refusal, Refusal)
     assert "page 1 at here has the controls" in refusal.text
 
 
 def test_who_has_them_may_take_them_again():
-    assert Lease(ONE).taken(ONE, over=False) == Lease(ONE)
+    assert PageLease(ONE).taken(ONE, over=False) == PageLease(ONE)
 
 
 def test_they_are_taken_over_by_an_act_of_its_own():
-    lease = Lease().taken(ONE, over=False).taken(TWO, over=True)
+    lease = PageLease().taken(ONE, over=False).taken(TWO, over=True)
     assert lease.held_by(TWO)
     assert not lease.held_by(ONE)
 
 
-@pytest.mark.parametrize("lease", [Lease(), Lease(ONE)])
+@pytest.mark.parametrize("lease", [PageLease(), PageLease(ONE)])
 @pytest.mark.parametrize("over", [False, True])
 def test_who_looks_on_never_has_them(lease, over):
     assert isinstance(lease.taken(LOOKER, over=over), Refusal)
 
 
 def test_they_are_free_when_their_page_is_gone_and_only_then():
-    assert Lease(ONE).without(TWO) == Lease(ONE)
-    assert Lease(ONE).without(ONE) == Lease()
+    assert PageLease(ONE).without(TWO) == PageLease(ONE)
+    assert PageLease(ONE).without(ONE) == PageLease()
 
 
 @given(st.lists(st.tuples(st.sampled_from("tog"), st.sampled_from([ONE, TWO, LOOKER])), max_size=30))
 def test_however_they_pass_one_page_has_them_at_most_and_it_may_command(acts):
-    lease, model = Lease(), None
+    lease, model = PageLease(), None
     for act, seat in acts:
         if act == "g":
             lease, model = lease.without(seat), None if model is seat else model

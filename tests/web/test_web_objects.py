@@ -13,26 +13,26 @@ from typing import Any
 
 import pytest
 
-from axisbus.bus.pdo.plan import Change, Plan, PlannedPdo
+from axisbus.bus.pdo.plan import PdoChange, PdoPlan, PlannedPdo
 from axisbus.cia301 import abort
 from axisbus.cia301.datatypes import DataType
-from axisbus.cia301.pdo import MappedObject, Pdo
+from axisbus.cia301.pdo import MappedObject, PdoConfiguration
 from axisbus.configuration import parse_values
 from axisbus.eds import builtin, load
-from axisbus.eds.dictionary import Entry
+from axisbus.eds.dictionary import DictionaryEntry
 from axisbus.errors import ArgumentError
 from axisbus.machine.machine import Machine
 from axisbus.sim.build import device_from_eds
-from axisbus.web.access.tokens import Role, Session
-from axisbus.web.commands.clients import Desk
+from axisbus.web.access.tokens import PageSession, Role
+from axisbus.web.commands.clients import PageClients
 from axisbus.web.objects import dictionary_cache, throttled_node
-from axisbus.web.objects.dictionary_cache import Books, book
-from axisbus.web.objects.jobs import Job, Seen, Wish
-from axisbus.web.objects.key import Key, read
+from axisbus.web.objects.dictionary_cache import DictionaryCache, book
+from axisbus.web.objects.jobs import ObjectJob, TransferRequest, TransferResult
+from axisbus.web.objects.key import ObjectKey, read
 from axisbus.web.objects.pdos import layouts
-from axisbus.web.objects.transfers import Transfers, node_of
+from axisbus.web.objects.transfers import ObjectTransfers, node_of
 from axisbus.web.objects.verifying import Verifying
-from axisbus.web.objects.worker import Worker
+from axisbus.web.objects.worker import ObjectWorker
 from kit.cell import GENERIC, cell_text
 
 ROOT = Path(__file__).parents[2]
@@ -45,17 +45,17 @@ class Nodes:
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
-        self.transfers = Transfers(machine)
+        self.transfers = ObjectTransfers(machine)
 
     @property
     def dials(self) -> Any:
         return self.machine.stand_in(1).device.dials
 
-    def read(self, key: str) -> Seen:
-        return self.transfers.carry_out(Job(named(key), 1))
+    def read(self, key: str) -> TransferResult:
+        return self.transfers.carry_out(ObjectJob(named(key), 1))
 
-    def write(self, key: str, text: str, *agreed: str) -> Seen:
-        return self.transfers.carry_out(Job(named(key), 1, Wish(text, frozenset(agreed))))
+    def write(self, key: str, text: str, *agreed: str) -> TransferResult:
+        return self.transfers.carry_out(ObjectJob(named(key), 1, TransferRequest(text, frozenset(agreed))))
 
     def has(self, key: str) -> int:
         """What the stand-in itself has."""
@@ -64,7 +64,7 @@ class Nodes:
         return value
 
 
-def named(key: str) -> Key:
+def named(key: str) -> ObjectKey:
     found = read(key)
     assert found is not None
     return found
@@ -118,12 +118,12 @@ def test_a_node_that_does_not_answer_is_told_and_known_as_silent(nodes):
 
 def test_what_has_no_dictionary_is_told():
     with Machine.simulated(ROOT / "examples" / "can_simple.toml") as machine:
-        seen = Transfers(machine).carry_out(Job(Key(16, 0x6064, 0), 1))
+        seen = ObjectTransfers(machine).carry_out(ObjectJob(ObjectKey(16, 0x6064, 0), 1))
         assert (
             seen.error["message"]
             == "node 16 speaks CAN Simple or Modbus, and not CANopen: it has no object dictionary"
         )
-        told = json.loads(asyncio.run(Books(machine).page(16)))
+        told = json.loads(asyncio.run(DictionaryCache(machine).page(16)))
         assert told["error"]["message"] == seen.error["message"]
 
 
@@ -196,7 +196,7 @@ def test_a_domain_is_neither_read_nor_written(tmp_path):
 
 
 def test_octets_are_digits_and_no_file():
-    entry = Entry(0x2000, 0, "bytes", DataType.OCTET_STRING)
+    entry = DictionaryEntry(0x2000, 0, "bytes", DataType.OCTET_STRING)
     assert parse_values.value("01ff", entry, entry.data_type, files=False) == b"\x01\xff"
     with pytest.raises(ArgumentError, match="are no bytes") as caught:
         parse_values.value("@/etc/hostname", entry, entry.data_type, files=False)
@@ -255,13 +255,15 @@ def test_the_tree_has_every_entry_of_the_file_with_what_may_be_done(nodes):
 def test_pdos_are_those_that_the_core_uses_as_the_drive_has_them_and_the_rest_of_the_file():
     eds = load(builtin.resolve(GENERIC, Path()))
     mapped = (MappedObject(0x6041, 0, 16), MappedObject(0x6061, 0, 8), MappedObject(0x6064, 0, 32))
-    drive = Pdo(1, 0x191, True, 1, mapped, inhibit_time=50)
+    drive = PdoConfiguration(1, 0x191, True, 1, mapped, inhibit_time=50)
     off = replace(drive, number=2, valid=False)
     pdos = (
-        PlannedPdo(False, drive, drive, Change.KEEP, ("statusword", "mode", "position"), (False, True, True)),
-        PlannedPdo(False, drive, off, Change.DISABLE, (), ()),
+        PlannedPdo(
+            False, drive, drive, PdoChange.KEEP, ("statusword", "mode", "position"), (False, True, True)
+        ),
+        PlannedPdo(False, drive, off, PdoChange.DISABLE, (), ()),
     )
-    found = {each["name"]: each for each in layouts(eds, 5, [Plan(5, 1, pdos, {}, {})])}
+    found = {each["name"]: each for each in layouts(eds, 5, [PdoPlan(5, 1, pdos, {}, {})])}
     assert list(found) == [f"{kind}PDO{number}" for kind in "RT" for number in range(1, 5)]
     used, unused, by_eds = found["TPDO1"], found["TPDO2"], found["TPDO3"]
     assert (used["used"], used["size"]) == (True, 7)
@@ -297,7 +299,7 @@ def test_a_book_is_made_once_however_many_ask(nodes, monkeypatch):
     )
 
     async def ask():
-        kept = Books(nodes.machine)
+        kept = DictionaryCache(nodes.machine)
         pages = await asyncio.gather(*(kept.page(1) for _ in range(50)), kept.page(2), kept.page(9))
         return set(pages)
 
@@ -361,9 +363,9 @@ def test_a_node_that_is_lost_meanwhile_ends_it_with_an_error(nodes, quickly):
 @pytest.fixture
 def desk(nodes) -> SimpleNamespace:
     """A desk with an operator, who has the controls, and a looker; ``run`` lets the worker work for a time."""
-    at = Desk(nodes.machine, str)
-    worker = Worker(nodes.machine, at.objects)
-    operator, looker = (at.sit(Session(1, role), "here") for role in (Role.OPERATOR, Role.LOOKER))
+    at = PageClients(nodes.machine, str)
+    worker = ObjectWorker(nodes.machine, at.objects)
+    operator, looker = (at.sit(PageSession(1, role), "here") for role in (Role.OPERATOR, Role.LOOKER))
 
     def ask(place: Any, do: str, *keys: str, **more: Any) -> None:
         at.hear(place, json.dumps({"do": do, "objects": list(keys), **more}), 100.0)
@@ -398,7 +400,7 @@ def test_who_looks_on_reads_and_does_not_write_or_verify(desk):
 
 
 def test_a_write_needs_the_controls_when_it_is_done_not_only_when_it_is_asked_for(desk):
-    other = desk.desk.sit(Session(2, Role.OPERATOR), "there")
+    other = desk.desk.sit(PageSession(2, Role.OPERATOR), "there")
     before = desk.nodes.has("1:6083:00")
     desk.ask(desk.operator, "write_object", "1:6083:00", text="5")
     desk.ask(other, "take_over")
@@ -430,12 +432,12 @@ def test_too_much_is_refused_and_said(desk):
 
 
 def test_a_mistake_in_one_transfer_is_told_and_ends_nothing(desk, monkeypatch):
-    def broken(self: Transfers, job: Job) -> Seen:
+    def broken(self: ObjectTransfers, job: ObjectJob) -> TransferResult:
         raise ZeroDivisionError("<script>")
 
     desk.ask(desk.operator, "read_objects", "1:6064:00")
     with monkeypatch.context() as patched:
-        patched.setattr(Transfers, "carry_out", broken)
+        patched.setattr(ObjectTransfers, "carry_out", broken)
         desk.run()
     (told,) = desk.told(desk.operator)
     assert "ZeroDivisionError" in told["error"]["observed"]

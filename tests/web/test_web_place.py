@@ -7,7 +7,7 @@ import socket
 import pytest
 
 from axisbus.errors import ArgumentError, StateError
-from axisbus.web.address import Place, is_loopback, opened, resolved
+from axisbus.web.address import PageAddress, is_loopback, opened, resolved
 
 
 def test_a_port_that_is_free_is_found_and_loopback_has_its_names():
@@ -25,7 +25,7 @@ def test_a_port_that_is_free_is_found_and_loopback_has_its_names():
     ("tls", "port", "left_out"), [(True, 443, True), (False, 80, True), (True, 80, False)]
 )
 def test_a_browser_leaves_the_usual_port_out(tls, port, left_out):
-    door = Place("192.0.2.1", port, ("192.0.2.1",), tls).door
+    door = PageAddress("192.0.2.1", port, ("192.0.2.1",), tls).door
     assert ("192.0.2.1" in door.hosts) == left_out
     assert f"192.0.2.1:{port}" in door.hosts
     assert door.scheme == ("https" if tls else "http")

@@ -14,9 +14,9 @@ pytest.importorskip("nicegui", reason="the page needs nicegui")
 
 from axisbus.machine.machine import Machine
 from axisbus.web.scope.batch import HEAD, batch
-from axisbus.web.scope.cycles import Cycles
+from axisbus.web.scope.cycles import ScopeBuffer
 from axisbus.web.scope.signal_request import MOST, Choice, read
-from axisbus.web.scope.signals import Reader, signals_of
+from axisbus.web.scope.signals import SignalReader, signals_of
 from kit import commands
 
 
@@ -58,12 +58,12 @@ def test_each_axis_has_its_numbers_with_units_and_words(seen):
 
 def test_a_batch_has_every_cycle_with_the_values_that_the_axis_had(seen):
     found, told, parameters = seen
-    cycles = Cycles()
+    cycles = ScopeBuffer()
     for now, images in found:
         cycles.add(now, images)
     fetched = cycles.since(0, 10_000)
     assert (len(fetched.cycles), fetched.lost, fetched.next) == (len(found), 0, len(found))
-    reader = Reader(("x.velocity", "x.position"), parameters)
+    reader = SignalReader(("x.velocity", "x.position"), parameters)
     choice, lost, times, (velocity, position) = opened(batch(7, fetched.cycles, reader, 3))
     assert (choice, lost, times) == (7, 3, [now for now, _ in found])
     at = {now: place for place, now in enumerate(times)}
@@ -80,17 +80,17 @@ def test_a_batch_has_every_cycle_with_the_values_that_the_axis_had(seen):
 def test_what_is_unknown_is_no_number(seen):
     found, _, parameters = seen
     now, images = found[0]
-    cycles = Cycles()
+    cycles = ScopeBuffer()
     cycles.add(now, {**images, "x": images["x"]._replace(velocity=None)})
     cycles.add(now + 0.01, {name: image for name, image in images.items() if name != "x"})
-    reader = Reader(("x.position", "x.velocity"), parameters)
+    reader = SignalReader(("x.position", "x.velocity"), parameters)
     _, _, _, (position, velocity) = opened(batch(0, cycles.since(0, 9).cycles, reader, 0))
     assert [math.isnan(each) for each in position] == [False, True]
     assert [math.isnan(each) for each in velocity] == [True, True]
 
 
 def test_one_that_is_slow_gets_what_is_left_and_how_many_are_not():
-    cycles = Cycles(kept=10)
+    cycles = ScopeBuffer(kept=10)
     for number in range(25):
         cycles.add(number / 1000, {})
     first = cycles.since(3, 4)
@@ -98,11 +98,11 @@ def test_one_that_is_slow_gets_what_is_left_and_how_many_are_not():
     second = cycles.since(first.next, 100)
     assert ([each.number for each in second.cycles], second.lost, second.next) == ([*range(19, 25)], 0, 25)
     assert cycles.since(25, 100) == ((), 0, 25)
-    assert Cycles().since(0, 5) == ((), 0, 0)
+    assert ScopeBuffer().since(0, 5) == ((), 0, 0)
 
 
 def test_cycles_that_come_meanwhile_are_neither_lost_nor_doubled():
-    cycles, over, found, lost, at = Cycles(kept=500), threading.Event(), [], 0, 0
+    cycles, over, found, lost, at = ScopeBuffer(kept=500), threading.Event(), [], 0, 0
 
     def add():
         for number in range(30_000):

@@ -24,9 +24,9 @@ from axisbus.record.columns import NAMES
 from axisbus.record.load import load
 from axisbus.web.access.limits import SAVE_SAMPLES, most_bytes
 from axisbus.web.access.middleware import SESSION
-from axisbus.web.access.tokens import Role, Session
+from axisbus.web.access.tokens import PageSession, Role
 from axisbus.web.scope import saving
-from axisbus.web.scope.routes import Routes
+from axisbus.web.scope.routes import ScopeRoutes
 from axisbus.web.scope.saving import mcap, read
 from kit.cell import cell_text
 
@@ -140,7 +140,7 @@ def test_a_signal_twice_or_more_samples_than_a_browser_keeps_are_refused(monkeyp
 # -- the request ----------------------------------------------------------------------------------------------------------
 
 
-def answered(routes: Routes, *bodies: bytes, browsers: tuple[int, ...] = ()) -> Any:
+def answered(routes: ScopeRoutes, *bodies: bytes, browsers: tuple[int, ...] = ()) -> Any:
     """Send requests of browsers, of the first one if none is given, at once; return their answers."""
 
     def request(body: bytes, browser: int) -> Request:
@@ -150,7 +150,7 @@ def answered(routes: Routes, *bodies: bytes, browsers: tuple[int, ...] = ()) -> 
             await asyncio.sleep(0.01)
             return coming.pop()
 
-        session = Session(browser, Role.LOOKER)
+        session = PageSession(browser, Role.LOOKER)
         shown = {"type": "http", "method": "POST", "query_string": b"", "headers": [], SESSION: session}
         return Request(shown, receive)
 
@@ -162,7 +162,7 @@ def answered(routes: Routes, *bodies: bytes, browsers: tuple[int, ...] = ()) -> 
 
 
 def test_one_file_of_a_browser_is_made_at_a_time_and_errors_are_told(machine, monkeypatch):
-    routes = Routes(machine)
+    routes = ScopeRoutes(machine)
     made, busy, other = answered(routes, GOOD, GOOD, GOOD, browsers=(1, 1, 2))
     assert made.body.startswith(b"\x89MCAP")
     assert other.body.startswith(b"\x89MCAP")

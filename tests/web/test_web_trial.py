@@ -8,12 +8,12 @@ import pytest
 
 from axisbus.motion.states import AxisState
 from axisbus.web.tuning.metrics import FIGURES, told
-from axisbus.web.tuning.step import Kind, Step
-from axisbus.web.tuning.trial import DEAF, START, Do, Phase, Point, Trial
+from axisbus.web.tuning.step import TuningStep, TuningStepKind
+from axisbus.web.tuning.trial import DEAF, START, NextAction, TrialPhase, TrialSample, TuningTrial
 
 PERIOD = 0.01
-MOVE = Step("x", Kind.POSITION, 10.0, 100.0, 1000.0, 1.0)
-TURN = Step("x", Kind.VELOCITY, 20.0, 20.0, 200.0, 1.0)
+MOVE = TuningStep("x", TuningStepKind.POSITION, 10.0, 100.0, 1000.0, 1.0)
+TURN = TuningStep("x", TuningStepKind.VELOCITY, 20.0, 20.0, 200.0, 1.0)
 NAN = math.nan
 STANDS, MOVES, TURNS = AxisState.STANDSTILL, AxisState.DISCRETE_MOTION, AxisState.CONTINUOUS_MOTION
 
@@ -22,7 +22,7 @@ class Seen:
     """A trial, and cycles that it is told of."""
 
     def __init__(self, step=MOVE):
-        self.trial = Trial(step, PERIOD, 0.0)
+        self.trial = TuningTrial(step, PERIOD, 0.0)
         self.time = 500.0
         self.now = 0.0
 
@@ -30,7 +30,7 @@ class Seen:
         """One more cycle; return what is to be done."""
         self.time += after
         self.now += after
-        self.trial.hear([Point(self.time, state, actual, target, NAN, error)], self.now)
+        self.trial.hear([TrialSample(self.time, state, actual, target, NAN, error)], self.now)
         return self.trial.next(self.now)
 
     def side(self, state, target, actual, seconds=1.0):
@@ -46,23 +46,23 @@ def rising(start, end, slowness=0.05):
 
 def test_it_goes_there_looks_comes_back_looks_and_is_over():
     seen = Seen()
-    assert seen.cycle() is Do.GO
-    assert seen.trial.phase is Phase.THERE
-    assert seen.side(MOVES, 10.0, rising(0.0, 10.0))[-1] is Do.RETURN
+    assert seen.cycle() is NextAction.GO
+    assert seen.trial.phase is TrialPhase.THERE
+    assert seen.side(MOVES, 10.0, rising(0.0, 10.0))[-1] is NextAction.RETURN
     done = seen.side(MOVES, 0.0, rising(10.0, 0.0))
-    assert done[-1] is Do.END
-    assert set(done[:-1]) == {Do.WAIT}
+    assert done[-1] is NextAction.END
+    assert set(done[:-1]) == {NextAction.WAIT}
     assert (seen.trial.over, seen.trial.why) == (True, "")
-    assert seen.trial.next(seen.now) is Do.WAIT
+    assert seen.trial.next(seen.now) is NextAction.WAIT
 
 
 def test_a_velocity_goes_back_to_0_and_is_in_motion_all_the_time():
     seen = Seen(TURN)
-    assert seen.cycle() is Do.GO
+    assert seen.cycle() is NextAction.GO
     seen.cycle(STANDS)
-    assert seen.side(TURNS, NAN, rising(0.0, 20.0))[-1] is Do.RETURN
-    assert seen.side(TURNS, NAN, rising(20.0, 0.0))[-1] is Do.END
-    found = told(TURN, Phase.BACK, seen.trial.sides[Phase.BACK], ("deg/s", "deg"))
+    assert seen.side(TURNS, NAN, rising(0.0, 20.0))[-1] is NextAction.RETURN
+    assert seen.side(TURNS, NAN, rising(20.0, 0.0))[-1] is NextAction.END
+    found = told(TURN, TrialPhase.BACK, seen.trial.sides[TrialPhase.BACK], ("deg/s", "deg"))
     assert found["error"] == "unknown"
     assert float(found["settled"].split()[0]) == pytest.approx(0.05 * math.log(50), abs=0.02)
 
@@ -70,7 +70,7 @@ def test_a_velocity_goes_back_to_0_and_is_in_motion_all_the_time():
 @pytest.mark.parametrize("state", [each for each in AxisState if each is not STANDS])
 def test_it_begins_with_nothing_that_does_not_stand(state):
     seen = Seen()
-    assert seen.cycle(state) is Do.WAIT
+    assert seen.cycle(state) is NextAction.WAIT
     assert state.value in seen.trial.why
 
 
@@ -79,9 +79,9 @@ def test_another_state_disturbs_it_and_it_does_not_go_back(state):
     seen = Seen()
     seen.cycle()
     seen.cycle(MOVES, target=10.0)
-    assert seen.cycle(state, 1.0, 10.0) is Do.WAIT
+    assert seen.cycle(state, 1.0, 10.0) is NextAction.WAIT
     assert state.value in seen.trial.why
-    assert set(seen.side(MOVES, 10.0, rising(0.0, 10.0))) == {Do.WAIT}
+    assert set(seen.side(MOVES, 10.0, rising(0.0, 10.0))) == {NextAction.WAIT}
 
 
 def test_a_second_motion_disturbs_it():
@@ -123,18 +123,18 @@ def test_the_time_until_the_drive_begins_is_not_the_axis_s():
     seen.cycle()
     for _ in range(20):
         seen.cycle(MOVES, 0.1, 10.0)
-    assert seen.trial.sides[Phase.THERE].begun is None
+    assert seen.trial.sides[TrialPhase.THERE].begun is None
     seen.cycle(MOVES, 0.3, 10.0)
-    assert seen.trial.sides[Phase.THERE].begun == seen.time
+    assert seen.trial.sides[TrialPhase.THERE].begun == seen.time
 
 
 def test_a_demand_that_moves_begins_it():
     seen = Seen()
     for state, demand in ((STANDS, 3.0), (MOVES, 3.0), (MOVES, 3.01)):
         seen.time += PERIOD
-        seen.trial.hear([Point(seen.time, state, 3.0, 13.0, demand, 0.0)], 0.0)
+        seen.trial.hear([TrialSample(seen.time, state, 3.0, 13.0, demand, 0.0)], 0.0)
         seen.trial.next(0.0)
-    assert seen.trial.sides[Phase.THERE].begun == seen.time
+    assert seen.trial.sides[TrialPhase.THERE].begun == seen.time
 
 
 @pytest.mark.parametrize("begun", [False, True])
@@ -142,7 +142,7 @@ def test_silence_of_the_core_disturbs_it(begun):
     seen = Seen()
     if begun:
         seen.cycle()
-    assert seen.trial.next(seen.now + DEAF - 0.01) is (Do.WAIT)
+    assert seen.trial.next(seen.now + DEAF - 0.01) is (NextAction.WAIT)
     seen.trial.next(seen.now + DEAF + 0.01)
     assert "no cycle" in seen.trial.why
 
@@ -167,11 +167,11 @@ def test_one_that_rings_comes_back_by_its_new_target_and_is_measured():
     """The drive never says that it has arrived: the axis is in motion all the time."""
     seen = Seen()
     seen.cycle()
-    assert seen.side(MOVES, 10.0, lambda time: 10.0 + math.sin(60 * time))[-1] is Do.RETURN
-    assert seen.cycle(MOVES, 10.0, 10.0) is Do.WAIT
-    assert seen.trial.sides[Phase.BACK].begun is None
-    assert seen.side(MOVES, 0.3, rising(10.0, 0.3))[-1] is Do.END
-    found = told(MOVE, Phase.THERE, seen.trial.sides[Phase.THERE], ("deg", "deg"))
+    assert seen.side(MOVES, 10.0, lambda time: 10.0 + math.sin(60 * time))[-1] is NextAction.RETURN
+    assert seen.cycle(MOVES, 10.0, 10.0) is NextAction.WAIT
+    assert seen.trial.sides[TrialPhase.BACK].begun is None
+    assert seen.side(MOVES, 0.3, rising(10.0, 0.3))[-1] is NextAction.END
+    found = told(MOVE, TrialPhase.THERE, seen.trial.sides[TrialPhase.THERE], ("deg", "deg"))
     assert found["settled"] == "not settled"
     assert float(found["ripple"].split("%")[0]) == pytest.approx(20.0, abs=0.2)
     assert float(found["overshoot"].split("%")[0]) == pytest.approx(10.0, abs=0.1)
@@ -182,8 +182,8 @@ def test_the_figures_are_those_of_the_curve():
     seen.cycle()
     decay, swing = 8.0, 30.0
     seen.side(MOVES, 10.0, lambda time: 10.0 * (1.0 - math.exp(-decay * time) * math.cos(swing * time)))
-    side = seen.trial.sides[Phase.THERE]
-    found = told(MOVE, Phase.THERE, side, ("deg", "deg"))
+    side = seen.trial.sides[TrialPhase.THERE]
+    found = told(MOVE, TrialPhase.THERE, side, ("deg", "deg"))
     assert set(found) == {name for name, _ in FIGURES}
     peak = max(-math.exp(-decay * k * PERIOD) * math.cos(swing * k * PERIOD) for k in range(1, 101))
     assert found["overshoot"] == f"{peak * 100:.1f} % ({peak * 10:.3g} deg)"
@@ -196,13 +196,15 @@ def test_the_highest_following_error_is_a_magnitude():
     seen.cycle()
     for error in (0.1, -0.7, NAN, 0.3, *[0.0] * 30):
         seen.cycle(MOVES, 10.0, 10.0, error)
-    assert told(MOVE, Phase.THERE, seen.trial.sides[Phase.THERE], ("deg", "mm"))["error"] == "0.7 mm"
+    assert (
+        told(MOVE, TrialPhase.THERE, seen.trial.sides[TrialPhase.THERE], ("deg", "mm"))["error"] == "0.7 mm"
+    )
 
 
 def test_of_too_little_there_are_no_figures():
     seen = Seen()
     seen.cycle()
-    found = told(MOVE, Phase.THERE, seen.trial.sides[Phase.THERE], ("deg", "deg"))
+    found = told(MOVE, TrialPhase.THERE, seen.trial.sides[TrialPhase.THERE], ("deg", "deg"))
     assert set(found.values()) == {"unknown"}
 
 
@@ -210,7 +212,7 @@ def test_of_too_little_there_are_no_figures():
     ("step", "seconds"),
     [
         (MOVE, 0.2),  # a trapezoid: 10 / 100 + 100 / 1000
-        (Step("x", Kind.POSITION, -10.0, 100.0, 10.0, 9.0), 2.0),  # a triangle
+        (TuningStep("x", TuningStepKind.POSITION, -10.0, 100.0, 10.0, 9.0), 2.0),  # a triangle
         (TURN, 0.1),
     ],
 )

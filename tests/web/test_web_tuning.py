@@ -13,7 +13,7 @@ import pytest
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.web.access.tokens import Role
-from axisbus.web.commands.clients import Place
+from axisbus.web.commands.clients import PageClient
 from kit.cell import cell_text
 from kit.desk import Pages
 
@@ -29,13 +29,13 @@ class Tuning(Pages):
         super().__init__(machine)
         self.news: list[dict[str, Any]] = []
 
-    def step(self, place: Place, kind: str = "position", *, sure: bool = True, **changes: str) -> None:
+    def step(self, place: PageClient, kind: str = "position", *, sure: bool = True, **changes: str) -> None:
         values = (MOVE if kind == "position" else TURN) | changes
         self.press += sure
         self.ask(place, f"step_{kind}", "x", sure=sure, press=self.press, values=values)
         self.hear(place)
 
-    def go_on(self, place: Place, seconds: float, *, alive: bool = True) -> None:
+    def go_on(self, place: PageClient, seconds: float, *, alive: bool = True) -> None:
         """Let time pass while the page answers for its trial."""
         for _ in range(round(seconds / ALIVE)):
             if alive:
@@ -43,7 +43,7 @@ class Tuning(Pages):
             self.pass_(ALIVE)
             self.hear(place)
 
-    def hear(self, place: Place) -> None:
+    def hear(self, place: PageClient) -> None:
         told = self.desk.trials.news(place.seat.number)
         if told is not None:
             json.dumps(told, allow_nan=False)
@@ -53,13 +53,13 @@ class Tuning(Pages):
     def last(self) -> dict[str, Any]:
         return self.news[-1]
 
-    def under_way(self, place: Place) -> None:
+    def under_way(self, place: PageClient) -> None:
         """A trial whose axis moves."""
         self.step(place)
         self.go_on(place, 0.2)
         assert abs(self.speed()) > 15.0
 
-    def ended(self, place: Place, why: str) -> None:
+    def ended(self, place: PageClient, why: str) -> None:
         """It is over and the plant stands, and goes on standing."""
         self.pass_(0.3)
         self.hear(place)
@@ -80,7 +80,7 @@ def pages(tmp_path: Path) -> Iterator[Tuning]:
 
 
 @pytest.fixture
-def place(pages: Tuning) -> Place:
+def place(pages: Tuning) -> PageClient:
     place = pages.operator()
     pages.enabled(place, "x", "y")
     return place

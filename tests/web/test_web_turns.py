@@ -5,12 +5,12 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 
-from axisbus.web.objects.jobs import Job, Question, Seen, Wish
-from axisbus.web.objects.key import Key
-from axisbus.web.objects.transfer_queue import PERIOD, QUIET, WAITING, Turns
+from axisbus.web.objects.jobs import ObjectJob, TransferRequest, TransferResult, WriteConfirmation
+from axisbus.web.objects.key import ObjectKey
+from axisbus.web.objects.transfer_queue import PERIOD, QUIET, WAITING, TransferQueue
 
-X = [Key(1, 0x6000 + number, 0) for number in range(100)]
-Y = Key(2, 0x6064, 0)
+X = [ObjectKey(1, 0x6000 + number, 0) for number in range(100)]
+Y = ObjectKey(2, 0x6064, 0)
 STEP = 0.04  # seconds
 
 
@@ -21,12 +21,12 @@ def run(turns, now, seconds, silent=()):
         at = now + number * STEP
         if (job := turns.next(at)) is not None:
             done.append((at, job))
-            turns.done(Seen(job, at, "7", silent=job.key.node in silent), at)
+            turns.done(TransferResult(job, at, "7", silent=job.key.node in silent), at)
     return done
 
 
 def test_what_is_kept_is_read_twice_a_second_once_for_all_pages():
-    turns = Turns()
+    turns = TransferQueue()
     for page in range(1, 51):
         turns.keep(page, X[:8])
     done = run(turns, 100.0, 10.0)
@@ -41,7 +41,7 @@ def test_what_is_kept_is_read_twice_a_second_once_for_all_pages():
 
 
 def test_where_more_is_kept_than_there_is_time_for_each_has_its_turn():
-    turns = Turns()
+    turns = TransferQueue()
     for page in range(10):
         turns.keep(page + 1, X[8 * page : 8 * page + 8])
     counts = Counter(job.key for _, job in run(turns, 0.0, 32.0))
@@ -50,25 +50,25 @@ def test_where_more_is_kept_than_there_is_time_for_each_has_its_turn():
 
 
 def test_a_page_that_asks_for_much_keeps_no_other_waiting():
-    turns = Turns()
-    assert turns.ask(1, [Job(key, 1) for key in X[:60]])
-    assert turns.ask(2, [Job(Y, 2)])
+    turns = TransferQueue()
+    assert turns.ask(1, [ObjectJob(key, 1) for key in X[:60]])
+    assert turns.ask(2, [ObjectJob(Y, 2)])
     turns.keep(3, [X[99]])
     first = [job.page for _, job in run(turns, 0.0, 4 * STEP)]
     assert set(first[:3]) == {0, 1, 2}
 
 
 def test_a_page_may_wait_for_so_much_and_no_more():
-    turns = Turns()
-    assert turns.ask(1, [Job(X[0], 1)] * WAITING)
-    assert not turns.ask(1, [Job(X[0], 1)])
-    assert turns.ask(2, [Job(X[0], 2)])
+    turns = TransferQueue()
+    assert turns.ask(1, [ObjectJob(X[0], 1)] * WAITING)
+    assert not turns.ask(1, [ObjectJob(X[0], 1)])
+    assert turns.ask(2, [ObjectJob(X[0], 2)])
 
 
 def test_of_a_node_that_does_not_answer_the_rest_is_given_up_and_what_is_kept_waits():
-    turns = Turns()
+    turns = TransferQueue()
     turns.keep(1, [X[0], Y])
-    assert turns.ask(2, [Job(key, 2) for key in X[:30]])
+    assert turns.ask(2, [ObjectJob(key, 2) for key in X[:30]])
     done = run(turns, 0.0, QUIET - 1.0, silent={1})
     assert Counter(job.key.node for _, job in done)[1] <= 2
     assert Counter(job.key.node for _, job in done)[2] >= 7
@@ -77,53 +77,60 @@ def test_of_a_node_that_does_not_answer_the_rest_is_given_up_and_what_is_kept_wa
 
 
 def test_a_write_is_not_given_up_with_the_reads_of_a_silent_node():
-    turns, wish = Turns(), Job(X[5], 1, Wish("1"))
-    assert turns.ask(1, [Job(X[0], 1), Job(X[1], 1), wish])
+    turns, wish = TransferQueue(), ObjectJob(X[5], 1, TransferRequest("1"))
+    assert turns.ask(1, [ObjectJob(X[0], 1), ObjectJob(X[1], 1), wish])
     done = run(turns, 0.0, 1.0, silent={1})
-    assert [job for _, job in done] == [Job(X[0], 1), wish]
+    assert [job for _, job in done] == [ObjectJob(X[0], 1), wish]
 
 
 def test_without_the_controls_nothing_is_written_any_more_and_that_is_said():
-    turns, wish = Turns(), Job(X[5], 1, Wish("1"))
-    assert turns.ask(1, [wish, Job(X[1], 1)])
+    turns, wish = TransferQueue(), ObjectJob(X[5], 1, TransferRequest("1"))
+    assert turns.ask(1, [wish, ObjectJob(X[1], 1)])
     turns.drop_writes(1, 7.0)
     turns.drop_writes(9, 7.0)
     (told,) = turns.news(1)
     assert told.job == wish
     assert "has the controls no longer" in told.error["message"]
-    assert [job for _, job in run(turns, 7.0, 1.0)] == [Job(X[1], 1)]
+    assert [job for _, job in run(turns, 7.0, 1.0)] == [ObjectJob(X[1], 1)]
 
 
 def test_a_page_that_is_gone_is_read_for_no_more():
-    turns = Turns()
+    turns = TransferQueue()
     turns.keep(1, X[:3])
-    assert turns.ask(1, [Job(X[7], 1)])
+    assert turns.ask(1, [ObjectJob(X[7], 1)])
     turns.leave(1)
     turns.leave(1)
     assert run(turns, 0.0, 2.0) == []
-    turns.done(Seen(Job(X[7], 1), 0.0, "7"), 0.0)
+    turns.done(TransferResult(ObjectJob(X[7], 1), 0.0, "7"), 0.0)
     assert turns.news(1) == []
 
 
 def test_a_page_that_keeps_an_object_is_told_what_others_read_and_write_of_it_but_not_what_they_are_asked():
-    turns = Turns()
+    turns = TransferQueue()
     turns.keep(1, [Y])
-    turns.done(Seen(Job(Y, 2, Wish("1")), 5.0, question=Question("sure?", frozenset({"order"}))), 5.0)
+    turns.done(
+        TransferResult(
+            ObjectJob(Y, 2, TransferRequest("1")),
+            5.0,
+            question=WriteConfirmation("sure?", frozenset({"order"})),
+        ),
+        5.0,
+    )
     assert turns.news(1) == []
-    turns.done(Seen(Job(Y, 2, Wish("1")), 5.0, "1", note="0 -> 1, read back"), 5.0)
+    turns.done(TransferResult(ObjectJob(Y, 2, TransferRequest("1")), 5.0, "1", note="0 -> 1, read back"), 5.0)
     assert [seen.value for seen in turns.news(1)] == ["1"]
 
 
 def test_what_a_write_came_to_is_not_hidden_by_what_is_read_right_after_it():
-    turns, wish = Turns(), Job(Y, 1, Wish("1"))
+    turns, wish = TransferQueue(), ObjectJob(Y, 1, TransferRequest("1"))
     turns.keep(1, [Y])
-    turns.done(Seen(wish, 5.0, "1", note="0 -> 1, read back"), 5.0)
-    turns.done(Seen(Job(Y), 5.1, "1"), 5.1)
+    turns.done(TransferResult(wish, 5.0, "1", note="0 -> 1, read back"), 5.0)
+    turns.done(TransferResult(ObjectJob(Y), 5.1, "1"), 5.1)
     assert [seen.note for seen in turns.news(1)] == ["0 -> 1, read back", ""]
 
 
 def test_a_page_that_reads_nothing_fills_no_memory():
-    turns = Turns()
+    turns = TransferQueue()
     turns.keep(1, X[:8])
     run(turns, 0.0, 100.0)
     assert len(turns.news(1)) == 8

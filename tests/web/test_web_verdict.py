@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.web.access.lease import Lease, Refusal, Seat
+from axisbus.web.access.lease import PageLease, Refusal, Seat
 from axisbus.web.access.tokens import Role
-from axisbus.web.commands.authorize import Act, decide
-from axisbus.web.commands.request import Ask, read
-from axisbus.web.commands.verbs import VERBS, Verb
-from axisbus.web.objects.key import Key
+from axisbus.web.commands.authorize import PageAction, decide
+from axisbus.web.commands.request import PageRequest, read
+from axisbus.web.commands.verbs import VERBS, PageVerb
+from axisbus.web.objects.key import ObjectKey
 
 AXES = ("x", "y")
 ME, OTHER = Seat(1, "page 1", Role.OPERATOR), Seat(2, "page 2", Role.OPERATOR)
@@ -57,56 +57,58 @@ WHOLE = {
 
 def test_every_verb_is_of_one_kind():
     assert {verb.value for verb in VERBS} == EVERYBODY | CONTROLS
-    assert set(VERBS) == set(Verb)
+    assert set(VERBS) == set(PageVerb)
 
 
-@pytest.mark.parametrize("verb", Verb, ids=lambda verb: verb.value)
+@pytest.mark.parametrize("verb", PageVerb, ids=lambda verb: verb.value)
 def test_who_may_ask_for_what(verb):
-    leases = (Lease(), Lease(ME), Lease(OTHER))
+    leases = (PageLease(), PageLease(ME), PageLease(OTHER))
     for seat, lease, sure in itertools.product((ME, LOOKER), leases, (False, True)):
-        verdict = decide(seat, lease, Ask(verb, "x", WHOLE, sure), AXES)
+        verdict = decide(seat, lease, PageRequest(verb, "x", WHOLE, sure), AXES)
         may = verb.value in EVERYBODY or (
             seat is ME and lease.holder is ME and (sure or verb.value not in ASKS)
         )
-        assert isinstance(verdict, Act if may else Refusal), (seat, lease, sure)
+        assert isinstance(verdict, PageAction if may else Refusal), (seat, lease, sure)
 
 
 def test_a_refusal_says_who_has_the_controls_and_what_to_do():
-    ask = Ask(Verb.DISABLE, "x")
-    assert "page 2 has the controls" in decide(ME, Lease(OTHER), ask, AXES).text
-    assert "take them first" in decide(ME, Lease(), ask, AXES).remedy
-    assert "may halt and stop" in decide(LOOKER, Lease(), ask, AXES).text
+    ask = PageRequest(PageVerb.DISABLE, "x")
+    assert "page 2 has the controls" in decide(ME, PageLease(OTHER), ask, AXES).text
+    assert "take them first" in decide(ME, PageLease(), ask, AXES).remedy
+    assert "may halt and stop" in decide(LOOKER, PageLease(), ask, AXES).text
 
 
 @pytest.mark.parametrize("verb", ["halt", "quick_stop", "enable"])
 def test_an_axis_that_is_not_there_is_told(verb):
-    refused = decide(ME, Lease(ME), Ask(Verb(verb), "q", sure=True), AXES)
+    refused = decide(ME, PageLease(ME), PageRequest(PageVerb(verb), "q", sure=True), AXES)
     assert refused == Refusal("there is no axis 'q'", "there are x, y")
 
 
 @pytest.mark.parametrize("verb", ["quick_stop_all", "halt_all"])
 def test_what_stops_all_is_for_all_axes(verb):
-    assert decide(LOOKER, Lease(OTHER), Ask(Verb(verb)), AXES) == Act(Verb(verb), AXES)
+    assert decide(LOOKER, PageLease(OTHER), PageRequest(PageVerb(verb)), AXES) == PageAction(
+        PageVerb(verb), AXES
+    )
 
 
 @pytest.mark.parametrize(
     ("typed", "number"), [("12.5", 12.5), (" -3 ", -3.0), ("1,5", 1.5), ("1e2", 100.0), ("+4", 4.0)]
 )
 def test_a_number_is_taken_as_people_type_it(typed, number):
-    verdict = decide(ME, Lease(ME), Ask(Verb.MOVE_ABSOLUTE, "x", {"position": typed}), AXES)
-    assert verdict == Act(Verb.MOVE_ABSOLUTE, ("x",), {"position": number})
+    verdict = decide(ME, PageLease(ME), PageRequest(PageVerb.MOVE_ABSOLUTE, "x", {"position": typed}), AXES)
+    assert verdict == PageAction(PageVerb.MOVE_ABSOLUTE, ("x",), {"position": number})
 
 
 @pytest.mark.parametrize("typed", ["", "  ", "ten", "1.000,5", "1 2", "0x10", "--1", "1_0", "٣", "１"])
 def test_what_is_no_number_is_refused_and_never_zero(typed):
-    verdict = decide(ME, Lease(ME), Ask(Verb.MOVE_RELATIVE, "x", {"distance": typed}), AXES)
+    verdict = decide(ME, PageLease(ME), PageRequest(PageVerb.MOVE_RELATIVE, "x", {"distance": typed}), AXES)
     assert isinstance(verdict, Refusal)
     assert "distance" in verdict.text
 
 
 def test_what_may_be_left_out_is_left_out_and_what_is_not_asked_for_is_not_taken():
     values = {"position": "1", "velocity": " ", "acceleration": "7", "jerk": "9"}
-    verdict = decide(ME, Lease(ME), Ask(Verb.MOVE_ABSOLUTE, "x", values), AXES)
+    verdict = decide(ME, PageLease(ME), PageRequest(PageVerb.MOVE_ABSOLUTE, "x", values), AXES)
     assert verdict.values == {"position": 1.0, "acceleration": 7.0}
 
 
@@ -161,25 +163,31 @@ def test_a_message_that_is_none_is_refused(text):
     st.text(max_size=200) | st.dictionaries(st.text(max_size=5), st.integers() | st.text()).map(json.dumps)
 )
 def test_whatever_comes_nothing_raises(text):
-    assert isinstance(read(text), Ask | Refusal)
+    assert isinstance(read(text), PageRequest | Refusal)
 
 
 @pytest.mark.parametrize("more", [{}, {"sent": None}, {"values": 7}, {"press": "x", "sure": 1}])
 def test_nothing_that_comes_along_spoils_a_stop(more):
-    assert read(json.dumps({"do": "quick_stop", "axis": "x", **more})) == Ask(Verb.QUICK_STOP, "x")
+    assert read(json.dumps({"do": "quick_stop", "axis": "x", **more})) == PageRequest(
+        PageVerb.QUICK_STOP, "x"
+    )
 
 
 def test_only_yes_is_yes():
     for sure in (1, "true", [1], None):
-        assert read(json.dumps({"do": "enable", "axis": "x", "sure": sure})) == Ask(Verb.ENABLE, "x")
+        assert read(json.dumps({"do": "enable", "axis": "x", "sure": sure})) == PageRequest(
+            PageVerb.ENABLE, "x"
+        )
     assert read('{"do": "enable", "axis": "x", "sure": true}').sure
 
 
 def test_objects_are_named_by_node_index_and_sub_index():
     asked = read('{"do": "read_objects", "objects": ["1:6064:00", "127:1018:0A"]}')
-    assert asked == Ask(Verb.READ_OBJECTS, objects=(Key(1, 0x6064, 0), Key(127, 0x1018, 10)))
+    assert asked == PageRequest(
+        PageVerb.READ_OBJECTS, objects=(ObjectKey(1, 0x6064, 0), ObjectKey(127, 0x1018, 10))
+    )
     assert [str(each) for each in asked.objects] == ["1:6064:00", "127:1018:0A"]
-    assert read('{"do": "keep_reading", "objects": []}') == Ask(Verb.KEEP_READING)
+    assert read('{"do": "keep_reading", "objects": []}') == PageRequest(PageVerb.KEEP_READING)
     wish = read(
         '{"do": "write_object", "objects": ["1:6081:00"], "text": " 90 deg/s", "values": {"agreed": "order"}}'
     )

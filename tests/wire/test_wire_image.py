@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.errors import DriveError
 from axisbus.ipc import image
 from axisbus.ipc.image import ImageReader, ImageWriter
@@ -26,7 +26,7 @@ AXIS = st.builds(
     Snapshot,
     TIME,
     st.sampled_from(AxisState),
-    st.sampled_from(State),
+    st.sampled_from(PowerState),
     st.none() | st.integers(0, 0xFFFF),
     st.none() | st.integers(-128, 127),
     MAYBE,
@@ -54,7 +54,7 @@ def ends(axes: int = len(NAMES)) -> tuple[ImageWriter, ImageReader]:
 def axis(value: int) -> Snapshot:
     """An axis all of whose numbers are the same."""
     return Snapshot(
-        float(value), AxisState.STANDSTILL, State.OPERATION_ENABLED, value & 0xFFFF, 8, value, float(value), value, value,
+        float(value), AxisState.STANDSTILL, PowerState.OPERATION_ENABLED, value & 0xFFFF, 8, value, float(value), value, value,
         value, value, value, True, True, None,
     )  # fmt: skip
 

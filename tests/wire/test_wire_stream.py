@@ -15,7 +15,7 @@ from contextlib import contextmanager
 import pytest
 
 from axisbus.ipc.own_socket import FarEnd, inode_of
-from axisbus.ipc.stream import Stream
+from axisbus.ipc.stream import MessageStream
 
 
 def packed(message: object) -> bytes:
@@ -24,9 +24,9 @@ def packed(message: object) -> bytes:
 
 
 @contextmanager
-def line() -> Iterator[tuple[Stream, socket.socket]]:
+def line() -> Iterator[tuple[MessageStream, socket.socket]]:
     near, far = socket.socketpair()
-    stream = Stream(near, packed, "test stream")
+    stream = MessageStream(near, packed, "test stream")
     try:
         yield stream, far
     finally:
@@ -35,9 +35,9 @@ def line() -> Iterator[tuple[Stream, socket.socket]]:
 
 
 @contextmanager
-def both() -> Iterator[tuple[Stream, Stream]]:
+def both() -> Iterator[tuple[MessageStream, MessageStream]]:
     with line() as (near, end):
-        far = Stream(end, packed, "test far stream")
+        far = MessageStream(end, packed, "test far stream")
         yield near, far
         near.close()
         far.finish()

@@ -21,32 +21,35 @@ from axisbus.ipc.errors import Elsewhere
 from axisbus.ipc.values import Codec, NotForCrossing
 from axisbus.motion.command_status import Status
 from axisbus.motion.commands import (
-    Answer,
-    Control,
+    ControllerCommand,
+    ControllerOutput,
     CyclicTorque,
     CyclicVelocity,
-    Enable,
+    EnableCommand,
     FollowTrajectory,
     Move,
     MoveVelocity,
-    Reference,
+    TargetReference,
 )
 from axisbus.motion.group.commands import ForEach, MovePath
 from axisbus.motion.group.path import way_of
 from axisbus.motion.group.path_builder import arc_through, polyline
-from axisbus.motion.moves.profile import Profile
-from axisbus.motion.parameters import AxisParameters, Limits, Units, no_explanation
+from axisbus.motion.moves.profile import MoveProfile
+from axisbus.motion.parameters import AxisLimits, AxisParameters, Units, no_explanation
 from axisbus.motion.point_stream.commands import AddPoints, FollowPoints, OnUnderrun, Span
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.session import CommandEvent
 from axisbus.units import Scale
 
 PIECES, STOPS = polyline([(0.0, 0.0), (9.0, 0.0), (9.0, 9.0), (0.0, 0.0)], 1.0)
 SPANS = (Span(0.01, 50.0, ((0.0, 1.0, 0.5, 0.0, 0.0, 0.0), (1.0, -1.0, 0.0, 0.0, 2.0, 0.0))),)
 WAY = way_of(
-    [*PIECES, arc_through((0.0, 0.0), (1.0, 1.0), (2.0, 0.0))], [Limits(velocity=9.0), Limits()], 50.0, STOPS
+    [*PIECES, arc_through((0.0, 0.0), (1.0, 1.0), (2.0, 0.0))],
+    [AxisLimits(velocity=9.0), AxisLimits()],
+    50.0,
+    STOPS,
 )
-PROFILE = Profile(1000, 2000, 2000, 10.0, 20.0, None, 20.0, 20.0)
+PROFILE = MoveProfile(1000, 2000, 2000, 10.0, 20.0, None, 20.0, 20.0)
 PLAIN = (
     st.none()
     | st.booleans()
@@ -84,7 +87,7 @@ def test_plain_values_arrive_as_they_were(value):
         m.Submit(
             7,
             ("x", "y"),
-            ForEach({"x": Enable(), "y": Move(Reference.ABSOLUTE, -5, PROFILE)}, together=True),
+            ForEach({"x": EnableCommand(), "y": Move(TargetReference.ABSOLUTE, -5, PROFILE)}, together=True),
             "xy",
         ),
         m.Submit(9, "xy", MovePath(("x", "y"), WAY, 50.0), "xy.move_path"),
@@ -93,9 +96,9 @@ def test_plain_values_arrive_as_they_were(value):
         m.Submit(8, "x", MoveVelocity(PROFILE, life=0.2), "x.jog"),
         m.Submit(8, "x", CyclicVelocity(-9000, 50000.5, 50000.0), "x.cyclic_velocity"),
         m.Submit(8, "x", CyclicTorque(-30, 500, None), "x.cyclic_torque"),
-        m.Submit(8, "x", Control(3, CyclicTorque(0, 500), 2), "x.controller"),
-        m.Submit(8, "x", Answer(3, 10.004, -30), "x.controller, an answer"),
-        m.Told((CommandEvent(7, Status.DONE, None, "seen by its position"),)),
+        m.Submit(8, "x", ControllerCommand(3, CyclicTorque(0, 500), 2), "x.controller"),
+        m.Submit(8, "x", ControllerOutput(3, 10.004, -30), "x.controller, an answer"),
+        m.CommandEvents((CommandEvent(7, Status.DONE, None, "seen by its position"),)),
     ],
 )
 def test_values_of_ours_arrive_as_they_were(value):
@@ -129,7 +132,8 @@ class Stranger:
 
 
 @pytest.mark.parametrize(
-    "value", [Stranger(), FollowTrajectory(Trapezoid(0.0, 1.0, 1.0, 1.0)), object(), 1j, {2**70: 1}]
+    "value",
+    [Stranger(), FollowTrajectory(TrapezoidalTrajectory(0.0, 1.0, 1.0, 1.0)), object(), 1j, {2**70: 1}],
 )
 def test_what_is_not_ours_does_not_cross(value):
     with pytest.raises((NotForCrossing, OverflowError)):
@@ -161,8 +165,8 @@ def test_no_bytes_do_anything_but_make_a_value_or_be_refused(data):
 
 
 def test_two_codecs_know_their_own_classes_alone():
-    codec = Codec([Reference])
-    assert codec.unpack(codec.pack(Reference.RELATIVE)) is Reference.RELATIVE
+    codec = Codec([TargetReference])
+    assert codec.unpack(codec.pack(TargetReference.RELATIVE)) is TargetReference.RELATIVE
     with pytest.raises(NotForCrossing, match=r"Status does not cross"):
         codec.pack(Status.DONE)
 

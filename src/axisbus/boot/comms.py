@@ -10,14 +10,14 @@ from dataclasses import replace
 
 from axisbus.boot.configure import HEARTBEATS
 from axisbus.boot.feed_forward import require_synchronous
-from axisbus.bus.cycle import Sender
+from axisbus.bus.cycle import CycleSender
 from axisbus.bus.io_port import CanIoPort
 from axisbus.bus.node.nmt import guarding_answer
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo.configure import configure, set_pdo
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.bus.pdo.io_configure import configure_io
-from axisbus.bus.pdo.plan import Wanted
+from axisbus.bus.pdo.plan import PdoRequirements
 from axisbus.bus.pdo.read import read_number
 from axisbus.bus.pdo.rpdo_schedule import REPEAT
 from axisbus.bus.pdo.setpoint_edge_order import CONTROLWORD
@@ -31,7 +31,7 @@ from axisbus.cia301 import objects as o
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
 from axisbus.cia302.types import DEADLINE, LEAST_CONSUMER
-from axisbus.cia401.signal import Point, addresses
+from axisbus.cia401.signal import IoPoint, addresses
 from axisbus.cia402.port import Capabilities
 from axisbus.errors import NodeTimeout
 
@@ -40,7 +40,7 @@ class CanComms:
     """What boot-up needs of one node on a bus; holds the ports that it made."""
 
     def __init__(
-        self, cell: CellConfig, node: Node, find_time: float, begin_heartbeat: Callable[[], None]
+        self, cell: CellConfig, node: CanopenNode, find_time: float, begin_heartbeat: Callable[[], None]
     ) -> None:
         """``find_time``: seconds that the node may take to answer for the first time; ``begin_heartbeat`` begins ours."""
         self.begin_heartbeat = begin_heartbeat
@@ -128,14 +128,14 @@ class CanComms:
         if disturb:
             require_synchronous(axis, wanted.synchronous_outputs, plan.outputs)
         elif plan.impossible:  # it is left as it was found, and does without
-            plan = configure(self._node.sdo, Wanted(), policy, axis.drive_axis, also=also)
+            plan = configure(self._node.sdo, PdoRequirements(), policy, axis.drive_axis, also=also)
         port = CanPort(
             self._node,
             plan,
             scan_period=self._cell.bus.scan_period,
             remappable=self._config.remappable,
             foreign_sync=self._cell.bus.hears_sync,
-            # As often as a heartbeat, whose triple boot-up may make the RPDO's deadline (``Watch.arm_deadlines``).
+            # As often as a heartbeat, whose triple boot-up may make the RPDO's deadline (``DriveMonitoringSetup.arm_deadlines``).
             rpdo_repeat=min(REPEAT, self._cell.bus.heartbeat or REPEAT),
         )
         port.prime()
@@ -143,11 +143,11 @@ class CanComms:
         return port.capabilities
 
     @property
-    def senders(self) -> list[Sender]:
+    def senders(self) -> list[CycleSender]:
         """Whatever of the node has frames in a cycle."""
         return [*self.ports.values(), *([] if self.io is None else [self.io])]
 
-    def connect_io(self, points: Sequence[Point]) -> str:
+    def connect_io(self, points: Sequence[IoPoint]) -> str:
         """Plan and set the PDOs of the node's inputs and outputs, beside those of its axes, and make their port."""
         self._set_tables()
         sdo = self._node.sdo

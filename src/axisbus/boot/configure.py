@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from axisbus.boot.identity import expected
-from axisbus.boot.objects import Objects, read_int
+from axisbus.boot.objects import NodeObjects, read_int
 from axisbus.boot.stop_report import NO_WATCHDOG, Watchdog, WatchdogReport
 from axisbus.boot.sync_and_time import set_services
 from axisbus.cell.drive_limits import limit_writes
 from axisbus.cell.model import BusConfig, CellConfig
 from axisbus.cell.program_file import wanted_program
-from axisbus.cell.writes import Write, axis_writes, node_writes
+from axisbus.cell.writes import CellWrite, axis_writes, node_writes
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import watched_node
-from axisbus.cia302.types import Plan, Setting
+from axisbus.cia302.types import BootPlan, Setting
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import SdoAbort
@@ -23,7 +23,7 @@ HEARTBEATS = 3  # missed ones after which a drive may call the master dead, and 
 _MOST_WATCHED = 127  # entries of 1016h (CiA 301 7.5.2.18)
 
 
-def writes_of(cell: CellConfig, node_id: int, dictionary: Dictionary) -> list[Write]:
+def writes_of(cell: CellConfig, node_id: int, dictionary: Dictionary) -> list[CellWrite]:
     """Return what the cell file has written into a node, in order: the node's own objects, then those of its axes.
 
     Raises:
@@ -36,7 +36,7 @@ def writes_of(cell: CellConfig, node_id: int, dictionary: Dictionary) -> list[Wr
     return writes
 
 
-def plan_of(cell: CellConfig, node_id: int, eds: Eds, find_tries: int, late: bool = False) -> Plan:
+def plan_of(cell: CellConfig, node_id: int, eds: Eds, find_tries: int, late: bool = False) -> BootPlan:
     """Return the boot-up of a node as the cell file and the EDS have it; ``late``: of one that appears while the machine runs.
 
     Raises:
@@ -45,7 +45,7 @@ def plan_of(cell: CellConfig, node_id: int, eds: Eds, find_tries: int, late: boo
     """
     node = cell.nodes[node_id]
     writes = writes_of(cell, node_id, Dictionary(eds, node_id))
-    return Plan(
+    return BootPlan(
         node_id,
         identity=expected(node, eds),
         find_tries=find_tries,
@@ -61,10 +61,10 @@ def plan_of(cell: CellConfig, node_id: int, eds: Eds, find_tries: int, late: boo
     )
 
 
-class Watch:
+class DriveMonitoringSetup:
     """The drive's watch over us, and the SYNC that it hears; holds what to give back."""
 
-    def __init__(self, objects: Objects, bus: BusConfig) -> None:
+    def __init__(self, objects: NodeObjects, bus: BusConfig) -> None:
         self._objects = objects
         self._bus = bus
         self._before: list[tuple[int, int, int]] = []  # index, sub-index, value to give back

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from axisbus.boot.configure import writes_of
-from axisbus.boot.objects import Objects
+from axisbus.boot.objects import NodeObjects
 from axisbus.cell.model import CellConfig
 from axisbus.cia301 import objects as o
 from axisbus.configuration.dcf_values import Key, Selection, require_within_limits, select
-from axisbus.configuration.restore import Report, Restore, ValueEnd
+from axisbus.configuration.restore import Restore, RestoreReport, ValueEnd
 from axisbus.configuration.write_order import pdo_of
 from axisbus.drives.make import Make
 from axisbus.eds.dictionary import Dictionary
@@ -19,7 +19,7 @@ _ERROR_CONTROL = frozenset((o.CONSUMER_HEARTBEAT, o.PRODUCER_HEARTBEAT, o.GUARD_
 _SHOWN = 4
 
 
-def apply(objects: Objects, cell: CellConfig, eds: Eds, make: Make) -> int:
+def apply(objects: NodeObjects, cell: CellConfig, eds: Eds, make: Make) -> int:
     """Write the values of a node's DCF that it does not have yet and read all of them again; return how many it has then.
 
     What the cell file itself says of an object wins: its ``objects`` and ``pdo`` tables, the words of its axes, and [bus].
@@ -83,7 +83,7 @@ def _tables(cell: CellConfig, node_id: int) -> frozenset[int]:
     )
 
 
-def _require_ok(report: Report, node_id: int, eds: Eds) -> None:
+def _require_ok(report: RestoreReport, node_id: int, eds: Eds) -> None:
     failed = report.of(ValueEnd.FAILED, ValueEnd.DIFFERS)
     if not failed:
         return

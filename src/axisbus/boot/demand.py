@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from axisbus.cia402 import objects
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import ValueTransport
 from axisbus.motion.parameters import AxisParameters, DemandUse
 
 _ELSE = "in csp the target that the master sent counts, in other modes nothing"
 
 
-def demand_text(parameters: AxisParameters, source: Source) -> str:
+def demand_text(parameters: AxisParameters, source: ValueTransport) -> str:
     """Return the line of an axis; ``source``: how 6062h travels."""
     parts = [_use(parameters, source)]
     if not parameters.compares_demand:
@@ -24,8 +24,8 @@ def demand_text(parameters: AxisParameters, source: Source) -> str:
     return "; ".join(parts)
 
 
-def _use(parameters: AxisParameters, source: Source) -> str:
-    if source is Source.NONE or not parameters.has(objects.POSITION_DEMAND):
+def _use(parameters: AxisParameters, source: ValueTransport) -> str:
+    if source is ValueTransport.NONE or not parameters.has(objects.POSITION_DEMAND):
         return f"6062h does not travel: {_ELSE}"
     if parameters.demand is DemandUse.IGNORE:
         return f'6062h is not used (demand = "ignore"): {_ELSE}'

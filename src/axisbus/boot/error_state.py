@@ -16,7 +16,7 @@ from axisbus.errors import BusError, SdoAbort
 _MOST = 3  # entries of 1003h that are told, the newest ones that differ
 
 
-class Uploads(Protocol):
+class ErrorStateUploads(Protocol):
     """What is needed of a node's objects; raises ``SdoAbort``, and ``BusError`` where it does not answer."""
 
     def upload(self, index: int, subindex: int = 0) -> bytes:
@@ -67,7 +67,7 @@ class ErrorState:
         return f"its last EMCY, {self.ago:.1f} s ago: {emcy_words(self.last, make)}"
 
 
-def read(objects: Uploads, last: Emcy | None = None, ago: float = 0.0) -> ErrorState:
+def read(objects: ErrorStateUploads, last: Emcy | None = None, ago: float = 0.0) -> ErrorState:
     """Read it; blocks for a few transfers, or for one where the node does not answer. Raises nothing of a node or a bus."""
     try:
         register = _number(objects, o.ERROR_REGISTER, 0)
@@ -77,7 +77,7 @@ def read(objects: Uploads, last: Emcy | None = None, ago: float = 0.0) -> ErrorS
     return ErrorState(register, history, last, ago)
 
 
-def _number(objects: Uploads, index: int, subindex: int) -> int | None:
+def _number(objects: ErrorStateUploads, index: int, subindex: int) -> int | None:
     try:
         return int.from_bytes(objects.upload(index, subindex), "little")
     except SdoAbort:

@@ -6,7 +6,7 @@ from axisbus.boot import identity, program_text
 from axisbus.cell.model import NodeConfig
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as o
-from axisbus.cia302.types import IDENTITY, Letter, Outcome
+from axisbus.cia302.types import IDENTITY, BootOutcome, Letter
 from axisbus.errors import AxisbusError, BootError, SdoAbort
 from axisbus.wording import counted
 
@@ -37,7 +37,7 @@ _ERROR_CONTROL = {
 }
 
 
-def as_error(outcome: Outcome, node: NodeConfig, cause: AxisbusError | None) -> AxisbusError:
+def as_error(outcome: BootOutcome, node: NodeConfig, cause: AxisbusError | None) -> AxisbusError:
     """Return the error of a boot-up that failed; ``cause`` is the error of its last request that had none or a bad answer."""
     if outcome.letter in _OTHER_DEVICE:
         error = identity.another_device(outcome, node)
@@ -58,7 +58,7 @@ def as_error(outcome: Outcome, node: NodeConfig, cause: AxisbusError | None) -> 
     return with_facts(error, outcome)
 
 
-def with_facts(error: BootError, outcome: Outcome) -> BootError:
+def with_facts(error: BootError, outcome: BootOutcome) -> BootError:
     """Give an error the letter, tries and time of the boot-up that it ended."""
     error.letter = outcome.letter.name if outcome.letter is not None else ""
     if error.index is None and outcome.address is not None:
@@ -84,7 +84,7 @@ def at_step(node_id: int, step: str, error: AxisbusError) -> BootError:
     return failed
 
 
-def _configuration(outcome: Outcome, cause: AxisbusError | None) -> BootError:
+def _configuration(outcome: BootOutcome, cause: AxisbusError | None) -> BootError:
     what, observed, remedy = _what_went_wrong(outcome, cause)
     index, subindex = outcome.address or (o.VERIFY_CONFIGURATION, 0)
     setting = outcome.setting
@@ -102,7 +102,7 @@ def _configuration(outcome: Outcome, cause: AxisbusError | None) -> BootError:
     return error
 
 
-def _what_went_wrong(outcome: Outcome, cause: AxisbusError | None) -> tuple[str, str, str]:
+def _what_went_wrong(outcome: BootOutcome, cause: AxisbusError | None) -> tuple[str, str, str]:
     if outcome.expected is not None:
         return (
             "reads back another value",
@@ -121,7 +121,7 @@ def _what_went_wrong(outcome: Outcome, cause: AxisbusError | None) -> tuple[str,
     return cause.message, cause.observed, cause.remedy
 
 
-def _error_control(outcome: Outcome) -> BootError:
+def _error_control(outcome: BootOutcome) -> BootError:
     assert outcome.letter is not None
     what, remedy = _ERROR_CONTROL[outcome.letter]
     return BootError(

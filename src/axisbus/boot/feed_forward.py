@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 from axisbus.cell.model import AxisConfig
 from axisbus.cia402 import dictionary as catalogue
 from axisbus.cia402.axes import own_index
-from axisbus.cia402.port import ALL_OUTPUTS, INTERPOLATION_OBJECTS, OFFSET_OBJECTS, Source
+from axisbus.cia402.port import ALL_OUTPUTS, INTERPOLATION_OBJECTS, OFFSET_OBJECTS, ValueTransport
 from axisbus.errors import BootError
 
 _WHAT = {
@@ -19,21 +19,23 @@ _REMEDY = {
     **dict.fromkeys(INTERPOLATION_OBJECTS, "leave ip and csp out of modes in [axes.{name}]"),
 }
 _WHY = {
-    Source.NONE: "the drive does not have it",
-    Source.SDO: "none of its RPDOs carries it: it would go by SDO, behind the motion",
-    Source.EVENT_PDO: "its RPDO is event-driven",
+    ValueTransport.NONE: "the drive does not have it",
+    ValueTransport.SDO: "none of its RPDOs carries it: it would go by SDO, behind the motion",
+    ValueTransport.EVENT_PDO: "its RPDO is event-driven",
 }
 
 
-def require_synchronous(axis: AxisConfig, names: Collection[str], outputs: Mapping[str, Source]) -> None:
+def require_synchronous(
+    axis: AxisConfig, names: Collection[str], outputs: Mapping[str, ValueTransport]
+) -> None:
     """Raise where one of ``names``, which the axis is sent beside the usual, does not travel in a synchronous PDO.
 
     Raises:
         BootError: one does not; nothing was sent by it.
     """
     for name in sorted(names, key=ALL_OUTPUTS.__getitem__):
-        source = outputs.get(name, Source.NONE)
-        if source is not Source.SYNC_PDO:
+        source = outputs.get(name, ValueTransport.NONE)
+        if source is not ValueTransport.SYNC_PDO:
             index = own_index(ALL_OUTPUTS[name], axis.drive_axis)
             raise BootError(
                 f"axis {axis.name}: {_WHAT[name]} cannot be sent by {index:04X}h ({catalogue.name(ALL_OUTPUTS[name])})",

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from axisbus.boot.objects import Objects
+from axisbus.boot.objects import NodeObjects
 from axisbus.cell.model import NodeConfig
 from axisbus.cia301 import objects as o
-from axisbus.cia302.types import IDENTITY, Address, Expected, Outcome
+from axisbus.cia302.types import IDENTITY, Address, BootOutcome, Expected
 from axisbus.cia402.device_type import device_kind
 from axisbus.cia402.objects import PROFILE_NUMBER
 from axisbus.drives.make import GENERIC, Make
@@ -50,7 +50,7 @@ def differences(found: Mapping[Address, int], eds: Eds) -> list[str]:
     return []
 
 
-def another_device(outcome: Outcome, node: NodeConfig) -> BootError:
+def another_device(outcome: BootOutcome, node: NodeConfig) -> BootError:
     """Return the error of a node that is not the expected one."""
     index, subindex = outcome.address or (o.DEVICE_TYPE, 0)
     address = (index, subindex)
@@ -69,7 +69,7 @@ def another_device(outcome: Outcome, node: NodeConfig) -> BootError:
     )
 
 
-def name(objects: Objects) -> str:
+def name(objects: NodeObjects) -> str:
     """Return the device's name (1008h), empty if it has none that can be read: the name is only shown. Blocks.
 
     Raises:
@@ -81,7 +81,7 @@ def name(objects: Objects) -> str:
         return ""
 
 
-def heading(objects: Objects, found: Mapping[Address, int], make: Make) -> str:
+def heading(objects: NodeObjects, found: Mapping[Address, int], make: Make) -> str:
     """Return what a device is called: by its name (1008h), its make, or its device type (1000h); blocks, raises as ``name``."""
     own = name(objects) or (make.name if make is not GENERIC else "")
     return own or device_kind(found.get((o.DEVICE_TYPE, 0))) or "a device without a name"

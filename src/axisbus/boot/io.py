@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from axisbus.boot.objects import Objects, read_int
+from axisbus.boot.objects import NodeObjects, read_int
 from axisbus.cia301 import objects as o301
 from axisbus.cia401.objects import (
     DRIVE_OUTPUTS,
@@ -17,7 +17,7 @@ from axisbus.cia401.objects import (
     OUTPUTS,
     PRE_OPERATIONAL,
 )
-from axisbus.cia401.signal import Address, Point
+from axisbus.cia401.signal import Address, IoPoint
 from axisbus.cia402.axes import first_axis
 from axisbus.errors import BootError, SdoAbort
 
@@ -25,7 +25,7 @@ _STEP = "inputs and outputs"
 
 
 def prepare(
-    objects: Objects, points: Sequence[Point], *, alone: bool, given: Collection[Address] = ()
+    objects: NodeObjects, points: Sequence[IoPoint], *, alone: bool, given: Collection[Address] = ()
 ) -> list[str]:
     """Set error modes, error values and masks of the outputs; return lines that say what a module does without us.
 
@@ -42,7 +42,7 @@ def prepare(
     return [_prepare(objects, point, given) for point in outputs]
 
 
-def _prepare(objects: Objects, point: Point, given: Collection[Address]) -> str:
+def _prepare(objects: NodeObjects, point: IoPoint, given: Collection[Address]) -> str:
     if (first_axis(point.index), point.subindex) == (DRIVE_OUTPUTS, OUTPUTS):
         _open_mask(objects, point)
         return f"{point.name}: {point.object_text}; what the drive does with it without us is in its manual"
@@ -67,7 +67,7 @@ def _prepare(objects: Objects, point: Point, given: Collection[Address]) -> str:
     return f"{point.name}: {point.object_text}; without us the module makes it {point.shown(point.safe):g} ({_both(mode, value)})"
 
 
-def _open_mask(objects: Objects, point: Point) -> None:
+def _open_mask(objects: NodeObjects, point: IoPoint) -> None:
     """Let the drive obey these bits of its outputs; one without a mask obeys all (CiA 402-2, 60FEh).
 
     A bit that did not act may hold anything: it is made safe first, so that opening a machine switches nothing on.
@@ -80,7 +80,7 @@ def _open_mask(objects: Objects, point: Point) -> None:
     _write(objects, (point.index, MASK), mask | point.mask)
 
 
-def _write(objects: Objects, address: Address, value: int) -> None:
+def _write(objects: NodeObjects, address: Address, value: int) -> None:
     name = f"{address[0]:04X}h:{address[1]:02X}"
     try:
         objects.write_unchecked(*address, value)
@@ -91,7 +91,7 @@ def _write(objects: Objects, address: Address, value: int) -> None:
         raise _failed(objects, address, f"{name} took {value} without an error", f"it reads back {after}")
 
 
-def _failed(objects: Objects, address: Address, what: str, observed: str) -> BootError:
+def _failed(objects: NodeObjects, address: Address, what: str, observed: str) -> BootError:
     return BootError(
         f"node {objects.node_id}: {what}, so its outputs have no safe state without us",
         node=objects.node_id,

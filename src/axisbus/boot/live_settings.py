@@ -16,7 +16,7 @@ from axisbus.cia402 import objects as o
 from axisbus.cia402 import options
 from axisbus.cia402.axes import first_axis
 from axisbus.configuration import guarded_write
-from axisbus.configuration.dcf_values import Item, Key, Selection, Skipped, Why
+from axisbus.configuration.dcf_values import Item, Key, Selection, SkippedValue, SkipReason
 from axisbus.drives.make import Make
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
@@ -66,5 +66,5 @@ def settings(
         )
 
     kept = tuple(item for item in whole.items if is_setting(item))
-    left = tuple(Skipped(item.variable, Why.MACHINE) for item in whole.items if item not in kept)
+    left = tuple(SkippedValue(item.variable, SkipReason.MACHINE) for item in whole.items if item not in kept)
     return Selection(kept, (*whole.skipped, *left))

@@ -22,10 +22,10 @@ from typing import Protocol, TypeVar
 
 from axisbus.boot import dcf, error_state, io, program_text
 from axisbus.boot import identity as ids
-from axisbus.boot.configure import Watch, plan_of
+from axisbus.boot.configure import DriveMonitoringSetup, plan_of
 from axisbus.boot.demand import demand_text
 from axisbus.boot.failure import NAMES_NO_ERROR, SILENT_OR_STRANGE, as_error, at_step
-from axisbus.boot.objects import Objects, Progress, read_int
+from axisbus.boot.objects import NodeObjects, Progress, read_int
 from axisbus.boot.report import AxisReport, NodeReport
 from axisbus.boot.requests import Answerer, Locals, Nmt
 from axisbus.boot.result import Booted
@@ -45,13 +45,13 @@ from axisbus.cell.writes import node_writes
 from axisbus.cia301 import objects as o301
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia302.bootup import boot_up
-from axisbus.cia302.types import DEADLINE, Address, ErrorControl, Letter, Outcome, Phase
-from axisbus.cia401.signal import Point
+from axisbus.cia302.types import DEADLINE, Address, BootOutcome, BootPhase, ErrorControl, Letter
+from axisbus.cia401.signal import IoPoint
 from axisbus.cia402 import modes, options
 from axisbus.cia402 import objects as o
 from axisbus.cia402.axes import own_index
-from axisbus.cia402.port import Capabilities, Source
-from axisbus.cia402.state import ENERGISED, State, decode
+from axisbus.cia402.port import Capabilities, ValueTransport
+from axisbus.cia402.state import ENERGISED, PowerState, decode
 from axisbus.drives import registry
 from axisbus.drives.make import Make
 from axisbus.eds.dictionary import Dictionary
@@ -84,7 +84,7 @@ class Comms(Nmt, Protocol):
     def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:
         """Plan and set the PDOs of one axis; return how its values travel."""
 
-    def connect_io(self, points: Sequence[Point]) -> str:
+    def connect_io(self, points: Sequence[IoPoint]) -> str:
         """Plan and set the PDOs of the node's inputs and outputs; return how they travel."""
 
     def event_timers(self, axis: AxisConfig) -> tuple[EventTimer, ...]:
@@ -117,7 +117,7 @@ class NodeBoot:
         cell: CellConfig,
         node_id: int,
         eds: Eds,
-        objects: Objects,
+        objects: NodeObjects,
         comms: Comms,
         progress: Progress | None = None,
         late: bool = False,
@@ -132,9 +132,9 @@ class NodeBoot:
         self._late = late
         self._report = NodeReport(node_id)
         self._axes = list(cell.axes_of(node_id))
-        self._power: dict[str, State] = {}
+        self._power: dict[str, PowerState] = {}
         self._make: Make = registry.find(None, None)
-        self._watch = Watch(objects, cell.bus)
+        self._watch = DriveMonitoringSetup(objects, cell.bus)
         self._parameters: dict[str, AxisParameters] = {}
         self._restarts: int | None = None
         self._by_dcf = 0
@@ -156,13 +156,13 @@ class NodeBoot:
 
     def _locals(self) -> Locals:
         return {
-            Phase.LOOK: lambda known: self._step("state", partial(self._look, known)),
-            Phase.PREPARE: lambda known: self._step("configuration", partial(self._prepare, known)),
-            Phase.CONFIGURE: lambda _: self._step("configuration", self._apply_dcf),
-            Phase.COMPLETE: self._complete,
+            BootPhase.LOOK: lambda known: self._step("state", partial(self._look, known)),
+            BootPhase.PREPARE: lambda known: self._step("configuration", partial(self._prepare, known)),
+            BootPhase.CONFIGURE: lambda _: self._step("configuration", self._apply_dcf),
+            BootPhase.COMPLETE: self._complete,
         }
 
-    def _finish(self, outcome: Outcome, answerer: Answerer) -> None:
+    def _finish(self, outcome: BootOutcome, answerer: Answerer) -> None:
         report = self._report
         report.outcome = outcome
         report.steps = list(outcome.done)
@@ -212,20 +212,20 @@ class NodeBoot:
         self._report.identity = ids.text(found)
         self._report.warnings += ids.differences(found, self._eds)
 
-    def _look(self, known: Outcome) -> bool:
+    def _look(self, known: BootOutcome) -> bool:
         """See who it is and what the drives are doing, before anything is written; return whether it may be disturbed."""
         self._identify(known.identity)
         self._comms.follow_emcy()
         for axis in self._axes:
             word = read_int(self._objects, own_index(o.STATUSWORD, axis.drive_axis))
-            self._power[axis.name] = State.UNKNOWN if word is None else decode(word)
+            self._power[axis.name] = PowerState.UNKNOWN if word is None else decode(word)
         if self.found_enabled:
             self._report.warnings.append(
                 "found enabled: left as it is and not configured; take it over with enable() or switch it off with disable()"
             )
         return not self.found_enabled
 
-    def _prepare(self, known: Outcome) -> None:
+    def _prepare(self, known: BootOutcome) -> None:
         if known.program is not None and known.program.replaced:
             self._report.warnings.clear()  # they were about the revision that it had
             self._identify(known.identity)
@@ -246,7 +246,7 @@ class NodeBoot:
                 remedy="look at its supply, and for another master or tool that resets it; then boot again",
             )
 
-    def _complete(self, known: Outcome) -> None:
+    def _complete(self, known: BootOutcome) -> None:
         """What is left before the start: the watch on both sides, and the axes with their PDOs."""
         if not self.found_enabled:
             self._comms.watch(known.consumer)
@@ -344,12 +344,12 @@ class NodeBoot:
                 *self._modes_shown(axis, parameters),
                 _travels(how),
                 self._comms.event_timers(axis),
-                how.outputs.get("controlword") is Source.SYNC_PDO,
+                how.outputs.get("controlword") is ValueTransport.SYNC_PDO,
                 ladder,
                 scale,
                 rated,
                 promises(parameters),
-                demand_text(parameters, how.inputs.get("demand", Source.NONE)),
+                demand_text(parameters, how.inputs.get("demand", ValueTransport.NONE)),
             )
         )
         return parameters
@@ -442,7 +442,7 @@ class NodeBoot:
 
 def _travels(how: Capabilities) -> str:
     """Return how values travel, grouped: ``synchronous PDO: statusword, position; SDO: torque``."""
-    groups: dict[Source, list[str]] = {}
+    groups: dict[ValueTransport, list[str]] = {}
     for name, source in (*how.outputs.items(), *how.inputs.items()):
         if name.replace("_", " ") not in groups.setdefault(source, []):
             groups[source].append(name.replace("_", " "))

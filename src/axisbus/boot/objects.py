@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
 from axisbus.cia301.datatypes import DataType, Value, decode, encode
-from axisbus.cia301.sdo import Way
+from axisbus.cia301.sdo import SdoTransferType
 from axisbus.errors import SdoAbort, SdoTimeout
 
 if TYPE_CHECKING:  # who has drives on a bus has no need of simulated ones
@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # who has drives on a bus has no need of simulated ones
 Progress = Callable[[int, int | None], None]  # bytes done, bytes in all (None: not known)
 
 
-class Objects(Protocol):
+class NodeObjects(Protocol):
     """Typed reads and writes; blocks; raises ``SdoAbort``, ``SdoTimeout`` and what the bus raises."""
 
     @property
@@ -40,7 +40,7 @@ class Objects(Protocol):
         subindex: int,
         data: bytes,
         *,
-        way: Way = Way.AUTO,
+        way: SdoTransferType = SdoTransferType.AUTO,
         progress: Progress | None = None,
     ) -> None:
         """Set an object's bytes; ``progress`` is told how many have arrived."""
@@ -91,7 +91,7 @@ class DeviceObjects:
         subindex: int,
         data: bytes,
         *,
-        way: Way = Way.AUTO,  # noqa: ARG002 - nothing travels here
+        way: SdoTransferType = SdoTransferType.AUTO,  # noqa: ARG002 - nothing travels here
         progress: Progress | None = None,
     ) -> None:
         """Set an object's bytes; raises ``SdoAbort`` or ``SdoTimeout``."""
@@ -111,7 +111,7 @@ class DeviceObjects:
             )
 
 
-def read_int(objects: Objects, index: int, subindex: int = 0) -> int | None:
+def read_int(objects: NodeObjects, index: int, subindex: int = 0) -> int | None:
     """Return an integer, None where the node has no such object or does not let it be read.
 
     Raises:

@@ -7,35 +7,39 @@ from typing import Any
 from axisbus.cell.model import NodeConfig
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as o
-from axisbus.cia302.program import NUMBER, Control, Mark, ProgramState, Stage
-from axisbus.cia302.types import Letter, Outcome
+from axisbus.cia302.program import NUMBER, ProgramControl, ProgramStage, ProgramState, ProgramVersion
+from axisbus.cia302.types import BootOutcome, Letter
 from axisbus.errors import AxisbusError, BootError, SdoAbort, SdoTimeout
 from axisbus.wording import counted
 
 LETTERS = frozenset({Letter.G, Letter.H, Letter.I})
 
-_ORDERS = {Stage.STOP: Control.STOP, Stage.CLEAR: Control.CLEAR, Stage.START: Control.START}
+_ORDERS = {
+    ProgramStage.STOP: ProgramControl.STOP,
+    ProgramStage.CLEAR: ProgramControl.CLEAR,
+    ProgramStage.START: ProgramControl.START,
+}
 
 # What is in the node's memory, by the stage that failed.
 _LEFT = {
-    Stage.STOP: "nothing was cleared: after switching it off and on the node runs its old program",
-    Stage.CLEAR: "the old program may be cleared already: do not count on the node before a download has succeeded",
-    Stage.TRANSFER: "the old program is cleared, the new one not whole: the node is of no use before a download has succeeded",
-    Stage.FLASH: "the old program is cleared, the new one not good: the node is of no use before a download has succeeded",
-    Stage.START: "the new program is in the node, but does not run",
-    Stage.RETURN: "the new program was transferred, and told to start",
+    ProgramStage.STOP: "nothing was cleared: after switching it off and on the node runs its old program",
+    ProgramStage.CLEAR: "the old program may be cleared already: do not count on the node before a download has succeeded",
+    ProgramStage.TRANSFER: "the old program is cleared, the new one incomplete: the node is useless until a download succeeds",
+    ProgramStage.FLASH: "the old program is cleared, the new one not good: the node is of no use before a download has succeeded",
+    ProgramStage.START: "the new program is in the node, but does not run",
+    ProgramStage.RETURN: "the new program was transferred, and told to start",
 }
 _AGAIN = "boot again: the download begins anew with stop and clear"
 _TOOL = "if that fails too, load the program with the maker's tool"
 _FILE = f"check that the file is for this very device and in the form that it takes, and {_AGAIN}; {_TOOL}"
 # What to do first, by the stage that failed.
 _FIRST = {
-    Stage.STOP: "see in the drive's manual in which state its program may be stopped, and boot again",
-    Stage.CLEAR: f"{_AGAIN}; {_TOOL}",
-    Stage.TRANSFER: f"check supply and wiring, and {_AGAIN}; {_TOOL}",
-    Stage.FLASH: _FILE,
-    Stage.START: f"switch the node off and on, and {_AGAIN}; {_TOOL}",
-    Stage.RETURN: "switch the node off and on, and boot again (what it says then decides); where it only needs longer, "
+    ProgramStage.STOP: "see in the drive's manual in which state its program may be stopped, and boot again",
+    ProgramStage.CLEAR: f"{_AGAIN}; {_TOOL}",
+    ProgramStage.TRANSFER: f"check supply and wiring, and {_AGAIN}; {_TOOL}",
+    ProgramStage.FLASH: _FILE,
+    ProgramStage.START: f"switch the node off and on, and {_AGAIN}; {_TOOL}",
+    ProgramStage.RETURN: "switch the node off and on, and boot again (what it says then decides); where it only needs longer, "
     f"give a longer deadline in [nodes.N.program]; {_TOOL}",
 }
 _OTHER_PROGRAM = (
@@ -76,7 +80,7 @@ def as_json(state: ProgramState | None) -> dict[str, Any] | None:
     }
 
 
-def as_error(outcome: Outcome, node: NodeConfig, cause: AxisbusError | None) -> BootError:
+def as_error(outcome: BootOutcome, node: NodeConfig, cause: AxisbusError | None) -> BootError:
     """Return the error of a boot-up that ended with one of ``LETTERS``; ``cause`` is the error of its last bad answer."""
     assert outcome.program is not None
     if outcome.letter is Letter.G:
@@ -98,7 +102,7 @@ def as_error(outcome: Outcome, node: NodeConfig, cause: AxisbusError | None) -> 
     return error
 
 
-def _inconsistent(outcome: Outcome, state: ProgramState) -> tuple[str, str, str]:
+def _inconsistent(outcome: BootOutcome, state: ProgramState) -> tuple[str, str, str]:
     if state.found is not None:
         return (
             ": its program is to be replaced, and there is no file with the new one",
@@ -132,7 +136,7 @@ def _not_allowed(state: ProgramState, download: bool) -> tuple[str, str, str]:
     )
 
 
-def _failed(outcome: Outcome, cause: AxisbusError | None) -> tuple[str, str, str]:
+def _failed(outcome: BootOutcome, cause: AxisbusError | None) -> tuple[str, str, str]:
     state = outcome.program
     assert state is not None
     index, subindex = outcome.address or (o.PROGRAM_DATA, 1)
@@ -146,15 +150,15 @@ def _failed(outcome: Outcome, cause: AxisbusError | None) -> tuple[str, str, str
     )
 
 
-def _first(outcome: Outcome, state: ProgramState) -> str:
-    if state.stage is Stage.TRANSFER and outcome.abort is not None:
+def _first(outcome: BootOutcome, state: ProgramState) -> str:
+    if state.stage is ProgramStage.TRANSFER and outcome.abort is not None:
         return _FILE
-    if state.stage is Stage.RETURN and outcome.got is not None:
+    if state.stage is ProgramStage.RETURN and outcome.got is not None:
         return _OTHER_PROGRAM
     return _FIRST.get(state.stage, _AGAIN)
 
 
-def _reason(outcome: Outcome, state: ProgramState, cause: AxisbusError | None) -> str:
+def _reason(outcome: BootOutcome, state: ProgramState, cause: AxisbusError | None) -> str:
     if outcome.abort is not None:
         return f"the node refuses: {abort.describe(outcome.abort)}"
     if state.flash is not None and outcome.address == (o.FLASH_STATUS, NUMBER):
@@ -176,7 +180,7 @@ def _both(state: ProgramState) -> str:
     return f"by {objects} it is {state.found}, the cell file expects {state.expected}"
 
 
-def _plain(mark: Mark | None) -> dict[str, Any] | None:
+def _plain(mark: ProgramVersion | None) -> dict[str, Any] | None:
     if mark is None:
         return None
     moment = None if mark.version is None else mark.version.moment
@@ -186,7 +190,7 @@ def _plain(mark: Mark | None) -> dict[str, Any] | None:
     }
 
 
-def _toml(mark: Mark | None) -> str:
+def _toml(mark: ProgramVersion | None) -> str:
     """Return the lines of the cell file that expect this program; empty where it is none."""
     if mark is None or mark.version == (0, 0) or (mark.version is not None and mark.version.moment is None):
         return ""

@@ -10,8 +10,8 @@ from axisbus.boot import text as boot_text
 from axisbus.boot.stop_report import StopLadderReport, Watchdog, WatchdogReport
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.cell.scale_proposal import ScaleReport
-from axisbus.cia302.types import Letter, Outcome
-from axisbus.errors import AxisbusError, BootError, where_to_read
+from axisbus.cia302.types import BootOutcome, Letter
+from axisbus.errors import AxisbusError, BootError, help_line
 from axisbus.motion.stop.promises import Promise, rows
 
 
@@ -50,7 +50,7 @@ class NodeReport:
     warnings: list[str] = field(default_factory=list)
     error: AxisbusError | None = None
     optional: bool = False
-    outcome: Outcome | None = None
+    outcome: BootOutcome | None = None
     io: tuple[str, ...] = ()
 
     @property
@@ -94,7 +94,7 @@ class NodeReport:
             return lines + boot_text.rows(self.outcome)
         if self.error is not None:
             step = f" at {self.error.step}" if isinstance(self.error, BootError) else ""
-            told = f"{self.error}\n{where_to_read(self.error)}"
+            told = f"{self.error}\n{help_line(self.error)}"
             lines.append(f"  FAILED{step}: " + told.replace("\n", "\n  "))
             return lines + boot_text.rows(self.outcome)
         rows = [

@@ -7,7 +7,7 @@ from collections.abc import Callable, Generator, Mapping
 from contextlib import AbstractContextManager
 from typing import Protocol
 
-from axisbus.boot.objects import Objects, Progress
+from axisbus.boot.objects import NodeObjects, Progress
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia302 import types as b
@@ -33,7 +33,7 @@ class Nmt(Protocol):
         """Make SDO requests that often, with ``deadline`` seconds each, inside the ``with`` block."""
 
 
-Locals = Mapping[b.Phase, Callable[[b.Outcome], bool | None]]
+Locals = Mapping[b.BootPhase, Callable[[b.BootOutcome], bool | None]]
 
 
 class Answerer:
@@ -41,7 +41,7 @@ class Answerer:
 
     def __init__(
         self,
-        objects: Objects,
+        objects: NodeObjects,
         nmt: Nmt,
         local: Locals,
         progress: Progress | None = None,
@@ -58,14 +58,14 @@ class Answerer:
         self._clock = clock
         self.error: AxisbusError | None = None
 
-    def run(self, machine: Generator[b.Request, b.Answer, b.Outcome]) -> b.Outcome:
+    def run(self, machine: Generator[b.Request, b.Answer, b.BootOutcome]) -> b.BootOutcome:
         """Answer until the machine is through; blocks. What goes wrong is an answer, too, and ``error`` holds it."""
         request = next(machine)
         while True:
             try:
                 request = machine.send(self.answer(request))
             except StopIteration as end:
-                outcome: b.Outcome = end.value
+                outcome: b.BootOutcome = end.value
                 return outcome
 
     def answer(self, request: b.Request) -> b.Answer:
@@ -79,8 +79,8 @@ class Answerer:
         elapsed = self._clock() - start
         if isinstance(request, b.Pause):
             elapsed = max(elapsed, request.seconds)  # where time is virtual, the clock has not moved
-        if value is None and isinstance(request, (b.Listen, b.Guard)):
-            return b.Silence(elapsed)
+        if value is None and isinstance(request, (b.Listen, b.GuardRequest)):
+            return b.NoReply(elapsed)
         return b.Got(value, elapsed)
 
     def _do(self, request: b.Request) -> Value | NmtState | None:
@@ -88,29 +88,29 @@ class Answerer:
             case b.Local():
                 with self._nmt.trying(b.TRIES, b.DEADLINE):
                     return self._local[request.phase](request.known)
-            case b.Command():
+            case b.BootNmtCommand():
                 return self._nmt.command(request.command, request.deadline)
             case b.Listen():
                 return self._nmt.listen(request.deadline)
-            case b.Guard():
+            case b.GuardRequest():
                 return self._nmt.ask(request.deadline)
             case b.Pause():
                 self._nmt.pause(request.seconds)
                 return None
         return self._transfer(request)
 
-    def _transfer(self, request: b.Read | b.Write | b.Transfer) -> Value | None:
+    def _transfer(self, request: b.Read | b.BootWrite | b.ProgramDownload) -> Value | None:
         with self._nmt.trying(1, request.deadline):
             if isinstance(request, b.Read):
                 return self._objects.read(request.index, request.subindex)
-            if isinstance(request, b.Transfer):
+            if isinstance(request, b.ProgramDownload):
                 where = request.index, request.subindex
                 self._objects.download(*where, request.data, way=request.way, progress=self._progress)
             else:
                 self._write(request)
         return None
 
-    def _write(self, request: b.Write) -> None:
+    def _write(self, request: b.BootWrite) -> None:
         if request.checked:
             self._objects.write(request.index, request.subindex, request.value)
         else:
@@ -122,4 +122,4 @@ def _bad_answer(request: b.Request, error: AxisbusError, elapsed: float) -> b.An
     hopeless = isinstance(request, b.Local) or isinstance(error, NodeRefused)
     if hopeless or not isinstance(error, (SdoError, NodeTimeout)):
         return b.Failed(elapsed)
-    return b.Refused(error.code, elapsed) if isinstance(error, SdoAbort) else b.Silence(elapsed)
+    return b.SdoAbortReply(error.code, elapsed) if isinstance(error, SdoAbort) else b.NoReply(elapsed)

@@ -9,7 +9,7 @@ from axisbus.boot.report import NodeReport
 from axisbus.motion.parameters import AxisParameters
 
 if TYPE_CHECKING:  # a program whose core is another process has no need of what boots
-    from axisbus.boot.configure import Watch
+    from axisbus.boot.configure import DriveMonitoringSetup
 
 
 @dataclass(slots=True)
@@ -18,5 +18,5 @@ class Booted:
 
     report: NodeReport
     parameters: dict[str, AxisParameters]
-    watch: Watch | None = None
+    watch: DriveMonitoringSetup | None = None
     found_enabled: bool = False

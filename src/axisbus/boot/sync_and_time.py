@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from axisbus.boot.objects import Objects, read_int
+from axisbus.boot.objects import NodeObjects, read_int
 from axisbus.cell.model import BusConfig
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.errors import BootError, SdoAbort
 
 
-def set_services(objects: Objects, bus: BusConfig) -> None:
+def set_services(objects: NodeObjects, bus: BusConfig) -> None:
     """Have a node listen to the bus's SYNC with its counter, and to TIME where we send it; blocks for a few transfers.
 
     What a node does not have is left alone: one without 1005h knows no SYNC, one without 1012h no TIME.
@@ -25,7 +25,7 @@ def set_services(objects: Objects, bus: BusConfig) -> None:
         _set_time(objects, bus)
 
 
-def _set_sync(objects: Objects, bus: BusConfig) -> None:
+def _set_sync(objects: NodeObjects, bus: BusConfig) -> None:
     """1005h (CiA 301 7.5.2.5); bit 30 makes the node a producer, which only the bus's own external one may be."""
     now = read_int(objects, o.COB_ID_SYNC)
     if now is None:
@@ -52,7 +52,7 @@ def _set_sync(objects: Objects, bus: BusConfig) -> None:
         ) from error
 
 
-def _set_counter(objects: Objects, bus: BusConfig) -> None:
+def _set_counter(objects: NodeObjects, bus: BusConfig) -> None:
     """1019h (CiA 301 7.5.2.20), which may only change while 1006h is 0."""
     now = read_int(objects, o.SYNC_COUNTER_OVERFLOW)
     if now is None or now == bus.sync_counter:
@@ -75,7 +75,7 @@ def _set_counter(objects: Objects, bus: BusConfig) -> None:
         ) from error
 
 
-def _set_time(objects: Objects, bus: BusConfig) -> None:
+def _set_time(objects: NodeObjects, bus: BusConfig) -> None:
     """1012h: bit 31 makes the node take TIME, bit 30 would make it send it. One without 1012h is left alone."""
     now = read_int(objects, o.COB_ID_TIME)
     wanted = cob.TIME_CONSUMER | bus.time_cob_id
@@ -96,7 +96,7 @@ def _set_time(objects: Objects, bus: BusConfig) -> None:
         ) from error
 
 
-def _failed(objects: Objects, index: int, what: str, observed: str, remedy: str) -> BootError:
+def _failed(objects: NodeObjects, index: int, what: str, observed: str, remedy: str) -> BootError:
     return BootError(
         f"node {objects.node_id}: {what}",
         node=objects.node_id,

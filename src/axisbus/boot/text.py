@@ -6,13 +6,13 @@ from typing import Any
 
 from axisbus.boot.program_text import LETTERS
 from axisbus.cia301 import abort
-from axisbus.cia302.types import Outcome
+from axisbus.cia302.types import BootOutcome
 from axisbus.wording import counted
 
 _WIDTH = 14
 
 
-def rows(outcome: Outcome | None) -> list[str]:
+def rows(outcome: BootOutcome | None) -> list[str]:
     """Return what is worth a line; a boot-up without incident has one."""
     if outcome is None:
         return []
@@ -29,7 +29,7 @@ def rows(outcome: Outcome | None) -> list[str]:
     return [f"  {title:<{_WIDTH}}{text}" for title, text in found if text]
 
 
-def as_json(outcome: Outcome) -> dict[str, Any]:
+def as_json(outcome: BootOutcome) -> dict[str, Any]:
     """Return a boot-up as plain values; numbers are numbers."""
     return {
         "ok": outcome.ok,
@@ -51,12 +51,12 @@ def as_json(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def object_text(outcome: Outcome) -> str:
+def object_text(outcome: BootOutcome) -> str:
     """Return the object that the boot-up ended at, such as ``1018h:02``; empty where it was none."""
     return "" if outcome.address is None else f"{outcome.address[0]:04X}h:{outcome.address[1]:02X}"
 
 
-def _summary(outcome: Outcome) -> str:
+def _summary(outcome: BootOutcome) -> str:
     letter = f"{outcome.letter.name}: {outcome.letter.sentence}; " if outcome.letter is not None else ""
     again = f", {counted(outcome.retries, 'request')} repeated" if outcome.retries else ""
     end = f"{outcome.elapsed:.2f} s{again}"
@@ -67,7 +67,7 @@ def _summary(outcome: Outcome) -> str:
     )
 
 
-def _value(value: object, outcome: Outcome) -> str:
+def _value(value: object, outcome: BootOutcome) -> str:
     if value is None:
         return ""
     if isinstance(value, str) and outcome.letter in LETTERS:

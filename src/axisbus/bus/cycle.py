@@ -43,7 +43,7 @@ _SEND_AGAIN = 0.02  # seconds between two rounds of the frames of a stop that no
 _OUR_STATE = bytes((NmtState.OPERATIONAL,))
 
 
-class Numbered(Protocol):
+class FrameOwner(Protocol):
     """Whose frames they are: a node."""
 
     @property
@@ -51,20 +51,20 @@ class Numbered(Protocol):
         """Its ID."""
 
 
-class Guarded(Protocol):
+class GuardedNode(Protocol):
     """A node without heartbeat, whose state is asked for: a ``NodeMonitor``."""
 
     def ask(self, now: float) -> None:
         """Send a guarding request."""
 
 
-class Sender(Protocol):
+class CycleSender(Protocol):
     """What has frames in a cycle: a ``CanPort`` of an axis, or a ``CanIoPort`` of a node's inputs and outputs."""
 
     asks: bool
 
     @property
-    def node(self) -> Numbered:
+    def node(self) -> FrameOwner:
         """Whose they are."""
 
     def take_frames(self) -> list[Frame]:
@@ -123,7 +123,7 @@ class BootHeartbeat:
 
 
 class CanCycle:
-    """One bus (``cia402.port.Cycle``); holds state: when our heartbeat is due, and whether all was stopped.
+    """One bus (``cia402.port.BusCycle``); holds state: when our heartbeat is due, and whether all was stopped.
 
     ``quick_stop_all`` may be called from any thread, the rest belongs to the scan's.
     """
@@ -131,7 +131,7 @@ class CanCycle:
     def __init__(
         self,
         channel: Channel,
-        ports: Sequence[Sender],
+        ports: Sequence[CycleSender],
         *,
         sync_cob_id: int | None = cob.SYNC,
         sync_counter: int = 0,
@@ -140,7 +140,7 @@ class CanCycle:
         master_id: int | None = None,
         heartbeat: float = 0.0,
         boot_heartbeat: BootHeartbeat | None = None,
-        guarded: Mapping[Guarded, float] | None = None,
+        guarded: Mapping[GuardedNode, float] | None = None,
         events: Sequence[NodeEvents] = (),
         owns_channel: bool = False,
         clock: Callable[[], float] = time.monotonic,
@@ -188,7 +188,11 @@ class CanCycle:
         self._sync_held = False  # until the frames of this cycle are sent
 
     def add(
-        self, ports: Sequence[Sender], node: Guarded, events: NodeEvents, guarding: float | None = None
+        self,
+        ports: Sequence[CycleSender],
+        node: GuardedNode,
+        events: NodeEvents,
+        guarding: float | None = None,
     ) -> None:
         """Drive the ports of one node more, and ask for its state every ``guarding`` seconds; may be called from any thread."""
         self._events = (*self._events, events)
@@ -229,7 +233,7 @@ class CanCycle:
         return None
 
     def receive(self) -> bool:
-        """As ``Cycle.receive``: what the kernel has kept for this cycle; nothing where the receive thread brings every frame."""
+        """As ``BusCycle.receive``: what the kernel has kept for this cycle; nothing where the receive thread brings every frame."""
         self._channel.drain()
         return self._behind
 
@@ -293,7 +297,7 @@ class CanCycle:
             self._channel.send(can_id, data)
         return not self._stopped
 
-    def _ask(self, port: Sender) -> None:
+    def _ask(self, port: CycleSender) -> None:
         """Ask for the TPDOs that come on request."""
         for can_id, length in port.take_requests(self._clock()):
             self._channel.send_remote(can_id, length)

@@ -7,20 +7,20 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo import freshness
 from axisbus.bus.pdo.initial_values import prime_outputs
 from axisbus.bus.pdo.io_plan import name_of
 from axisbus.bus.pdo.lag import lags_of
-from axisbus.bus.pdo.plan import Plan, PlannedPdo
+from axisbus.bus.pdo.plan import PdoPlan, PlannedPdo
 from axisbus.bus.pdo.read import read_number
 from axisbus.bus.pdo.rpdo import Frame, RpdoImage
 from axisbus.bus.pdo.rpdo_schedule import REPEAT, RpdoPace
-from axisbus.cia301.dropped_frames import Fault
+from axisbus.cia301.dropped_frames import DropReason
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia301.pdo import PdoCodec
 from axisbus.cia401.objects import ERROR_OBJECTS
-from axisbus.cia401.port import MAY_HEAR, IoInputs, Known
+from axisbus.cia401.port import MAY_HEAR, IoInputs, SignalValidity
 from axisbus.cia401.signal import Address
 from axisbus.cia402.port import Sample
 from axisbus.errors import BusOff, SdoAbort
@@ -29,7 +29,7 @@ from axisbus.errors import BusOff, SdoAbort
 class _Slot:
     """The newest frame of one TPDO; one pair, replaced as a whole, so that no reader sees half of it."""
 
-    def __init__(self, pdo: PlannedPdo, node: Node, places: dict[Address, int]) -> None:
+    def __init__(self, pdo: PlannedPdo, node: CanopenNode, places: dict[Address, int]) -> None:
         codec = PdoCodec(pdo.target.mapping, pdo.signed)
         self.cob_id = pdo.target.cob_id
         self._node = node
@@ -51,7 +51,7 @@ class _Slot:
         """Store a frame; one that is too short is dropped, and its values grow old."""
         self.frames += 1
         if len(data) < self._size:
-            self._node.channel.drops.note(Fault.SHORT_PDO, self._node.node_id, stamp, self.cob_id, data)
+            self._node.channel.drops.note(DropReason.SHORT_PDO, self._node.node_id, stamp, self.cob_id, data)
             return
         self.latest = data, stamp
 
@@ -77,8 +77,8 @@ class CanIoPort:
 
     def __init__(
         self,
-        node: Node,
-        plan: Plan,
+        node: CanopenNode,
+        plan: PdoPlan,
         inputs: Sequence[Address],
         outputs: Sequence[Address],
         scan_period: float,
@@ -135,13 +135,13 @@ class CanIoPort:
         """Return the newest values; does not block."""
         self._now = now
         known = self._reachable(now)
-        if known is Known.YES and not self._was_known:
+        if known is SignalValidity.YES and not self._was_known:
             for pace in self._paces:
                 pace.forget()  # what was sent before, it has not taken
-        if self._was_known and known is not Known.YES:
+        if self._was_known and known is not SignalValidity.YES:
             self._take_alone()
-        self._was_known, self._may_hear = known is Known.YES, known in MAY_HEAR
-        if known is not Known.RESTARTED:
+        self._was_known, self._may_hear = known is SignalValidity.YES, known in MAY_HEAR
+        if known is not SignalValidity.RESTARTED:
             sampled = self._lags.look(now, self._was_known)
             for slot, when in zip(self._slots, sampled, strict=True):
                 slot.read_into(self._samples, when)
@@ -193,7 +193,7 @@ class CanIoPort:
 
     # -- details -------------------------------------------------------------------------------------------------------
 
-    def _reachable(self, now: float) -> Known:
+    def _reachable(self, now: float) -> SignalValidity:
         nmt, channel = self.node.nmt, self.node.channel
         off = isinstance(channel.off, BusOff) or channel.offs != self._offs
         if off:
@@ -202,14 +202,14 @@ class CanIoPort:
             self._returning = False
             self._doubtful |= nmt.assumed or nmt.state is not NmtState.OPERATIONAL
         if self._doubtful or nmt.bootups != self._bootups:
-            return Known.RESTARTED
+            return SignalValidity.RESTARTED
         if off:
-            return Known.BUS_OFF
+            return SignalValidity.BUS_OFF
         if channel.off is not None:
-            return Known.QUEUE_FULL
+            return SignalValidity.QUEUE_FULL
         if now > nmt.deadline:
-            return Known.SILENT
-        return Known.YES if nmt.state is NmtState.OPERATIONAL else Known.NOT_OPERATIONAL
+            return SignalValidity.SILENT
+        return SignalValidity.YES if nmt.state is NmtState.OPERATIONAL else SignalValidity.NOT_OPERATIONAL
 
     def _heard(self) -> float:
         """When it last gave a sign of life; infinite where nothing makes it give one."""

@@ -16,23 +16,23 @@ from contextlib import closing, suppress
 from dataclasses import dataclass
 from typing import TypeVar
 
-from axisbus.bus.link.bus_activity import signs_of_operation
+from axisbus.bus.link.bus_activity import bus_activity
 from axisbus.bus.link.channel import Channel, require_other_thread
-from axisbus.bus.link.frame_queue import Inbox
+from axisbus.bus.link.frame_queue import UnboundedQueue
 from axisbus.bus.node import discover, nmt
 from axisbus.bus.node.nmt import NodeMonitor
 from axisbus.cia301 import cob
-from axisbus.cia301.dropped_frames import Fault
+from axisbus.cia301.dropped_frames import DropReason
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia305 import master
-from axisbus.cia305.dialogue import Answer, Ask, Dialogue, Heard, Pace, Timing
+from axisbus.cia305.dialogue import AdaptiveLssTimeout, Dialogue, LssReplies, LssReply, LssRequest, LssTiming
 from axisbus.cia305.fastscan import FastScan
 from axisbus.cia305.master import Inquired, NodeIdSet
-from axisbus.cia305.scan_result import Known, Scanned
+from axisbus.cia305.scan_result import KnownIdentity, Scanned
 from axisbus.cia305.services import (
     UNCONFIGURED,
     LssAddress,
-    State,
+    LssState,
     bit_timing_index,
     require_node_id,
     switch_global,
@@ -67,23 +67,23 @@ class LssMaster:
     def __init__(
         self,
         channel: Channel,
-        timing: Timing | None = None,
+        timing: LssTiming | None = None,
         *,
         on_progress: Progress | None = None,
         beside_operation: bool = False,
     ) -> None:
         """Prepare; nothing is sent. ``on_progress`` is called in the caller's thread."""
-        self.pace = Pace(timing)
+        self.pace = AdaptiveLssTimeout(timing)
         self._channel = channel
         self._on_progress = on_progress
         self._quiet = beside_operation
-        self._inbox: Inbox[tuple[bytes, float]] = Inbox()
+        self._inbox: UnboundedQueue[tuple[bytes, float]] = UnboundedQueue()
         self._next: tuple[bytes, float] | None = None  # taken from the inbox, and not looked at yet
         self._asked = (0, 0.0)  # the last service that has an answer, and when it was sent
 
     # -- what it does -------------------------------------------------------------------------------------------------------------
 
-    def find(self, known: Known | None = None, most: int = len(cob.NODE_IDS)) -> Scanned:
+    def find(self, known: KnownIdentity | None = None, most: int = len(cob.NODE_IDS)) -> Scanned:
         """Find all slaves without a node-ID by fast scan; changes nothing about them.
 
         Takes about 1 s for the first and one more for each that differs much; 0.6 s more at the end, when nobody answers any more.
@@ -217,7 +217,7 @@ class LssMaster:
         finally:
             if leave:
                 with suppress(BusError):  # what failed is being told already
-                    self._channel.send(cob.LSS_RX, switch_global(State.WAITING), _SEND_PATIENCE)
+                    self._channel.send(cob.LSS_RX, switch_global(LssState.WAITING), _SEND_PATIENCE)
             self._channel.unsubscribe(cob.LSS_TX, self._receive)
 
     def _drive(self, dialogue: Dialogue[T]) -> T:
@@ -233,14 +233,14 @@ class LssMaster:
         finally:
             dialogue.close()
 
-    def _exchange(self, ask: Ask) -> Heard:
+    def _exchange(self, ask: LssRequest) -> LssReplies:
         late: list[float] = []
         before = time.monotonic()
         while (item := self._take(before)) is not None:
             self._note_late(item, late)
         sent = time.monotonic()
         self._channel.send(cob.LSS_RX, ask.frame, _SEND_PATIENCE)
-        answers: list[Answer] = []
+        answers: list[LssReply] = []
         until = sent + ask.wait
         while (item := self._take(until)) is not None:
             data, stamp = item
@@ -248,12 +248,12 @@ class LssMaster:
                 self._note_late(item, late)
             elif data[:1] == bytes((ask.expects,)):
                 until = until if answers else stamp + ask.settle
-                answers.append(Answer(data, stamp - sent))
+                answers.append(LssReply(data, stamp - sent))
             else:
                 self._drop(item)
         if ask.expects is not None:
             self._asked = ask.expects, sent
-        return Heard(tuple(answers), tuple(late))
+        return LssReplies(tuple(answers), tuple(late))
 
     def _note_late(self, item: tuple[bytes, float], late: list[float]) -> None:
         """Take the delay of an answer to the last request that has one; what else comes says nothing."""
@@ -265,7 +265,7 @@ class LssMaster:
 
     def _drop(self, item: tuple[bytes, float]) -> None:
         data, stamp = item
-        self._channel.drops.note(Fault.LSS, None, stamp, cob.LSS_TX, data)
+        self._channel.drops.note(DropReason.LSS, None, stamp, cob.LSS_TX, data)
 
     def _take(self, until: float) -> tuple[bytes, float] | None:
         """Return the next frame that came by the time ``until``, None when there is none; one that waits is taken even then.
@@ -290,7 +290,7 @@ class LssMaster:
     def _require_quiet(self) -> None:
         if self._quiet:
             return
-        signs = signs_of_operation(self._channel, LISTEN)
+        signs = bus_activity(self._channel, LISTEN)
         if signs:
             raise StateError(
                 "the bus is in operation: LSS would change node-IDs and bit rates under a running machine",

@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from axisbus.bus.link.channel import Receiver
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo import freshness, setpoint_edge_order
 from axisbus.bus.pdo.initial_values import prime_inputs, prime_outputs
 from axisbus.bus.pdo.lag import lags_of
-from axisbus.bus.pdo.plan import Plan
+from axisbus.bus.pdo.plan import PdoPlan
 from axisbus.bus.pdo.poller import Poller
 from axisbus.bus.pdo.rpdo import Frame, RpdoImage
 from axisbus.bus.pdo.rpdo_schedule import REPEAT, RpdoPace
@@ -21,12 +21,12 @@ from axisbus.bus.pdo.setpoint_edge_order import CONTROLWORD
 from axisbus.bus.pdo.tpdo import Requests, TpdoSlot
 from axisbus.bus.pdo.tpdo_inputs import Incoming
 from axisbus.bus.pdo.tpdo_timeout import Deadline
-from axisbus.bus.sdo.worker import Job
+from axisbus.bus.sdo.worker import SdoJob
 from axisbus.cia301 import abort, cob
-from axisbus.cia301.dropped_frames import Fault
+from axisbus.cia301.dropped_frames import DropReason
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia402.axes import own_index
-from axisbus.cia402.controlword import HALT, NEW_SET_POINT, Command
+from axisbus.cia402.controlword import HALT, NEW_SET_POINT, PowerCommand
 from axisbus.cia402.port import (
     INPUT_OBJECTS,
     OUTPUT_OBJECTS,
@@ -47,7 +47,7 @@ _ALL_QUIET = Inputs(0.0, True, *(None,) * 6, nmt=int(_OPERATIONAL))[
 ]  # of a node that is operational, and says nothing more
 _tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
 _DUPLICATE_WITHIN = 1.0  # seconds after a boot-up message in which an energised drive shows a second device
-_QUICK_STOP_SDO = bytes((0x2B, 0, 0, 0)) + Command.QUICK_STOP.word.to_bytes(4, "little")
+_QUICK_STOP_SDO = bytes((0x2B, 0, 0, 0)) + PowerCommand.QUICK_STOP.word.to_bytes(4, "little")
 
 
 class CanPort:
@@ -64,8 +64,8 @@ class CanPort:
 
     def __init__(
         self,
-        node: Node,
-        plan: Plan,
+        node: CanopenNode,
+        plan: PdoPlan,
         *,
         scan_period: float,
         remappable: bool = True,
@@ -186,7 +186,7 @@ class CanPort:
         )
 
     def write(self, outputs: Outputs) -> None:
-        """Take the outputs of this cycle; what travels by PDO is sent by ``Cycle.commit``. Does not block.
+        """Take the outputs of this cycle; what travels by PDO is sent by ``BusCycle.commit``. Does not block.
 
         Raises:
             StateError: an RPDO would have to be sent although the port was not primed.
@@ -283,7 +283,7 @@ class CanPort:
             return (), ()
         index = self.index(OUTPUT_OBJECTS[CONTROLWORD]).to_bytes(2, "little")
         sdo = _QUICK_STOP_SDO[:1] + index + _QUICK_STOP_SDO[3:]
-        by_pdo = self._stops_by_pdo(Command.QUICK_STOP.word)
+        by_pdo = self._stops_by_pdo(PowerCommand.QUICK_STOP.word)
         return by_pdo, ((cob.SDO_RX + self.node.node_id, sdo),)
 
     def prime(self) -> None:
@@ -311,7 +311,7 @@ class CanPort:
 
     def _dropping(self, cob_id: int) -> Receiver:
         drops, node_id = self.node.channel.drops, self.node.node_id
-        return lambda data, stamp: drops.note(Fault.SHORT_PDO, node_id, stamp, cob_id, data)
+        return lambda data, stamp: drops.note(DropReason.SHORT_PDO, node_id, stamp, cob_id, data)
 
     # -- details ------------------------------------------------------------------------------------------------------------------
 
@@ -388,7 +388,7 @@ class CanPort:
                     image.put(index, request.subindex, old)
             self._replies.append(SdoReply(request.id, value, code))
 
-        job = Job((self, request.id), index, request.subindex, request.value, done)
+        job = SdoJob((self, request.id), index, request.subindex, request.value, done)
         if _stops(request):
             self.node.worker.urgent(job)  # no transfer that waits for an answer may be before it
         else:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from axisbus.bus.link.channel import Channel
 from axisbus.cia301 import sync
-from axisbus.cia301.dropped_frames import Fault
+from axisbus.cia301.dropped_frames import DropReason
 from axisbus.cia301.sync import SyncWatch
 from axisbus.cpu_starvation import REMEDY, Starvation
 from axisbus.errors import BusError, SyncError
@@ -125,7 +125,7 @@ class SyncConsumer:
 
     def _on_frame(self, data: bytes, stamp: float) -> None:
         if len(data) > sync.LONGEST:  # the counter, and no more (CiA 301 7.2.5)
-            self._channel.drops.note(Fault.SYNC, None, stamp, self.cob_id, data)
+            self._channel.drops.note(DropReason.SYNC, None, stamp, self.cob_id, data)
             return
         with self._changed:
             self._stamps.append(stamp)

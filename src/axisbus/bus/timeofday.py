@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 
 from axisbus.bus.link.channel import Channel
 from axisbus.cia301 import cob
-from axisbus.cia301.dropped_frames import Fault
+from axisbus.cia301.dropped_frames import DropReason
 from axisbus.cia301.timeofday import TimeOfDay, parse
 
 
@@ -74,6 +74,6 @@ class TimeConsumer:
         time = parse(data)
         if time is None:
             self.malformed += 1
-            self._channel.drops.note(Fault.TIME, None, stamp, self._cob_id, data)
+            self._channel.drops.note(DropReason.TIME, None, stamp, self._cob_id, data)
         else:
             self._latest = (time, stamp)

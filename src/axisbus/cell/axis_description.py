@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 
 from axisbus.cell.drive_limits import limit_writes
 from axisbus.cell.model import AxisConfig, NodeConfig
-from axisbus.cell.writes import Write, implied_writes, initial, known_writes
+from axisbus.cell.writes import CellWrite, implied_writes, initial, known_writes
 from axisbus.cia301.datatypes import Value
 from axisbus.cia402 import objects
 from axisbus.cia402.axes import PROFILE_AREA, first_axis, indices_of, own_index
 from axisbus.cia402.modes import FACTS, ModeOfOperation, needed, supported
-from axisbus.eds.dictionary import Dictionary, Entry
+from axisbus.eds.dictionary import Dictionary, DictionaryEntry
 from axisbus.eds.model import Eds, Variable
 
 
@@ -27,7 +27,7 @@ class Drive:
     node: NodeConfig
     dictionary: Dictionary
     eds: Eds
-    written: Mapping[tuple[int, int], Write] = field(default_factory=dict)
+    written: Mapping[tuple[int, int], CellWrite] = field(default_factory=dict)
 
     @classmethod
     def of(cls, axis: AxisConfig, node: NodeConfig, eds: Eds) -> Drive:
@@ -49,7 +49,7 @@ class Drive:
         """Return an entry of the EDS, None where it has none."""
         return self.eds.get(self.index(index), subindex)
 
-    def entry(self, index: int, subindex: int = 0) -> Entry:
+    def entry(self, index: int, subindex: int = 0) -> DictionaryEntry:
         """Return the entry with the type that it is written with."""
         return self.dictionary.entry(self.index(index), subindex)
 
@@ -61,7 +61,7 @@ class Drive:
         """Return those of ``indices`` that the EDS does not have."""
         return tuple(index for index in indices if not self.has(index))
 
-    def write(self, index: int, subindex: int = 0) -> Write | None:
+    def write(self, index: int, subindex: int = 0) -> CellWrite | None:
         """Return what the cell file writes into an object, None where it leaves it alone."""
         return self.written.get((self.index(index), subindex))
 

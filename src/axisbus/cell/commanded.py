@@ -23,7 +23,7 @@ Read = Callable[[int, int], int | None]
 
 
 @dataclass(frozen=True, slots=True)
-class Contradiction:
+class EntryContradiction:
     """One such entry that holds another value; ``line`` of the cell file asks for the wanted one."""
 
     line: int
@@ -44,7 +44,7 @@ class _Setting:
 
 def contradictions(
     drive: Drive, scan_period: float, modes: Collection[ModeOfOperation], read: Read
-) -> Iterator[Contradiction]:
+) -> Iterator[EntryContradiction]:
     """Yield the read-only entries with which commands will fail; ``read`` returns the value of an entry (None: unknown).
 
     ``modes``: those that the axis is used in; ``scan_period`` in seconds. Pure, but for ``read``.
@@ -53,7 +53,7 @@ def contradictions(
     for each in _settings(drive):
         found = read(*each.at) if each.at in fixed and each.mode in modes else None
         if found is not None and found != each.wanted:
-            yield Contradiction(
+            yield EntryContradiction(
                 each.line,
                 f"axis {drive.axis.name}: {each.fails} will be refused, because {_name(each.at)} cannot be written",
                 f"{_access(drive, each.at)}, and it is {found}; {each.source} asks for {each.wanted}",
@@ -90,7 +90,7 @@ def _settings(drive: Drive) -> Iterator[_Setting]:
     yield _Setting(_M.PROFILE_POSITION, (o.END_VELOCITY, 0), 0, axis.at.line, source, _MOVES)
 
 
-def _period(drive: Drive, scan_period: float, read: Read) -> Iterator[Contradiction]:
+def _period(drive: Drive, scan_period: float, read: Read) -> Iterator[EntryContradiction]:
     fixed = [at for at in (_PERIOD, _EXPONENT) if at in drive.read_only]
     if not fixed:
         return
@@ -98,7 +98,7 @@ def _period(drive: Drive, scan_period: float, read: Read) -> Iterator[Contradict
     if not _misfit(scan_period, value, exponent):
         return
     seen = " and ".join(f"{_name(at)} is {read(*at)}" for at in fixed)
-    yield Contradiction(
+    yield EntryContradiction(
         drive.axis.at.line,
         f"axis {drive.axis.name}: {_CYCLIC_COMMANDS} will be refused, because the interpolation time cannot be the scan period",
         f"{seen}, and cannot be written by {drive.eds.source}; the scan period is {scan_period * 1000:g} ms",

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from axisbus.cell import scale_proposal
 from axisbus.cell.model import AxisConfig
 from axisbus.cell.scales import units_of
-from axisbus.cell.writes import Write, initial
+from axisbus.cell.writes import CellWrite, initial
 from axisbus.cia402 import objects as o
 from axisbus.cia402.axes import own_index
 from axisbus.eds.dictionary import Dictionary
@@ -33,7 +33,7 @@ class Limit(NamedTuple):
     value: int | None
 
 
-def wanted(axis: AxisConfig, dictionary: Dictionary, writes: Sequence[Write] = ()) -> Iterator[Limit]:
+def wanted(axis: AxisConfig, dictionary: Dictionary, writes: Sequence[CellWrite] = ()) -> Iterator[Limit]:
     """Return the limits that are to stand in the drive; ``writes``: what else the cell file writes into it."""
     if not axis.limits_in_drive:
         return
@@ -51,11 +51,13 @@ def wanted(axis: AxisConfig, dictionary: Dictionary, writes: Sequence[Write] = (
         yield Limit("max_torque", o.MAX_TORQUE, 0, most or None)
 
 
-def limit_writes(axis: AxisConfig, dictionary: Dictionary, writes: Sequence[Write] = ()) -> list[Write]:
+def limit_writes(
+    axis: AxisConfig, dictionary: Dictionary, writes: Sequence[CellWrite] = ()
+) -> list[CellWrite]:
     """Return what ``limits_in_drive`` writes: what the drive has objects for, and no other entry writes."""
     given = {write.address for write in writes}
     return [
-        Write(
+        CellWrite(
             index, limit.subindex, limit.value, axis.at.of(KEY), f"{limit.key} by {KEY} in [{axis.at.name}]"
         )
         for limit in wanted(axis, dictionary, writes)
@@ -65,7 +67,7 @@ def limit_writes(axis: AxisConfig, dictionary: Dictionary, writes: Sequence[Writ
     ]
 
 
-def left_out(axis: AxisConfig, dictionary: Dictionary, writes: Sequence[Write] = ()) -> Iterator[Limit]:
+def left_out(axis: AxisConfig, dictionary: Dictionary, writes: Sequence[CellWrite] = ()) -> Iterator[Limit]:
     """Return the limits that the drive cannot be given."""
     addresses = {write.address for write in writes}
     for limit in wanted(axis, dictionary, writes):
@@ -74,7 +76,7 @@ def left_out(axis: AxisConfig, dictionary: Dictionary, writes: Sequence[Write] =
 
 
 def _motor_speed(
-    axis: AxisConfig, units: Units, dictionary: Dictionary, writes: Sequence[Write]
+    axis: AxisConfig, units: Units, dictionary: Dictionary, writes: Sequence[CellWrite]
 ) -> int | None:
     """Return 6080h in revolutions per minute, where 608Fh and the scale agree on how many increments one has."""
     written = {write.address: write.value for write in writes}

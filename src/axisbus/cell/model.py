@@ -17,7 +17,7 @@ SIMULATED = "sim"  # the interface of a cell whose drives are stand-ins
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class SourceLocation:
     """Where a table stands: its ``line`` (from 1), the line of each of its keys, and the keys that are missing or wrong.
 
     A key in ``faulty`` was reported already; what stands in the value then is a placeholder.
@@ -67,7 +67,7 @@ class PdoConfig:
     cob_id: int | None = None
     sync_start: int | None = None
     rtr: float | None = None
-    at: Place = Place()
+    at: SourceLocation = SourceLocation()
 
     @property
     def name(self) -> str:
@@ -89,7 +89,7 @@ class ProgramConfig:
     file: str | None = None
     download: bool = False
     deadline: float | None = None
-    at: Place = Place()
+    at: SourceLocation = SourceLocation()
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +119,7 @@ class BusConfig:
     beside: bool = False
     process: str = ""
     options: Mapping[str, Any] = field(default_factory=dict)
-    at: Place = Place()
+    at: SourceLocation = SourceLocation()
 
     @property
     def hears_sync(self) -> bool:
@@ -154,7 +154,7 @@ class NodeConfig:
     program: ProgramConfig | None = None
     objects: tuple[ObjectSetting, ...] = ()
     pdos: tuple[PdoConfig, ...] = ()
-    at: Place = Place()
+    at: SourceLocation = SourceLocation()
 
     @property
     def file(self) -> str | None:
@@ -188,7 +188,7 @@ class DefaultsConfig:
     deceleration: float | None = None
     torque_slope: float | None = None
     jerk: float | None = None
-    at: Place = Place()
+    at: SourceLocation = SourceLocation()
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +205,7 @@ class HomingConfig:
     timeout: float | None = None
     required: bool | None = None
     offset: float | None = None
-    at: Place = Place()
+    at: SourceLocation = SourceLocation()
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,7 +223,7 @@ class StopConfig:
     halt_time: float | None = None
     quick_stop_time: float | None = None
     disable_time: float | None = None
-    at: Place = Place()
+    at: SourceLocation = SourceLocation()
 
     def word(self, key: str) -> str | None:
         """Return the word of an option code by its key, such as ``quick_stop``."""
@@ -238,7 +238,7 @@ class FeedForwardConfig:
     velocity: bool = False
     inertia: float | None = None
     torque_offset: float | None = None
-    at: Place = Place()
+    at: SourceLocation = SourceLocation()
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,7 +284,7 @@ class AxisConfig:
     stop: StopConfig = StopConfig()
     feed_forward: FeedForwardConfig = FeedForwardConfig()
     objects: tuple[ObjectSetting, ...] = ()
-    at: Place = Place()
+    at: SourceLocation = SourceLocation()
 
     def no_drive(self, what: str) -> StateError:
         """Return that the axis is virtual, and has not ``what`` was asked for."""
@@ -312,7 +312,7 @@ class KinematicsConfig:
     plate: float | None = None
     left: bool | None = None
     middle: float | None = None
-    at: Place = Place()
+    at: SourceLocation = SourceLocation()
 
 
 @dataclass(frozen=True, slots=True)
@@ -327,7 +327,7 @@ class GroupConfig:
     axes: tuple[str, ...] = ()
     on_fault: str = "path"
     kinematics: KinematicsConfig | None = None
-    at: Place = Place()
+    at: SourceLocation = SourceLocation()
 
 
 @dataclass(frozen=True, slots=True)
@@ -344,7 +344,7 @@ class GantryHomingConfig:
     distance: float = 0.0
     positions: tuple[float, ...] = ()
     skew: float | None = None
-    at: Place = Place()
+    at: SourceLocation = SourceLocation()
 
 
 @dataclass(frozen=True, slots=True)
@@ -359,7 +359,7 @@ class GantryConfig:
     max_skew: float = 0.0
     offset: float = 0.0
     homing: GantryHomingConfig | None = None
-    at: Place = Place()
+    at: SourceLocation = SourceLocation()
 
 
 @dataclass(frozen=True, slots=True)
@@ -378,7 +378,7 @@ class IoConfig:
     scale: Fraction | None = None
     offset: float = 0.0
     unit: str = ""
-    at: Place = Place()
+    at: SourceLocation = SourceLocation()
 
 
 @dataclass(frozen=True, slots=True)

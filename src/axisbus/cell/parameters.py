@@ -19,15 +19,15 @@ from axisbus.drives import registry
 from axisbus.drives.make import Make
 from axisbus.eds.model import Eds
 from axisbus.motion.parameters import (
+    AxisLimits,
     AxisParameters,
     Defaults,
     DemandUse,
+    DriveTimeouts,
     Handshake,
     HoldsLoad,
-    Homing,
-    Limits,
+    HomingParameters,
     StopTimes,
-    Timing,
     Units,
 )
 
@@ -53,7 +53,7 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
         name=name,
         units=units,
         limits=torque.limited(
-            Limits(axis.position_limits, axis.max_velocity, axis.max_acceleration, axis.max_torque),
+            AxisLimits(axis.position_limits, axis.max_velocity, axis.max_acceleration, axis.max_torque),
             axis.rated_torque,
             drive.number,
         ),
@@ -161,9 +161,9 @@ def defaults(axis: AxisConfig) -> Defaults:
     return Defaults(given.velocity, given.acceleration, given.deceleration, given.torque_slope, given.jerk)
 
 
-def _homing(axis: AxisConfig) -> Homing:
+def _homing(axis: AxisConfig) -> HomingParameters:
     given = axis.homing
-    return Homing(
+    return HomingParameters(
         given.method,
         given.speed_switch,
         given.speed_zero,
@@ -180,13 +180,13 @@ def stop_times(axis: AxisConfig) -> StopTimes:
     return replace(StopTimes(), **{name: value for name, value in given.items() if value is not None})
 
 
-def _timing(axis: AxisConfig) -> Timing:
+def _timing(axis: AxisConfig) -> DriveTimeouts:
     given = {
         "transition": axis.transition_time,
         "mode": axis.mode_time,
         "acknowledge": axis.acknowledge_time,
     }
-    return replace(Timing(), **{name: value for name, value in given.items() if value is not None})
+    return replace(DriveTimeouts(), **{name: value for name, value in given.items() if value is not None})
 
 
 def _increments(way: float | None, units: Units) -> int | None:

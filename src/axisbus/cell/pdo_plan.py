@@ -7,15 +7,15 @@ from collections.abc import Iterator, Sequence
 
 from axisbus.bus.pdo.io_plan import IoObjects, Used, make_io_plan
 from axisbus.bus.pdo.mapping import DevicePdos, axis_objects
-from axisbus.bus.pdo.plan import Change, Plan, Policy, make_plan, spare_cob_ids
+from axisbus.bus.pdo.plan import PdoChange, PdoPlan, Policy, make_plan, spare_cob_ids
 from axisbus.cell import pdo_tables
 from axisbus.cell.cyclic_modes.feed_forward import feed_forward, wanted_of
 from axisbus.cell.io.signals import points_of
 from axisbus.cell.model import BusConfig, CellConfig, NodeConfig
 from axisbus.cia301 import cob
 from axisbus.cia301.frame import worst_bits
-from axisbus.cia301.pdo import Pdo
-from axisbus.cia401.signal import Point, addresses
+from axisbus.cia301.pdo import PdoConfiguration
+from axisbus.cia401.signal import IoPoint, addresses
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 
@@ -30,7 +30,7 @@ _OFFSET_BITS = worst_bits(6)
 
 def travelling(
     cell: CellConfig, node: NodeConfig, eds: Eds, dictionary: Dictionary
-) -> Iterator[tuple[bool, Pdo]]:
+) -> Iterator[tuple[bool, PdoConfiguration]]:
     """Yield (whether the node receives it, PDO): those of the plan, and TPDOs that are on and that no plan touches.
 
     It is what boot does when the drive takes what its EDS says it takes.
@@ -40,7 +40,7 @@ def travelling(
     for plan in _plans(cell, node, dictionary, device):
         for planned in plan.pdos:
             number = (planned.receive, planned.target.number)
-            if number not in seen and planned.change is not Change.DISABLE:
+            if number not in seen and planned.change is not PdoChange.DISABLE:
                 yield planned.receive, planned.target
             seen.add(number)
     for planned in io_plan(cell, node, dictionary, device, frozenset(seen)).active:
@@ -55,13 +55,13 @@ def travelling(
 
 def io_plan(
     cell: CellConfig, node: NodeConfig, dictionary: Dictionary, device: DevicePdos, used: Used
-) -> Plan:
+) -> PdoPlan:
     """Return the plan of the node's named inputs and outputs; ``used``: the PDOs of its axes."""
     objects = io_objects(points_of(cell, node.node_id, dictionary), dictionary)
     return make_io_plan(node.node_id, device, objects, policy_of(cell, node), used)
 
 
-def io_objects(points: Sequence[Point], dictionary: Dictionary) -> IoObjects:
+def io_objects(points: Sequence[IoPoint], dictionary: Dictionary) -> IoObjects:
     """Return the objects that these points live in."""
     sides = (addresses(points, output=output) for output in (False, True))
     return IoObjects.of(dictionary, *sides)
@@ -79,7 +79,9 @@ def beside_pdos(cell: CellConfig, node: NodeConfig, eds: Eds, dictionary: Dictio
     return tuple(note for plan in plans for note in plan.notes)
 
 
-def _plans(cell: CellConfig, node: NodeConfig, dictionary: Dictionary, device: DevicePdos) -> Iterator[Plan]:
+def _plans(
+    cell: CellConfig, node: NodeConfig, dictionary: Dictionary, device: DevicePdos
+) -> Iterator[PdoPlan]:
     """Yield the plan of each axis of a node."""
     policy = policy_of(cell, node)
     for axis in cell.axes_of(node.node_id):

@@ -11,7 +11,7 @@ from axisbus.cell.model import NodeConfig, PdoConfig
 from axisbus.cell.writes import initial
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
-from axisbus.cia301.pdo import MappedObject, Pdo
+from axisbus.cia301.pdo import MappedObject, PdoConfiguration
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds, Number
 from axisbus.errors import ArgumentError
@@ -29,7 +29,7 @@ class NodePdo:
     """
 
     receive: bool
-    pdo: Pdo
+    pdo: PdoConfiguration
     config: PdoConfig | None
     own_id: bool
 
@@ -114,7 +114,7 @@ def _node_pdo(
         return _number(dictionary, node, communication_index(receive, number), subindex)
 
     cob_id = read(o.PDO_COB_ID)
-    pdo = Pdo(
+    pdo = PdoConfiguration(
         number,
         _identifier(cob_id or 0),
         cob_id is not None and not cob_id & cob.INVALID,
@@ -130,7 +130,7 @@ def _node_pdo(
     return NodePdo(receive, _configured(pdo, config, dictionary), config, own or config.cob_id is not None)
 
 
-def _configured(pdo: Pdo, config: PdoConfig, dictionary: Dictionary) -> Pdo:
+def _configured(pdo: PdoConfiguration, config: PdoConfig, dictionary: Dictionary) -> PdoConfiguration:
     """Return a PDO with what its table sets; a table switches the PDO on, an empty map switches it off."""
     if config.cob_id is not None:
         pdo = replace(pdo, cob_id=config.cob_id)

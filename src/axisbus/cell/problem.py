@@ -11,7 +11,7 @@ from axisbus.wording import listed
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class CellProblem:
     """A finding about a cell: ``line`` counts from 1 (0: the whole file).
 
     An error keeps the cell from being opened; a warning is dangerous or will surprise; a note is only worth knowing.
@@ -50,7 +50,7 @@ class Problem:
         return self.line, self.severity.rank
 
 
-def errors(problems: list[Problem]) -> list[Problem]:
+def errors(problems: list[CellProblem]) -> list[CellProblem]:
     """Return those that keep a cell from being opened."""
     return [problem for problem in problems if problem.severity is Severity.ERROR]
 
@@ -65,7 +65,7 @@ class SharedProblem:
     ``problem`` says it of all of them, at the first line. Where it is of one or of none, ``subjects`` is empty.
     """
 
-    problem: Problem
+    problem: CellProblem
     subjects: tuple[str, ...] = ()
     lines: tuple[int, ...] = ()
 
@@ -80,9 +80,9 @@ _TABLES = "axes|nodes|groups|io"
 _Parts = tuple[str, str, str, str]  # the kind of thing, its name, a colon or none, and the statement
 
 
-def shared(problems: Iterable[Problem]) -> list[SharedProblem]:
+def shared(problems: Iterable[CellProblem]) -> list[SharedProblem]:
     """Return findings with those put together that say the same of several axes, nodes, groups or inputs; else in their order."""
-    found: dict[tuple[object, ...], list[tuple[Problem, _Parts | None]]] = {}
+    found: dict[tuple[object, ...], list[tuple[CellProblem, _Parts | None]]] = {}
     for problem in problems:
         parts = _parts(problem.message)
         found.setdefault(_without_name(problem, parts), []).append((problem, parts))
@@ -98,7 +98,7 @@ def _parts(message: str) -> _Parts | None:
     return match["kind"], match["name"], match["colon"], match["said"]
 
 
-def _without_name(problem: Problem, parts: _Parts | None) -> tuple[object, ...]:
+def _without_name(problem: CellProblem, parts: _Parts | None) -> tuple[object, ...]:
     """Return what two findings have in common that say the same of two things."""
     texts = (problem.message, problem.observed, problem.remedy)
     key = (problem.rule, problem.severity, problem.file, problem.page)
@@ -113,7 +113,7 @@ def _unnamed(text: str, name: str) -> str:
     return re.sub(rf"(\[(?:{_TABLES})\.|\b(?:axis|node|group) ){re.escape(name)}(?![\w-])", r"\1NAME", text)
 
 
-def _as_one(each: list[tuple[Problem, _Parts | None]]) -> SharedProblem:
+def _as_one(each: list[tuple[CellProblem, _Parts | None]]) -> SharedProblem:
     first, parts = each[0]
     if parts is None or len(each) == 1:
         return SharedProblem(first)

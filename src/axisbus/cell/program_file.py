@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from axisbus.cell.model import CellConfig, NodeConfig, ProgramConfig
-from axisbus.cia302.program import Mark, Program, Version
+from axisbus.cia302.program import NodeProgram, ProgramVersion, Version
 from axisbus.errors import ConfigError
 
 LEAST_DEADLINE = 60.0  # seconds; clearing a large flash memory takes some tens of them
@@ -40,7 +40,7 @@ def deadline_of(program: ProgramConfig, size: int) -> float:
     return program.deadline if program.deadline is not None else max(LEAST_DEADLINE, size / _SLOWEST)
 
 
-def wanted_program(cell: CellConfig, node: NodeConfig, late: bool = False) -> Program | None:
+def wanted_program(cell: CellConfig, node: NodeConfig, late: bool = False) -> NodeProgram | None:
     """Return the program that a node is to have; the file is read only where it may be downloaded.
 
     Not while the machine runs (``late``): whoever closes it would leave half a program in the node.
@@ -53,13 +53,13 @@ def wanted_program(cell: CellConfig, node: NodeConfig, late: bool = False) -> Pr
         return None
     allowed = program.download and not late
     data = read_file(cell, program) if allowed else None
-    return Program(mark_of(program), data, allowed, deadline_of(program, len(data or b"")))
+    return NodeProgram(mark_of(program), data, allowed, deadline_of(program, len(data or b"")))
 
 
-def mark_of(program: ProgramConfig) -> Mark:
+def mark_of(program: ProgramConfig) -> ProgramVersion:
     """Return by what the program is known."""
     version = None if program.date_time is None else Version(*program.date_time)
-    return Mark(version, program.identification)
+    return ProgramVersion(version, program.identification)
 
 
 def _why(path: Path, error: Exception) -> str:

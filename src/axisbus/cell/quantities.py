@@ -64,7 +64,7 @@ _MAGNITUDES = frozenset(
 )
 
 
-class Quantity(NamedTuple):
+class UnitConversion(NamedTuple):
     """How an object's integer is turned into a unit: ``value / factor``."""
 
     factor: float
@@ -87,7 +87,7 @@ class Quantities:
         for axis in cell.driven.values() if cell is not None else ():
             self._axes[axis.node, axis.drive_axis] = axis, units_of(axis)
 
-    def of(self, node_id: int, index: int, subindex: int = 0) -> Quantity | None:
+    def of(self, node_id: int, index: int, subindex: int = 0) -> UnitConversion | None:
         """Return how an object is turned into the axis's unit; None where no unit is known for it."""
         first = first_axis(index)
         dimension = DIMENSIONS.get(first)
@@ -100,18 +100,18 @@ class Quantities:
         return quantity
 
 
-def _quantity(dimension: Dimension, axis: AxisConfig, units: Units) -> Quantity | None:
+def _quantity(dimension: Dimension, axis: AxisConfig, units: Units) -> UnitConversion | None:
     if dimension is Dimension.TORQUE:
         if not units.rated_torque:
             return None
-        return Quantity(_PER_MILLE / units.rated_torque, "N·m")
+        return UnitConversion(_PER_MILLE / units.rated_torque, "N·m")
     if axis.unit == INCREMENTS:
         return None
     scale = getattr(units, dimension.value)
-    return Quantity(scale.factor, scale.unit)
+    return UnitConversion(scale.factor, scale.unit)
 
 
-def parse_quantity(text: str, quantity: Quantity | None) -> int | None:
+def parse_quantity(text: str, quantity: UnitConversion | None) -> int | None:
     """Return the increments of a value with its unit, such as ``90 deg``; None where the text names no unit.
 
     Raises:

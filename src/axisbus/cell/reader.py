@@ -32,13 +32,13 @@ from axisbus.cell.model import (
     NodeConfig,
     ObjectSetting,
     PdoConfig,
-    Place,
     ProgramConfig,
+    SourceLocation,
     StopConfig,
 )
-from axisbus.cell.problem import Problem, errors
+from axisbus.cell.problem import CellProblem, errors
 from axisbus.cell.tables import MISSING, NO_AXIS, NO_NAME, TWO_OF_A_NAME, UNREADABLE, Fields, Tables, name_of
-from axisbus.cell.toml import Document
+from axisbus.cell.toml import TomlDocument
 from axisbus.cell.toml_lines import KeyPath
 from axisbus.cell.virtual import allowed_keys
 from axisbus.cell.virtual.allowed_keys import quick_deceleration
@@ -58,8 +58,8 @@ __all__ = [
     "NodeConfig",
     "ObjectSetting",
     "PdoConfig",
-    "Place",
     "ProgramConfig",
+    "SourceLocation",
     "StopConfig",
     "load",
     "loads",
@@ -83,7 +83,7 @@ def load(path: str | Path) -> CellConfig:
     return cell
 
 
-def read(path: str | Path) -> tuple[CellConfig | None, list[Problem]]:
+def read(path: str | Path) -> tuple[CellConfig | None, list[CellProblem]]:
     """Read a cell file and return it with everything that is wrong with what is written, in the order of the lines.
 
     The cell is None where the file cannot be read or is no TOML. With errors it holds placeholders and is only good for further
@@ -95,7 +95,7 @@ def read(path: str | Path) -> tuple[CellConfig | None, list[Problem]]:
         return None, [_as_problem(error)]
 
 
-def loads(text: str, file: str = "cell.toml") -> tuple[CellConfig | None, list[Problem]]:
+def loads(text: str, file: str = "cell.toml") -> tuple[CellConfig | None, list[CellProblem]]:
     """As ``read``, from a text; ``file`` is the name that messages show and the place that paths are relative to."""
     try:
         return interpret(toml.loads(text, file))
@@ -103,22 +103,22 @@ def loads(text: str, file: str = "cell.toml") -> tuple[CellConfig | None, list[P
         return None, [_as_problem(error)]
 
 
-def interpret(document: Document) -> tuple[CellConfig, list[Problem]]:
+def interpret(document: TomlDocument) -> tuple[CellConfig, list[CellProblem]]:
     """Turn a TOML document into a cell, with everything that is wrong with it."""
     reading = _Reading(document)
     cell = reading.cell()
     return cell, sorted(reading.problems, key=lambda problem: problem.rank)
 
 
-def _as_problem(error: ConfigError) -> Problem:
+def _as_problem(error: ConfigError) -> CellProblem:
     prefix = f"{error.file}:{error.line}: " if error.line else f"{error.file}: "
     message = error.message.removeprefix(prefix)
-    return Problem(
+    return CellProblem(
         Severity.ERROR, error.file, error.line, message, error.observed, error.remedy, rule=UNREADABLE
     )
 
 
-def as_exception(wrong: list[Problem]) -> ConfigError:
+def as_exception(wrong: list[CellProblem]) -> ConfigError:
     first, others = wrong[0], wrong[1:]
     observed = [first.observed] if first.observed else []
     if others:
@@ -165,7 +165,7 @@ class _Reading(Tables):
                 remedy='add [bus] with interface = "sim" (or "socketcan") and scan_period = "4ms"',
                 rule=MISSING,
             )
-            return BusConfig(at=Place("bus", 1, {}, frozenset(schema.BUS)))
+            return BusConfig(at=SourceLocation("bus", 1, {}, frozenset(schema.BUS)))
         table = self._table(("bus",), raw)
         fields = self._fields(("bus",), table, schema.BUS, schema.BUS_TABLES)
         options = self._table(("bus", "options"), table.get("options", {}))
@@ -258,7 +258,7 @@ class _Reading(Tables):
         for key, raw in self._table(path, table.get("objects", {})).items():
             try:
                 value = value_readers.setting(raw)
-            except value_readers.Unfit as unfit:
+            except value_readers.InvalidValue as unfit:
                 self._unfit((*path, key), raw, unfit)
                 continue
             found.append(ObjectSetting(key, value, self._document.line((*path, key)), name_of(path)))
@@ -279,7 +279,7 @@ class _Reading(Tables):
         keys = schema.AXIS
         if table.get("unit") != INCREMENTS:
             remedy = f"scale = position increments per {table.get('unit', 'unit')}; it is never guessed"
-            keys = {**keys, "scale": schema.Key(value_readers.scale, remedy)}
+            keys = {**keys, "scale": schema.CellKey(value_readers.scale, remedy)}
         fields = self._fields(path, table, keys, schema.AXIS_TABLES)
         return AxisConfig(
             name,
@@ -326,7 +326,7 @@ class _Reading(Tables):
         """Read an axis that is where an input says: how many counts make a unit is never guessed."""
         if table.get("unit") != INCREMENTS:
             remedy = f"scale = counts per {table.get('unit', 'unit')}; it is never guessed"
-            keys = {**keys, "scale": schema.Key(value_readers.scale, remedy)}
+            keys = {**keys, "scale": schema.CellKey(value_readers.scale, remedy)}
         fields = self._fields(path, table, keys, schema.AXIS_TABLES)
         return AxisConfig(name, **{**fields, allowed_keys.VIRTUAL: True})
 

@@ -9,7 +9,7 @@ from fractions import Fraction
 from axisbus.cell.model import INCREMENTS, AxisConfig
 from axisbus.cell.scales import units_of
 from axisbus.cia402 import objects as o
-from axisbus.cia402.si_units import INCREMENT, TURN, Count, by_dimension, decoded
+from axisbus.cia402.si_units import INCREMENT, TURN, IncrementSize, by_dimension, decoded
 from axisbus.units import TURNS, Scale
 
 _TOLERANCE = 1e-3
@@ -92,7 +92,7 @@ class Rate:
 
 
 @dataclass(frozen=True, slots=True)
-class Contradiction:
+class ScaleContradiction:
     """A scale of the cell file that the drive's objects contradict; ``is_certain``: whatever 608Fh and the gear are."""
 
     key: str
@@ -104,7 +104,7 @@ class Contradiction:
 
 def rates(values: Values) -> tuple[Rate, ...]:
     """Return what the drive's objects say of its velocities and accelerations; nothing where they say nothing."""
-    position = decoded(values.get((o.SI_UNIT_POSITION, 0))) or Count(INCREMENT, Fraction(1), "inc")
+    position = decoded(values.get((o.SI_UNIT_POSITION, 0))) or IncrementSize(INCREMENT, Fraction(1), "inc")
     velocity = decoded(values.get((o.SI_UNIT_VELOCITY, 0)))
     acceleration = decoded(values.get((o.SI_UNIT_ACCELERATION, 0)))
     old_velocity = by_dimension(values.get((o.VELOCITY_NOTATION, 0)), values.get((o.VELOCITY_DIMENSION, 0)))
@@ -122,7 +122,7 @@ def rates(values: Values) -> tuple[Rate, ...]:
     return tuple(made)
 
 
-def _rate(key: str, source: str, count: Count, position: Count, values: Values) -> Rate:
+def _rate(key: str, source: str, count: IncrementSize, position: IncrementSize, values: Values) -> Rate:
     gear = _ratio(values, o.GEAR_RATIO) or Fraction(1)
     sides = sorted({Fraction(1), gear, 1 / gear})
     if count.what == position.what:
@@ -150,7 +150,7 @@ def counts_increments(axis: AxisConfig, values: Values) -> bool:
     return counted and (axis.acceleration_scale is not None or known.get("acceleration_scale", True))
 
 
-def contradictions(axis: AxisConfig, values: Values) -> list[Contradiction]:
+def contradictions(axis: AxisConfig, values: Values) -> list[ScaleContradiction]:
     """Return where ``velocity_scale`` and ``acceleration_scale``, or what they are when left out, are not what the drive counts.
 
     An axis in increments without ``velocity_scale`` gives the drive its own increments, and contradicts nothing.
@@ -182,7 +182,7 @@ def _agrees(ratio: Fraction, rate: Rate, *, given: bool) -> bool:
 
 def _contradiction(
     axis: AxisConfig, rate: Rate, position: Scale, scale: Scale, *, given: bool
-) -> Contradiction:
+) -> ScaleContradiction:
     per = scale.unit
     is_ = f"{rate.key} is {abs(scale.factor):g} increments per {per}" + ("" if given else " (left out)")
     if rate.ratios:
@@ -196,7 +196,7 @@ def _contradiction(
         )
     else:
         remedy = f"write {rate.key} in [axes.{axis.name}]: increments of {rate.text} per {per}"
-    return Contradiction(
+    return ScaleContradiction(
         rate.key,
         f"axis {axis.name}: {rate.key} is not what its drive counts",
         f"{is_}; the drive counts in {rate.text} ({rate.source})",
@@ -205,8 +205,8 @@ def _contradiction(
     )
 
 
-def _missing_acceleration(axis: AxisConfig, speed: Rate) -> Contradiction:
-    return Contradiction(
+def _missing_acceleration(axis: AxisConfig, speed: Rate) -> ScaleContradiction:
+    return ScaleContradiction(
         "acceleration_scale",
         f"axis {axis.name}: acceleration_scale is missing",
         f"the drive counts velocities in {speed.text} ({speed.source}), and nothing says how it counts accelerations",

@@ -8,10 +8,10 @@ from difflib import get_close_matches
 from typing import Any
 
 from axisbus.cell import schema, value_readers
-from axisbus.cell.model import Place
-from axisbus.cell.problem import Problem
+from axisbus.cell.model import SourceLocation
+from axisbus.cell.problem import CellProblem
 from axisbus.cell.schema import Keys
-from axisbus.cell.toml import Document
+from axisbus.cell.toml import TomlDocument
 from axisbus.cell.toml_lines import KeyPath
 from axisbus.eds.model import Severity
 
@@ -27,9 +27,9 @@ _NAME = re.compile(r"[\w-]{1,64}")
 class Tables:
     """A walk through a document; holds the problems found so far. It never stops at one."""
 
-    def __init__(self, document: Document) -> None:
+    def __init__(self, document: TomlDocument) -> None:
         self._document = document
-        self.problems: list[Problem] = []
+        self.problems: list[CellProblem] = []
 
     def _sub(self, path: KeyPath, table: Mapping[str, Any], key: str, keys: Keys) -> Fields:
         path = (*path, key)
@@ -47,7 +47,7 @@ class Tables:
             if name in table:
                 try:
                     fields[name] = key.read(table[name])
-                except value_readers.Unfit as unfit:
+                except value_readers.InvalidValue as unfit:
                     self._unfit((*path, name), table[name], unfit)
                     faulty.add(name)
             elif key.missing:
@@ -56,7 +56,7 @@ class Tables:
                 )
                 faulty.add(name)
         lines = {name: self._document.line((*path, name)) for name in table}
-        fields["at"] = Place(name_of(path), self._document.line(path), lines, frozenset(faulty))
+        fields["at"] = SourceLocation(name_of(path), self._document.line(path), lines, frozenset(faulty))
         return fields
 
     def _table(self, path: KeyPath, raw: Any) -> Fields:
@@ -99,7 +99,7 @@ class Tables:
             remedy = _advice(key, path, known, tables or {})
             self._error((*path, key), f"unknown {what} {key[:80]!r} in {where}", remedy=remedy, rule=UNKNOWN)
 
-    def _unfit(self, path: KeyPath, raw: Any, unfit: value_readers.Unfit) -> None:
+    def _unfit(self, path: KeyPath, raw: Any, unfit: value_readers.InvalidValue) -> None:
         key = path[-1]
         message = f"{key} in [{name_of(path[:-1])}] cannot be used"
         observed = f"it is {value_readers.told(raw)}; expected {unfit.expected}"
@@ -109,11 +109,11 @@ class Tables:
         self, path: KeyPath, message: str, observed: str = "", remedy: str = "", rule: str = TOGETHER
     ) -> None:
         line, file = self._document.line(path), self._document.file
-        self.problems.append(Problem(Severity.ERROR, file, line, message, observed, remedy, rule=rule))
+        self.problems.append(CellProblem(Severity.ERROR, file, line, message, observed, remedy, rule=rule))
 
     def _warning(self, path: KeyPath, message: str, remedy: str, rule: str) -> None:
         line, file = self._document.line(path), self._document.file
-        self.problems.append(Problem(Severity.WARNING, file, line, message, "", remedy, rule=rule))
+        self.problems.append(CellProblem(Severity.WARNING, file, line, message, "", remedy, rule=rule))
 
 
 def name_of(path: KeyPath) -> str:

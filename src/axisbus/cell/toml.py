@@ -19,7 +19,7 @@ _OF_PYTHON = "pyproject.toml"  # no cell file, and often beside one
 
 
 @dataclass(frozen=True, slots=True)
-class Document:
+class TomlDocument:
     """A TOML file: its values, and the line (from 1) of each table, key and array element by its path."""
 
     file: str
@@ -36,7 +36,7 @@ class Document:
         return 1
 
 
-def load(path: str | Path) -> Document:
+def load(path: str | Path) -> TomlDocument:
     """Read a file; blocks for as long as that takes.
 
     Raises:
@@ -46,7 +46,7 @@ def load(path: str | Path) -> Document:
     return loads(_decoded(_bytes(path), str(path)), str(path))
 
 
-def loads(text: str, file: str) -> Document:
+def loads(text: str, file: str) -> TomlDocument:
     """Read ``text``; ``file`` is the name that messages show.
 
     Raises:
@@ -62,7 +62,7 @@ def loads(text: str, file: str) -> Document:
         ) from None
     except ValueError as error:  # tomllib's own error is one, and so is a number of thousands of digits
         raise _syntax(str(error), text, file) from None
-    document = Document(file, text, data, lines)
+    document = TomlDocument(file, text, data, lines)
     _require_printable(document, data)
     return document
 
@@ -101,7 +101,7 @@ _REMEDIES = (
 )  # fmt: skip
 
 
-def _require_printable(document: Document, value: Any, path: KeyPath = ()) -> None:
+def _require_printable(document: TomlDocument, value: Any, path: KeyPath = ()) -> None:
     """Check that no backslash of a path was read as an escape: "C:\\new" has a line feed in it.
 
     Raises:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from axisbus.cell.scale_proposal import ScaleReport
 from axisbus.cia402 import objects as o
-from axisbus.motion.parameters import Limits
+from axisbus.motion.parameters import AxisLimits
 
 _MILLI = 1000  # 6076h is in mN·m, 6072h in 0.1 % of rated torque (CiA 402-2 16.4)
 _TOLERANCE = 0.01
@@ -33,7 +33,7 @@ def compare(rated: float | None, drive: int | None) -> ScaleReport | None:
     return ScaleReport(configured, text, agrees)
 
 
-def limited(limits: Limits, rated: float | None, read: Read) -> Limits:
+def limited(limits: AxisLimits, rated: float | None, read: Read) -> AxisLimits:
     """Return ``limits`` with the drive's own highest torque (6072h) where the cell file gives none; ``rated`` in N·m."""
     most = read(o.MAX_TORQUE)
     if limits.torque is not None or rated is None or not most:

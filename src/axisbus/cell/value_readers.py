@@ -23,8 +23,8 @@ JsonSchema = Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Reader:
-    """Turns a TOML value into what was meant, or raises ``Unfit``; ``json`` is what it takes, as a JSON Schema."""
+class ValueReader:
+    """Turns a TOML value into what was meant, or raises ``InvalidValue``; ``json`` is what it takes, as a JSON Schema."""
 
     read: Callable[[Any], Any]
     json: JsonSchema
@@ -34,12 +34,12 @@ class Reader:
         return self.read(value)
 
 
-def _takes(**json: Any) -> Callable[[Callable[[Any], Any]], Reader]:
+def _takes(**json: Any) -> Callable[[Callable[[Any], Any]], ValueReader]:
     """Make a function a reader that takes what ``json`` says."""
-    return lambda read: Reader(read, json)
+    return lambda read: ValueReader(read, json)
 
 
-class Unfit(Exception):
+class InvalidValue(Exception):
     """A value that cannot be used; ``expected`` completes "expected ...", ``remedy`` says what to write."""
 
     def __init__(self, expected: str, remedy: str = "") -> None:
@@ -74,11 +74,11 @@ def _short(text: str) -> str:
 def text(value: Any) -> str:
     """Read a text that is not empty."""
     if not isinstance(value, str):
-        raise Unfit(
+        raise InvalidValue(
             "a text", f'put it in quotes: "{_short(str(value))}"' if isinstance(value, (int, float)) else ""
         )
     if not value.strip():
-        raise Unfit("a text that is not empty")
+        raise InvalidValue("a text that is not empty")
     return value.strip()
 
 
@@ -86,11 +86,11 @@ def text(value: Any) -> str:
 def boolean(value: Any) -> bool:
     """Read true or false."""
     if not isinstance(value, bool):
-        raise Unfit("true or false", "write it without quotes" if isinstance(value, str) else "")
+        raise InvalidValue("true or false", "write it without quotes" if isinstance(value, str) else "")
     return value
 
 
-def words(*known: str) -> Reader:
+def words(*known: str) -> ValueReader:
     """Return a reader of one of the words ``known``."""
 
     def read(value: Any) -> str:
@@ -98,29 +98,33 @@ def words(*known: str) -> Reader:
             return value
         near = get_close_matches(str(value).lower(), known, n=1)
         hint = f'did you mean "{near[0]}"? ' if near else ""
-        raise Unfit("one of " + ", ".join(f'"{word}"' for word in known), f"{hint}write one of these words")
+        raise InvalidValue(
+            "one of " + ", ".join(f'"{word}"' for word in known), f"{hint}write one of these words"
+        )
 
-    return Reader(read, {"enum": list(known)})
+    return ValueReader(read, {"enum": list(known)})
 
 
-def list_of(read: Reader, what: str, empty: bool = False) -> Reader:
+def list_of(read: ValueReader, what: str, empty: bool = False) -> ValueReader:
     """Return a reader of a list, a tuple of what ``read`` makes of each element; ``what`` is its plural."""
 
     def read_list(value: Any) -> tuple[Any, ...]:
         if not isinstance(value, list):
-            raise Unfit(f"a list of {what}", "write it in brackets: [...]")
+            raise InvalidValue(f"a list of {what}", "write it in brackets: [...]")
         if not value and not empty:
-            raise Unfit(f"a list of {what} that is not empty")
+            raise InvalidValue(f"a list of {what} that is not empty")
         return tuple(_element(read, number, element) for number, element in enumerate(value, 1))
 
-    return Reader(read_list, {"type": "array", "items": read.json, **({} if empty else {"minItems": 1})})
+    return ValueReader(read_list, {"type": "array", "items": read.json, **({} if empty else {"minItems": 1})})
 
 
-def _element(read: Reader, number: int, value: Any) -> Any:
+def _element(read: ValueReader, number: int, value: Any) -> Any:
     try:
         return read(value)
-    except Unfit as unfit:
-        raise Unfit(f"{unfit.expected} as element {number}, which is {told(value)}", unfit.remedy) from None
+    except InvalidValue as unfit:
+        raise InvalidValue(
+            f"{unfit.expected} as element {number}, which is {told(value)}", unfit.remedy
+        ) from None
 
 
 @_takes(anyOf=[{"type": "integer"}, {"type": "string", "pattern": r"\S"}])
@@ -135,28 +139,28 @@ def text_or_number(value: Any) -> str | int:
 # -- numbers ---------------------------------------------------------------------------------------------------------
 
 
-def integer(low: int, high: int) -> Reader:
+def integer(low: int, high: int) -> ValueReader:
     """Return a reader of a whole number from ``low`` to ``high``."""
 
     def read(value: Any) -> int:
         if not isinstance(value, int) or isinstance(value, bool):
-            raise Unfit(f"a whole number from {low} to {high}", _unquote(value))
+            raise InvalidValue(f"a whole number from {low} to {high}", _unquote(value))
         if not low <= value <= high:
-            raise Unfit(f"a whole number from {low} to {high}")
+            raise InvalidValue(f"a whole number from {low} to {high}")
         return value
 
-    return Reader(read, {"type": "integer", "minimum": low, "maximum": high})
+    return ValueReader(read, {"type": "integer", "minimum": low, "maximum": high})
 
 
 def _finite(value: Any, expected: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise Unfit(expected, _unquote(value))
+        raise InvalidValue(expected, _unquote(value))
     try:
         number = float(value)
     except OverflowError:
-        raise Unfit(expected) from None
+        raise InvalidValue(expected) from None
     if not abs(number) <= LARGEST:
-        raise Unfit(expected, f"it must lie within ±{LARGEST:g}" if math.isfinite(number) else "")
+        raise InvalidValue(expected, f"it must lie within ±{LARGEST:g}" if math.isfinite(number) else "")
     return number
 
 
@@ -169,7 +173,7 @@ def positive(value: Any) -> float:
     """Read a finite number above 0."""
     number = _finite(value, "a number above 0")
     if number <= 0:
-        raise Unfit("a number above 0")
+        raise InvalidValue("a number above 0")
     return number
 
 
@@ -192,10 +196,10 @@ def interval(value: Any) -> tuple[float, float]:
     """Read [lowest, highest], the first below the second."""
     expected = "a list of two numbers, [lowest, highest]"
     if not isinstance(value, list) or len(value) != 2:
-        raise Unfit(expected)
+        raise InvalidValue(expected)
     low, high = (_finite(each, expected) for each in value)
     if low >= high:
-        raise Unfit(
+        raise InvalidValue(
             f"the lowest first and the highest second, but {low:g} is not below {high:g}",
             "exchange or correct them",
         )
@@ -207,9 +211,9 @@ def setting(value: Any) -> int | float | str:
     """Read a value to write into an object: a number or a text."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         remedy = "write 1 or 0" if isinstance(value, bool) else 'put the whole key in quotes: "6099:01" = 100'
-        raise Unfit("a number or a text", remedy if isinstance(value, (bool, dict)) else "")
+        raise InvalidValue("a number or a text", remedy if isinstance(value, (bool, dict)) else "")
     if isinstance(value, float) and not math.isfinite(value):
-        raise Unfit("a finite number")
+        raise InvalidValue("a finite number")
     return value
 
 
@@ -240,9 +244,9 @@ def scale(value: Any) -> Fraction:
     else:
         exact = Fraction(_finite(value, _SCALE))
     if exact < 0:
-        raise Unfit(_SCALE, 'to turn the direction write invert = "master" (or "drive")')
+        raise InvalidValue(_SCALE, 'to turn the direction write invert = "master" (or "drive")')
     if not _SMALLEST_SCALE <= exact <= _LARGEST_SCALE:
-        raise Unfit(_SCALE)
+        raise InvalidValue(_SCALE)
     return exact
 
 
@@ -256,9 +260,9 @@ _LAST_DAY = _FIRST_DAY + dt.timedelta(days=0xFFFF)
 def days(value: Any) -> int:
     """Read a date, as days since 1984-01-01."""
     if not isinstance(value, dt.date) or isinstance(value, dt.datetime):
-        raise Unfit("a date such as 2026-03-31", "write it without quotes and without a time")
+        raise InvalidValue("a date such as 2026-03-31", "write it without quotes and without a time")
     if not _FIRST_DAY <= value <= _LAST_DAY:
-        raise Unfit(f"a date from {_FIRST_DAY} to {_LAST_DAY}")
+        raise InvalidValue(f"a date from {_FIRST_DAY} to {_LAST_DAY}")
     return (value - _FIRST_DAY).days
 
 
@@ -266,7 +270,7 @@ def days(value: Any) -> int:
 def time_of_day(value: Any) -> int:
     """Read a time of day, as milliseconds after midnight."""
     if not isinstance(value, dt.time):
-        raise Unfit(
+        raise InvalidValue(
             "a time of day such as 14:30:00", "write it without quotes, with hours, minutes and seconds"
         )
     seconds = (value.hour * 60 + value.minute) * 60 + value.second
@@ -278,9 +282,11 @@ def date_time(value: Any) -> tuple[int, int]:
     """Read a date with a time of day, as days since 1984-01-01 and milliseconds after midnight."""
     expected = "a date with a time such as 2026-03-31T14:30:00"
     if not isinstance(value, dt.datetime):
-        raise Unfit(expected, "write it without quotes, with hours, minutes and seconds")
+        raise InvalidValue(expected, "write it without quotes, with hours, minutes and seconds")
     if value.tzinfo is not None:
-        raise Unfit(f"{expected}, without a time zone", "leave Z or the offset out: the node's date has none")
+        raise InvalidValue(
+            f"{expected}, without a time zone", "leave Z or the offset out: the node's date has none"
+        )
     return days(value.date()), time_of_day(value.time())
 
 
@@ -298,7 +304,7 @@ _UNITS = {
 _TIME = rf"^\s*\d{{1,12}}(?:\.\d{{1,12}})?\s*(?:{'|'.join(_UNITS)})\s*$"
 
 
-def duration(low: str, high: str) -> Reader:
+def duration(low: str, high: str) -> ValueReader:
     """Return a reader of a time with its unit, such as "2.5 ms", from ``low`` to ``high``; the result is in seconds."""
     lowest, highest = _seconds(low), _seconds(high)
     expected = f'a time with its unit, from "{low}" to "{high}"'
@@ -310,19 +316,19 @@ def duration(low: str, high: str) -> Reader:
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             number = _short(repr(value))
             fit = [f'"{number}{unit}"' for unit in ("ms", "s") if within(_seconds(f"{number}{unit}"))]
-            raise Unfit(
+            raise InvalidValue(
                 expected, f"add the unit: {' or '.join(fit)}" if fit else "add the unit: us, ms, s or min"
             )
         seconds = _seconds(value) if isinstance(value, str) else None
         if seconds is None or lowest is None:
-            raise Unfit(expected, "units are us, ms, s and min")
+            raise InvalidValue(expected, "units are us, ms, s and min")
         if not within(seconds):
-            raise Unfit(
+            raise InvalidValue(
                 expected, f'"{low}" is the shortest' if seconds < lowest else f'"{high}" is the longest'
             )
         return float(seconds)
 
-    return Reader(read, {"type": "string", "pattern": _TIME, "examples": [low, high]})
+    return ValueReader(read, {"type": "string", "pattern": _TIME, "examples": [low, high]})
 
 
 def _seconds(value: str) -> Fraction | None:
@@ -332,39 +338,39 @@ def _seconds(value: str) -> Fraction | None:
     return Fraction(found[1]) * _UNITS[found[2]]
 
 
-def or_word(word: str, meaning: Any, read: Reader) -> Reader:
+def or_word(word: str, meaning: Any, read: ValueReader) -> ValueReader:
     """Return a reader that takes ``word`` for ``meaning``, and else what ``read`` takes."""
     return _or(word, f'"{word}"', meaning, read)
 
 
-def never_true(meaning: Any, read: Reader) -> Reader:
+def never_true(meaning: Any, read: ValueReader) -> ValueReader:
     """Return a reader that takes false for ``meaning``, and else what ``read`` takes."""
     return _or(False, "false", meaning, read)
 
 
-def _or(constant: str | bool, said: str, meaning: Any, read: Reader) -> Reader:
+def _or(constant: str | bool, said: str, meaning: Any, read: ValueReader) -> ValueReader:
     def read_either(value: Any) -> Any:
         if type(value) is type(constant) and value == constant:  # 0 is not false
             return meaning
         try:
             return read(value)
-        except Unfit as unfit:
-            raise Unfit(f"{unfit.expected}, or {said}", unfit.remedy) from None
+        except InvalidValue as unfit:
+            raise InvalidValue(f"{unfit.expected}, or {said}", unfit.remedy) from None
 
-    return Reader(read_either, {"anyOf": [{"const": constant}, read.json]})
+    return ValueReader(read_either, {"anyOf": [{"const": constant}, read.json]})
 
 
-def names(known: Sequence[str], what: str) -> Reader:
+def names(known: Sequence[str], what: str) -> ValueReader:
     """Return a reader of a list of words of ``known``, each once."""
     read = list_of(words(*known), what)
 
     def read_once(value: Any) -> tuple[str, ...]:
         found: tuple[str, ...] = read(value)
         if len(set(found)) < len(found):
-            raise Unfit(f"each of the {what} once")
+            raise InvalidValue(f"each of the {what} once")
         return found
 
-    return Reader(read_once, {**read.json, "uniqueItems": True})
+    return ValueReader(read_once, {**read.json, "uniqueItems": True})
 
 
 # -- engineering units -------------------------------------------------------------------------------------------------
@@ -378,4 +384,6 @@ def unit(value: Any) -> str:
     known: str = text(value)
     near = get_close_matches(known.lower(), AXIS_UNITS, n=1)
     hint = f'did you mean "{near[0]}"? ' if near else ""
-    raise Unfit(f"one of {', '.join(AXIS_UNITS)}", f'{hint}write one of these; "increments" does without')
+    raise InvalidValue(
+        f"one of {', '.join(AXIS_UNITS)}", f'{hint}write one of these; "increments" does without'
+    )

@@ -10,7 +10,7 @@ from axisbus.cell.scales import DRIVE, units_of
 from axisbus.cia301.datatypes import Value
 from axisbus.cia402 import objects, options
 from axisbus.cia402.axes import own_index
-from axisbus.eds.dictionary import Dictionary, Entry
+from axisbus.eds.dictionary import Dictionary, DictionaryEntry
 from axisbus.errors import ArgumentError
 
 # 607Eh: position and velocity are multiplied by -1 (CiA 402-2, polarity: bits 7 and 6).
@@ -18,7 +18,7 @@ POLARITY_TURNED = 0xC0
 
 
 @dataclass(frozen=True, slots=True)
-class Write:
+class CellWrite:
     """One value to be written; the index is the device's own. ``source`` says which entry of the cell file asks for it."""
 
     index: int
@@ -33,7 +33,7 @@ class Write:
         return self.index, self.subindex
 
 
-def node_writes(node: NodeConfig, dictionary: Dictionary) -> tuple[Write, ...]:
+def node_writes(node: NodeConfig, dictionary: Dictionary) -> tuple[CellWrite, ...]:
     """Return the writes of ``[nodes.N.objects]``, in the file's order.
 
     Raises:
@@ -42,7 +42,7 @@ def node_writes(node: NodeConfig, dictionary: Dictionary) -> tuple[Write, ...]:
     return tuple(setting_write(setting, dictionary) for setting in node.objects)
 
 
-def axis_writes(axis: AxisConfig, dictionary: Dictionary) -> tuple[Write, ...]:
+def axis_writes(axis: AxisConfig, dictionary: Dictionary) -> tuple[CellWrite, ...]:
     """Return the writes of an axis: its objects in the file's order, then those that its other entries mean.
 
     In ``[axes.NAME.objects]`` the indices 6000h to 67FFh are those of a single-axis drive, shifted to the axis's own.
@@ -55,21 +55,21 @@ def axis_writes(axis: AxisConfig, dictionary: Dictionary) -> tuple[Write, ...]:
     return (*own, *implied_writes(axis, frozenset(given)))
 
 
-def setting_write(setting: ObjectSetting, dictionary: Dictionary, drive_axis: int = 1) -> Write:
+def setting_write(setting: ObjectSetting, dictionary: Dictionary, drive_axis: int = 1) -> CellWrite:
     """Return what a line of an ``objects`` table writes.
 
     Raises:
         ArgumentError: its key names no object.
     """
     entry = resolve(setting.key, dictionary, drive_axis)
-    return Write(
+    return CellWrite(
         entry.index, entry.subindex, setting.value, setting.line, f"{setting.key} in [{setting.table}]"
     )
 
 
 def known_writes(
     settings: tuple[ObjectSetting, ...], dictionary: Dictionary, drive_axis: int = 1
-) -> list[Write]:
+) -> list[CellWrite]:
     """Return what an ``objects`` table writes; lines whose key names no object are left out."""
     found = []
     for setting in settings:
@@ -80,7 +80,7 @@ def known_writes(
     return found
 
 
-def resolve(key: str, dictionary: Dictionary, drive_axis: int = 1) -> Entry:
+def resolve(key: str, dictionary: Dictionary, drive_axis: int = 1) -> DictionaryEntry:
     """Return the entry that ``key`` means, such as ``6065``, ``607Dh:01`` (both hexadecimal) or a name of the EDS.
 
     Raises:
@@ -91,7 +91,7 @@ def resolve(key: str, dictionary: Dictionary, drive_axis: int = 1) -> Entry:
     return entry if own == entry.index else dictionary.entry(own, entry.subindex)
 
 
-def implied_writes(axis: AxisConfig, given: frozenset[tuple[int, int]] = frozenset()) -> Iterator[Write]:
+def implied_writes(axis: AxisConfig, given: frozenset[tuple[int, int]] = frozenset()) -> Iterator[CellWrite]:
     """Return the writes that ``[axes.NAME.stop]``, ``homing.offset`` and ``invert = "drive"`` mean.
 
     ``given`` holds what ``[axes.NAME.objects]`` writes: an explicit polarity is left alone.
@@ -119,11 +119,11 @@ def implied_writes(axis: AxisConfig, given: frozenset[tuple[int, int]] = frozens
         yield _write(axis, objects.HOME_OFFSET, 0, value, at.of("offset"), f"offset in [{at.name}]")
     polarity = (own_index(objects.POLARITY, axis.drive_axis), 0)
     if axis.invert == DRIVE and polarity not in given:
-        yield Write(*polarity, POLARITY_TURNED, axis.at.of("invert"), f"invert in [{axis.at.name}]")
+        yield CellWrite(*polarity, POLARITY_TURNED, axis.at.of("invert"), f"invert in [{axis.at.name}]")
 
 
-def _write(axis: AxisConfig, index: int, subindex: int, value: int, line: int, source: str) -> Write:
-    return Write(own_index(index, axis.drive_axis), subindex, value, line, source)
+def _write(axis: AxisConfig, index: int, subindex: int, value: int, line: int, source: str) -> CellWrite:
+    return CellWrite(own_index(index, axis.drive_axis), subindex, value, line, source)
 
 
 def initial(dictionary: Dictionary, node_id: int, index: int, subindex: int) -> Value | None:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from axisbus.check.context import Case, Check, Found
+from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.cia301 import objects as cia301
 
 
-def version(case: Case) -> Found:
+def version(case: CheckContext) -> Problems:
     """Check that date and time of a configuration are both given, and that the node keeps them (1020h)."""
     for node in case.cell.nodes.values():
         given = [key for key in ("configuration_date", "configuration_time") if node.at.gives(key)]
@@ -27,7 +27,7 @@ def version(case: Case) -> Found:
             )
 
 
-def restore(case: Case) -> Found:
+def restore(case: CheckContext) -> Problems:
     """Check that a node whose defaults are to be restored can do so (1011h:01)."""
     for node, eds, _ in case.nodes:
         if node.restore_defaults and eds.get(cia301.RESTORE_DEFAULTS, 1) is None:
@@ -39,7 +39,7 @@ def restore(case: Case) -> Found:
             )
 
 
-def identity(case: Case) -> Found:
+def identity(case: CheckContext) -> Problems:
     """Warn of a serial number or revision that the node does not have: it would be refused at boot-up."""
     for node, eds, _ in case.nodes:
         for key, subindex in (("serial", cia301.SERIAL_NUMBER), ("revision", cia301.REVISION_NUMBER)):
@@ -52,7 +52,7 @@ def identity(case: Case) -> Found:
                 )
 
 
-def optional_in_group(case: Case) -> Found:
+def optional_in_group(case: CheckContext) -> Problems:
     """Note groups that can be used only while an optional node is there."""
     for group in case.cell.groups.values():
         for name in group.axes:

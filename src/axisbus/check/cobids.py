@@ -8,7 +8,7 @@ from typing import NamedTuple
 from axisbus.cell import pdo_tables
 from axisbus.cell.model import NodeConfig
 from axisbus.cell.pdo_tables import NodePdo
-from axisbus.check.context import Case, Check, Found
+from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.eds.model import Eds
@@ -42,7 +42,7 @@ class Use(NamedTuple):
     doubt: str = ""
 
 
-def duplicates(case: Case) -> Found:
+def duplicates(case: CheckContext) -> Problems:
     """Find COB-IDs that two producers share; the master is the producer of every RPDO."""
     seen: dict[int, Use] = {}
     for use in _uses(case):
@@ -58,7 +58,7 @@ def duplicates(case: Case) -> Found:
             yield case.error(later.line, message, f"the first is at line {first.line}", remedy)
 
 
-def restricted(case: Case) -> Found:
+def restricted(case: CheckContext) -> Problems:
     """Find PDOs on COB-IDs that belong to other services."""
     for node, eds, _ in case.nodes:
         for each in pdo_tables.node_pdos(node, eds):
@@ -80,7 +80,7 @@ def _predefined(each: NodePdo, node: NodeConfig) -> int:
     return bases[(each.pdo.number - 1) % len(bases)] + node.node_id
 
 
-def _uses(case: Case) -> Iterator[Use]:
+def _uses(case: CheckContext) -> Iterator[Use]:
     bus = case.cell.bus
     if bus.sync:
         odd = bus.sync_cob_id != cob.SYNC
@@ -110,7 +110,7 @@ def _uses(case: Case) -> Iterator[Use]:
         yield from _pdo_uses(node, eds)
 
 
-def _emergency(case: Case, node: NodeConfig) -> Iterator[Use]:
+def _emergency(case: CheckContext, node: NodeConfig) -> Iterator[Use]:
     predefined = cob.EMCY + node.node_id
     value = case.node_number(node, o.COB_ID_EMCY)
     if value is None or value & cob.ID_MASK_11 == cob.EMCY:

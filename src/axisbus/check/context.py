@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from axisbus.cell.axis_description import Drive
 from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
-from axisbus.cell.problem import Problem
+from axisbus.cell.problem import CellProblem
 from axisbus.cell.writes import initial, known_writes
 from axisbus.cia402 import dictionary as catalogue
 from axisbus.cia402 import objects
@@ -19,7 +19,7 @@ NEEDED = (objects.CONTROLWORD, objects.STATUSWORD)  # without these there is no 
 
 
 @dataclass(frozen=True)
-class Case:
+class CheckContext:
     """A cell with the EDS of each node whose file could be read.
 
     ``drives`` are the axes of those nodes; ``incomplete`` those that lack the controlword or the statusword, which need one finding
@@ -57,21 +57,21 @@ class Case:
         value = written.get((index, subindex), initial(dictionary, node.node_id, index, subindex))
         return value if isinstance(value, int) else None
 
-    def error(self, line: int, message: str, observed: str = "", remedy: str = "") -> Problem:
+    def error(self, line: int, message: str, observed: str = "", remedy: str = "") -> CellProblem:
         """Return an error about the cell file."""
-        return Problem(Severity.ERROR, self.cell.file, line, message, observed, remedy)
+        return CellProblem(Severity.ERROR, self.cell.file, line, message, observed, remedy)
 
-    def warning(self, line: int, message: str, observed: str = "", remedy: str = "") -> Problem:
+    def warning(self, line: int, message: str, observed: str = "", remedy: str = "") -> CellProblem:
         """Return a warning about the cell file."""
-        return Problem(Severity.WARNING, self.cell.file, line, message, observed, remedy)
+        return CellProblem(Severity.WARNING, self.cell.file, line, message, observed, remedy)
 
-    def note(self, line: int, message: str, observed: str = "", remedy: str = "") -> Problem:
+    def note(self, line: int, message: str, observed: str = "", remedy: str = "") -> CellProblem:
         """Return a note about the cell file."""
-        return Problem(Severity.NOTE, self.cell.file, line, message, observed, remedy)
+        return CellProblem(Severity.NOTE, self.cell.file, line, message, observed, remedy)
 
 
-Found = Iterator[Problem]
-Check = Callable[[Case], Found]
+Problems = Iterator[CellProblem]
+Check = Callable[[CheckContext], Problems]
 
 
 def title(index: int) -> str:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from axisbus.cell.can_simple.module import READERS
-from axisbus.check.context import Case, Check, Found
-from axisbus.check.cycle_schedule import ERROR_LOAD, WARNING_LOAD, Slot, Timetable, shortest, timetable
+from axisbus.check.context import Check, CheckContext, Problems
+from axisbus.check.cycle_schedule import ERROR_LOAD, WARNING_LOAD, CycleSlot, Timetable, shortest, timetable
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.motion.moves.interpolation import interpolation_period
 
@@ -13,7 +13,7 @@ _NO_WIRE = frozenset({"sim", "virtual", "udp_multicast"})
 _KINDS = {"heartbeat": "heartbeats", "answer": "answers of CAN Simple", "target": "targets of CAN Simple"}
 
 
-def bus_load(case: Case) -> Found:
+def bus_load(case: CheckContext) -> Problems:
     """Work out how much of the bus one cycle takes at worst."""
     bus = case.cell.bus
     if not bus.at.sound("bitrate", "scan_period", "sync", "heartbeat", "interface") or not case.eds:
@@ -46,7 +46,7 @@ def bus_load(case: Case) -> Found:
         yield case.note(line, message, observed)
 
 
-def _periods(case: Case, bitrate: int) -> str:
+def _periods(case: CheckContext, bitrate: int) -> str:
     """Return what ``axisbus plan`` says of the shortest period, and from when on there is no warning."""
     least, calm = (shortest(case.cell, case.eds, bitrate, load) for load in (ERROR_LOAD, WARNING_LOAD))
     if least is None or calm is None:
@@ -66,13 +66,13 @@ def _arithmetic(table: Timetable) -> str:
     return " + ".join(f"{count:.3g} {kind} x {bits}" for (kind, bits), count in frames.items())
 
 
-def _kind(slot: Slot) -> str:
+def _kind(slot: CycleSlot) -> str:
     if slot.kind == "request":
         return "requests of CAN Simple" if slot.data_bytes else "remote frame"
     return _KINDS.get(slot.kind, slot.kind)
 
 
-def _modules_sound(case: Case) -> bool:
+def _modules_sound(case: CheckContext) -> bool:
     """Whether the frames of the cell's CAN Simple modules are known; another check reports the defects of their tables."""
     return all(node.module.at.sound(*READERS) for node in case.cell.nodes.values() if node.module is not None)
 
@@ -80,7 +80,7 @@ def _modules_sound(case: Case) -> bool:
 # -- the period itself -----------------------------------------------------------------------------------------------
 
 
-def short_period(case: Case) -> Found:
+def short_period(case: CheckContext) -> Problems:
     """Warn of a period that no ordinary computer keeps."""
     bus = case.cell.bus
     if bus.at.sound("scan_period") and bus.scan_period < _LATE:
@@ -92,7 +92,7 @@ def short_period(case: Case) -> Found:
         )
 
 
-def interpolation(case: Case) -> Found:
+def interpolation(case: CheckContext) -> Problems:
     """Warn of a period that 60C2h cannot hold, where cyclic modes are wanted."""
     bus = case.cell.bus
     wanted = [

@@ -23,10 +23,10 @@ from axisbus.cell.can_simple.traffic import module_frames
 from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
 from axisbus.cell.pdo_plan import travelling
 from axisbus.cell.pdo_tables import requested_pdos
-from axisbus.check.context import Case
+from axisbus.check.context import CheckContext
 from axisbus.cia301 import cob
 from axisbus.cia301.frame import worst_bits
-from axisbus.cia301.pdo import Pdo
+from axisbus.cia301.pdo import PdoConfiguration
 from axisbus.cia402 import objects
 from axisbus.cia402.axes import first_axis
 from axisbus.cia402.modes import FACTS, ModeOfOperation
@@ -45,7 +45,7 @@ _TARGETS = frozenset({objects.TARGET_POSITION, objects.TARGET_VELOCITY, objects.
 
 
 @dataclass(frozen=True, slots=True)
-class Slot:
+class CycleSlot:
     """One frame of a cycle: ``begin`` and ``end`` (s after the point of the grid) at the latest, and what is in it.
 
     ``kind``: SYNC, TPDO, RPDO, request (a remote frame), heartbeat or TIME; ``node`` None for those of no node; ``share``: in what
@@ -85,7 +85,7 @@ class Timetable:
 
     bitrate: int
     period: float
-    slots: tuple[Slot, ...]
+    slots: tuple[CycleSlot, ...]
 
     @property
     def waits(self) -> float:
@@ -169,45 +169,45 @@ def _with_period(cell: CellConfig, period: float) -> CellConfig:
 # -- the frames of a cell ---------------------------------------------------------------------------------------------------
 
 
-def _frames(cell: CellConfig, files: Mapping[int, Eds]) -> Iterator[Slot]:
+def _frames(cell: CellConfig, files: Mapping[int, Eds]) -> Iterator[CycleSlot]:
     bus = cell.bus
     if bus.sync:
-        yield Slot(bus.sync_cob_id, "SYNC", None, "SYNC", (), 1 if bus.sync_counter else 0)
+        yield CycleSlot(bus.sync_cob_id, "SYNC", None, "SYNC", (), 1 if bus.sync_counter else 0)
     if bus.time is not None:
         share = bus.scan_period / bus.time
-        yield Slot(bus.time_cob_id, "TIME", None, "TIME", (), _TIME_BYTES, share)
-    for node, eds, dictionary in Case(cell, files).nodes:
+        yield CycleSlot(bus.time_cob_id, "TIME", None, "TIME", (), _TIME_BYTES, share)
+    for node, eds, dictionary in CheckContext(cell, files).nodes:
         for receive, pdo in travelling(cell, node, eds, dictionary):
             yield from _of_pdo(cell, node, dictionary, receive, pdo)
     if bus.heartbeat is not None:
         share = bus.scan_period / bus.heartbeat
         for node_id in (*canopen_nodes(cell), bus.master_id):
-            yield Slot(cob.HEARTBEAT + node_id, "heartbeat", node_id, "heartbeat", (), 1, share)
+            yield CycleSlot(cob.HEARTBEAT + node_id, "heartbeat", node_id, "heartbeat", (), 1, share)
     for each in module_frames(cell):
         share = each.rate * bus.scan_period
-        yield Slot(each.can_id, each.kind, each.node, each.name, (), each.data_bytes, share)
+        yield CycleSlot(each.can_id, each.kind, each.node, each.name, (), each.data_bytes, share)
 
 
 def _of_pdo(
-    cell: CellConfig, node: NodeConfig, dictionary: Dictionary, receive: bool, pdo: Pdo
-) -> Iterator[Slot]:
+    cell: CellConfig, node: NodeConfig, dictionary: Dictionary, receive: bool, pdo: PdoConfiguration
+) -> Iterator[CycleSlot]:
     kind = "RPDO" if receive else "TPDO"
     name, share = f"{kind}{pdo.number}", per_cycle(pdo, receive, cell, node.node_id)
     asked_every = None if receive else requested_pdos(node.pdos).get(pdo.number)
     if asked_every is not None:
         share = cell.bus.scan_period / asked_every
-        yield Slot(pdo.cob_id, "request", node.node_id, name, (), 0, share)
+        yield CycleSlot(pdo.cob_id, "request", node.node_id, name, (), 0, share)
     if share:
-        yield Slot(pdo.cob_id, kind, node.node_id, name, _carried(pdo, dictionary), pdo.size, share)
+        yield CycleSlot(pdo.cob_id, kind, node.node_id, name, _carried(pdo, dictionary), pdo.size, share)
 
 
-def _carried(pdo: Pdo, dictionary: Dictionary) -> tuple[str, ...]:
+def _carried(pdo: PdoConfiguration, dictionary: Dictionary) -> tuple[str, ...]:
     """Return the names of what a PDO carries."""
     entries = (dictionary.entry(mapped.index, mapped.subindex) for mapped in pdo.mapping)
     return tuple(entry.name or f"{entry.index:04X}h:{entry.subindex:02X}" for entry in entries)
 
 
-def per_cycle(pdo: Pdo, receive: bool, cell: CellConfig, node_id: int) -> float:
+def per_cycle(pdo: PdoConfiguration, receive: bool, cell: CellConfig, node_id: int) -> float:
     """Return how often a PDO of a node travels in one cycle at worst: an event-driven one as its inhibit time lets it, or once.
 
     The master sends an event-driven RPDO when its values change, which may be in every cycle; one that holds only targets of modes
@@ -223,7 +223,7 @@ def per_cycle(pdo: Pdo, receive: bool, cell: CellConfig, node_id: int) -> float:
     return 1.0
 
 
-def _serves(pdo: Pdo, cell: CellConfig, node_id: int) -> bool:
+def _serves(pdo: PdoConfiguration, cell: CellConfig, node_id: int) -> bool:
     """Whether an RPDO holds more than targets of modes that none of the node's axes uses."""
     held = {first_axis(mapped.index) for mapped in pdo.mapping if not mapped.is_dummy}
     if not held <= _TARGETS:

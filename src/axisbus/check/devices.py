@@ -7,27 +7,27 @@ from collections.abc import Mapping
 from axisbus import eds as eds_files
 from axisbus.cell.can_simple.modules import is_line
 from axisbus.cell.model import CellConfig, NodeConfig
-from axisbus.cell.problem import Problem
-from axisbus.check.context import NEEDED, Case, Check, Found, own_title, titles
+from axisbus.cell.problem import CellProblem
+from axisbus.check.context import NEEDED, Check, CheckContext, Problems, own_title, titles
 from axisbus.check.ids.table import UNREADABLE
 from axisbus.cia402 import objects
 from axisbus.configuration.dcf_values import require_within_limits, select
 from axisbus.drives import registry
 from axisbus.eds import builtin
-from axisbus.eds.model import Eds, Finding, Severity
+from axisbus.eds.model import Eds, EdsFinding, Severity
 from axisbus.errors import ArgumentError, EdsError, LimitError
 from axisbus.wording import counted
 
 _SHOWN = 3
 
 
-def load_all(cell: CellConfig) -> tuple[Mapping[int, Eds], list[Problem]]:
+def load_all(cell: CellConfig) -> tuple[Mapping[int, Eds], list[CellProblem]]:
     """Read the EDS of every node; what cannot be read is a problem, once for each file.
 
     Blocks for as long as the files take to read.
     """
     found: dict[int, Eds] = {}
-    problems: list[Problem] = []
+    problems: list[CellProblem] = []
     failed: set[str] = set()
     for node in cell.nodes.values():
         spec = node.file
@@ -50,11 +50,11 @@ def load(spec: str, cell: CellConfig) -> Eds:
     return eds_files.load(builtin.resolve(spec, cell.folder))
 
 
-def _unreadable(cell: CellConfig, node: NodeConfig, error: EdsError) -> Problem:
+def _unreadable(cell: CellConfig, node: NodeConfig, error: EdsError) -> CellProblem:
     others = [other.node_id for other in cell.nodes.values() if other.file == node.file and other is not node]
     shared = f" (also of {_nodes(others)})" if others else ""
     said = error.message + (f"; {error.observed}" if error.observed else "")
-    return Problem(
+    return CellProblem(
         Severity.ERROR,
         cell.file,
         node.at.of(node.file_key),
@@ -73,7 +73,7 @@ def _nodes(node_ids: list[int]) -> str:
 # -- checks ----------------------------------------------------------------------------------------------------------
 
 
-def defects(case: Case) -> Found:
+def defects(case: CheckContext) -> Problems:
     """Warn of what is broken inside a file, once for each file, with its own lines."""
     seen: set[str] = set()
     for node, eds, _ in case.nodes:
@@ -89,12 +89,12 @@ def defects(case: Case) -> Found:
         )
 
 
-def _listed(eds: Eds, wrong: list[Finding]) -> str:
+def _listed(eds: Eds, wrong: list[EdsFinding]) -> str:
     shown = [f"{eds.source}:{finding.line}: {finding.message}" for finding in wrong[:_SHOWN]]
     return "; ".join(shown + ["..."] * (len(wrong) > _SHOWN))
 
 
-def made_for_node(case: Case) -> Found:
+def made_for_node(case: CheckContext) -> Problems:
     """Check that a DCF is of the node that uses it: its COB-IDs are those of one node ID."""
     for node, eds, _ in case.nodes:
         if eds.node_id not in (None, node.node_id):
@@ -106,7 +106,7 @@ def made_for_node(case: Case) -> Found:
             )
 
 
-def dcf_values(case: Case) -> Found:
+def dcf_values(case: CheckContext) -> Problems:
     """Check the values of a DCF, which boot writes: their types, and the file's own limits."""
     for node, eds, _ in case.nodes:
         if node.dcf is None or node.dcf != node.file:
@@ -129,7 +129,7 @@ def dcf_values(case: Case) -> Found:
             )
 
 
-def is_drive(case: Case) -> Found:
+def is_drive(case: CheckContext) -> Problems:
     """Check that a node with axes is a CiA 402 device (low word of 1000h)."""
     for node, eds, _ in case.nodes:
         if not any(case.cell.axes_of(node.node_id)):
@@ -153,7 +153,7 @@ def is_drive(case: Case) -> Found:
             )
 
 
-def has_axis(case: Case) -> Found:
+def has_axis(case: CheckContext) -> Problems:
     """Check that the axis is there: controlword and statusword, 800h further for each axis after the first."""
     for drive in case.incomplete:
         axis = drive.axis
@@ -183,7 +183,7 @@ _SINGLE = (
 )
 
 
-def one_axis_per_object(case: Case) -> Found:
+def one_axis_per_object(case: CheckContext) -> Problems:
     """Check that a device does not keep several axes in the sub-indices of one object, which CiA 402 does not know."""
     for drive in case.drives:
         split = tuple(
@@ -198,7 +198,7 @@ def one_axis_per_object(case: Case) -> Found:
             )
 
 
-def bitrate(case: Case) -> Found:
+def bitrate(case: CheckContext) -> Problems:
     """Warn of a bitrate that CANopen does not have, or that a device does not."""
     bus = case.cell.bus
     if bus.bitrate is None or is_line(bus):

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from axisbus.cell.model import NodeConfig, ProgramConfig
 from axisbus.cell.program_file import deadline_of, mark_of, read_file
-from axisbus.check.context import Case, Check, Found
+from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.cia301 import objects as o
 from axisbus.cia302.program import NUMBER
 from axisbus.eds.model import Eds
@@ -16,7 +16,7 @@ from axisbus.wording import counted
 _DOWNLOAD = ((o.PROGRAM_DATA, NUMBER), (o.PROGRAM_CONTROL, NUMBER))
 
 
-def files(case: Case) -> Found:
+def files(case: CheckContext) -> Problems:
     """Check that the file of a program can be read, is there where it is needed, and is needed where it is there."""
     for node, program in _programs(case):
         if program.file is not None:
@@ -30,7 +30,7 @@ def files(case: Case) -> Found:
             )
 
 
-def _file(case: Case, node: NodeConfig, program: ProgramConfig) -> Found:
+def _file(case: CheckContext, node: NodeConfig, program: ProgramConfig) -> Problems:
     line, name = program.at.of("file"), f"node {node.node_id}"
     try:
         data = read_file(case.cell, program) or b""
@@ -53,7 +53,7 @@ def _file(case: Case, node: NodeConfig, program: ProgramConfig) -> Found:
     )
 
 
-def objects(case: Case) -> Found:
+def objects(case: CheckContext) -> Problems:
     """Warn of a device whose program can be neither checked nor replaced: boot would end with letter G or I."""
     for node, eds, _ in case.nodes:
         program = node.program
@@ -75,7 +75,7 @@ def objects(case: Case) -> Found:
             )
 
 
-def _programs(case: Case) -> list[tuple[NodeConfig, ProgramConfig]]:
+def _programs(case: CheckContext) -> list[tuple[NodeConfig, ProgramConfig]]:
     return [(node, node.program) for node in case.cell.nodes.values() if node.program is not None]
 
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from axisbus.cell.drive_limits import KEY, left_out
-from axisbus.cell.model import AxisConfig, Place
+from axisbus.cell.model import AxisConfig, SourceLocation
 from axisbus.cell.parameters import axis_parameters
-from axisbus.check.context import Case, Check, Found, own_title
+from axisbus.check.context import Check, CheckContext, Problems, own_title
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia402 import homing, objects
 from axisbus.motion.stop.promises import promises, rows
 
 
-def _speeds(axis: AxisConfig) -> Iterator[tuple[str, Place, float]]:
+def _speeds(axis: AxisConfig) -> Iterator[tuple[str, SourceLocation, float]]:
     """The speeds that must not pass ``max_velocity``."""
     for key, at, value in (
         ("velocity", axis.defaults.at, axis.defaults.velocity),
@@ -25,7 +25,7 @@ def _speeds(axis: AxisConfig) -> Iterator[tuple[str, Place, float]]:
             yield key, at, value
 
 
-def _ramps(axis: AxisConfig) -> Iterator[tuple[str, Place, float]]:
+def _ramps(axis: AxisConfig) -> Iterator[tuple[str, SourceLocation, float]]:
     """The accelerations that must not pass ``max_acceleration``; that of a quick stop may."""
     for key, at, value in (
         ("acceleration", axis.defaults.at, axis.defaults.acceleration),
@@ -36,7 +36,7 @@ def _ramps(axis: AxisConfig) -> Iterator[tuple[str, Place, float]]:
             yield key, at, value
 
 
-def beyond_maximum(case: Case) -> Found:
+def beyond_maximum(case: CheckContext) -> Problems:
     """Check defaults and homing speeds against the axis's own maxima."""
     for axis in case.cell.axes.values():
         for maximum, limit, unit, values in (
@@ -53,7 +53,7 @@ def beyond_maximum(case: Case) -> Found:
                     )
 
 
-def modulo_with_limits(case: Case) -> Found:
+def modulo_with_limits(case: CheckContext) -> Problems:
     """Check that an endless axis has no position limits."""
     for axis in case.cell.axes.values():
         if axis.modulo is not None and axis.position_limits is not None:
@@ -65,7 +65,7 @@ def modulo_with_limits(case: Case) -> Found:
             )
 
 
-def virtual_outside(case: Case) -> Found:
+def virtual_outside(case: CheckContext) -> Problems:
     """Warn of a virtual axis that begins outside its position limits."""
     for axis in case.cell.axes.values():
         limits = axis.position_limits
@@ -78,7 +78,7 @@ def virtual_outside(case: Case) -> Found:
             )
 
 
-def invert(case: Case) -> Found:
+def invert(case: CheckContext) -> Problems:
     """Check that the direction is turned once."""
     for drive in case.drives:
         axis, polarity = drive.axis, drive.number(objects.POLARITY)
@@ -98,7 +98,7 @@ def invert(case: Case) -> Found:
             )
 
 
-def torque(case: Case) -> Found:
+def torque(case: CheckContext) -> Problems:
     """Check that values in N·m can be converted, and fit."""
     for axis in case.cell.axes.values():
         rated = axis.rated_torque
@@ -128,7 +128,7 @@ def torque(case: Case) -> Found:
 _TORQUE_TYPES = {"max_torque": DataType.INTEGER16, "torque_slope": DataType.UNSIGNED32}
 
 
-def homing_speeds(case: Case) -> Found:
+def homing_speeds(case: CheckContext) -> Problems:
     """Check what a homing method needs, and name reserved methods."""
     for axis in case.cell.axes.values():
         given = axis.homing
@@ -159,7 +159,7 @@ def homing_speeds(case: Case) -> Found:
             )
 
 
-def in_drive(case: Case) -> Found:
+def in_drive(case: CheckContext) -> Problems:
     """Check what ``limits_in_drive`` can leave in the drive, and tell from when on it means the same there."""
     for drive in case.drives:
         axis, writes = drive.axis, list(drive.written.values())
@@ -188,7 +188,7 @@ def in_drive(case: Case) -> Found:
             )
 
 
-def promised(case: Case) -> Found:
+def promised(case: CheckContext) -> Problems:
     """Say in which mode each limit is kept, and how; a warning where it is not."""
     for drive in case.drives:
         axis = drive.axis

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
-from axisbus.cell.problem import Problem, errors
+from axisbus.cell.problem import CellProblem, errors
 from axisbus.check.run import check_cell
 
 
@@ -23,7 +23,7 @@ def checked(path: str | Path, beside: bool = False) -> CellConfig:
     return cell.beside(beside)
 
 
-def require_sound(cell: CellConfig, problems: list[Problem]) -> None:
+def require_sound(cell: CellConfig, problems: list[CellProblem]) -> None:
     """Raise ``ConfigError`` as ``checked`` does; ``problems`` are what reading the cell has found. Blocks for its files."""
     if wrong := errors(check_cell(cell, problems)):
         raise reader.as_exception(wrong)

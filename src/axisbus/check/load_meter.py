@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 from axisbus.bus.link import errorframe
-from axisbus.cia301.frame import UNSTUFFED, Frame, worst_bits
+from axisbus.cia301.frame import UNSTUFFED, CanFrame, worst_bits
 
 WINDOW = 0.1  # seconds
 _CRC = 0x4599  # x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1 (ISO 11898-1)
 _RUN = 5  # equal bits after which one of the other kind is stuffed in
 
 
-def actual_bits(frame: Frame) -> int:
+def actual_bits(frame: CanFrame) -> int:
     """Return the bits that a frame really took, its stuff bits counted from identifier, data and CRC."""
     return _actual(frame.can_id, frame.data[:8], frame.extended, frame.remote)
 
@@ -59,7 +59,7 @@ def _stuffed(bits: str) -> int:
 
 
 @dataclass(slots=True)
-class Share:
+class LoadShare:
     """What a part of the traffic took; holds state: grows while frames are added."""
 
     frames: int = 0
@@ -74,7 +74,7 @@ class Share:
 
 
 @dataclass(frozen=True, slots=True)
-class Peak:
+class PeakLoad:
     """The fullest 100 ms: ``load`` from 0 to 1, and the time of its last frame."""
 
     load: float = 0.0
@@ -82,15 +82,15 @@ class Peak:
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredLoad:
     """What was measured in ``seconds`` at ``bitrate`` (bit/s); ``by_node`` has None for frames of no node."""
 
     bitrate: int
     seconds: float
-    total: Share
-    by_node: Mapping[int | None, Share]
-    by_kind: Mapping[str, Share]
-    peak: Peak
+    total: LoadShare
+    by_node: Mapping[int | None, LoadShare]
+    by_kind: Mapping[str, LoadShare]
+    peak: PeakLoad
     errors: Mapping[str, int]  # error frames by what they say
 
     @property
@@ -98,11 +98,11 @@ class Measured:
         """How many error frames there were."""
         return sum(self.errors.values())
 
-    def load(self, share: Share) -> float:
+    def load(self, share: LoadShare) -> float:
         """Return the part of the bus that a share took, from 0 to 1, with the stuff bits that there were."""
         return share.bits / (self.bitrate * self.seconds)
 
-    def worst(self, share: Share) -> float:
+    def worst(self, share: LoadShare) -> float:
         """Return the same with as many stuff bits as there can be."""
         return share.worst / (self.bitrate * self.seconds)
 
@@ -112,35 +112,39 @@ class Meter:
     """Adds up frames in the order of their times; holds state: the sums, and the frames of the last 100 ms."""
 
     bitrate: int
-    total: Share = field(default_factory=Share)
-    by_node: dict[int | None, Share] = field(default_factory=dict)
-    by_kind: dict[str, Share] = field(default_factory=dict)
+    total: LoadShare = field(default_factory=LoadShare)
+    by_node: dict[int | None, LoadShare] = field(default_factory=dict)
+    by_kind: dict[str, LoadShare] = field(default_factory=dict)
     errors: Counter[str] = field(default_factory=Counter)
-    peak: Peak = Peak()
+    peak: PeakLoad = PeakLoad()
     first: float | None = None
     last: float = 0.0
     _window: deque[tuple[float, int]] = field(default_factory=deque)
     _in_window: int = 0
 
-    def add(self, frame: Frame, kind: str, node: int | None) -> None:
+    def add(self, frame: CanFrame, kind: str, node: int | None) -> None:
         """Add a frame of a service and a node (None: of no node); an error frame is only counted."""
         if frame.error:
             self.errors[errorframe.kind(frame.can_id, frame.data)] += 1
             return
         bits, worst = actual_bits(frame), worst_bits(len(frame.data), frame.extended)
-        shares = (self.total, self.by_node.setdefault(node, Share()), self.by_kind.setdefault(kind, Share()))
+        shares = (
+            self.total,
+            self.by_node.setdefault(node, LoadShare()),
+            self.by_kind.setdefault(kind, LoadShare()),
+        )
         for share in shares:
             share.add(bits, worst)
         self.first = frame.time if self.first is None else min(self.first, frame.time)
         self.last = max(self.last, frame.time)
         self._slide(frame.time, bits)
 
-    def result(self, seconds: float | None = None) -> Measured | None:
+    def result(self, seconds: float | None = None) -> MeasuredLoad | None:
         """Return the sums over ``seconds`` (None: from the first frame to the last); None where that is no time at all."""
         span = seconds if seconds is not None else self.last - (self.first or 0.0)
         if span <= 0:
             return None
-        return Measured(
+        return MeasuredLoad(
             self.bitrate, span, self.total, self.by_node, self.by_kind, self.peak, dict(self.errors)
         )
 
@@ -151,4 +155,4 @@ class Meter:
             self._in_window -= self._window.popleft()[1]
         load = self._in_window / (self.bitrate * WINDOW)
         if load > self.peak.load:
-            self.peak = Peak(load, time)
+            self.peak = PeakLoad(load, time)

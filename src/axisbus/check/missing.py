@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from axisbus.cell.model import INCREMENTS
 from axisbus.cell.parameters import homing_required, modes
-from axisbus.check.context import Case, Check, Found
+from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.units import INT32_HALF
 from axisbus.wording import counted
@@ -12,7 +12,7 @@ from axisbus.wording import counted
 _M = ModeOfOperation
 
 
-def defaults(case: Case) -> Found:
+def defaults(case: CheckContext) -> Problems:
     """Warn of defaults whose absence makes commands need arguments."""
     for axis in case.cell.axes.values():
         if axis.encoder is not None:
@@ -36,7 +36,7 @@ def defaults(case: Case) -> Found:
             )
 
 
-def rated_torque(case: Case) -> Found:
+def rated_torque(case: CheckContext) -> Problems:
     """Note axes that could be torque-controlled but for ``rated_torque``."""
     for drive in case.drives:
         axis = drive.axis
@@ -49,7 +49,7 @@ def rated_torque(case: Case) -> Found:
             )
 
 
-def homing(case: Case) -> Found:
+def homing(case: CheckContext) -> Problems:
     """Warn of an axis that must be homed and cannot be."""
     for axis in case.cell.axes.values():
         if (
@@ -72,7 +72,7 @@ def homing(case: Case) -> Found:
             )
 
 
-def scales(case: Case) -> Found:
+def scales(case: CheckContext) -> Problems:
     """Warn of scales that stay at their default beside one that does not; position limits must not be reckoned with them."""
     for axis in case.cell.axes.values():
         if axis.velocity_scale is None or axis.acceleration_scale is not None:
@@ -89,7 +89,7 @@ def scales(case: Case) -> Found:
             )
 
 
-def increments(case: Case) -> Found:
+def increments(case: CheckContext) -> Problems:
     """Note axes in increments whose deadlines cannot be derived."""
     for axis in case.cell.driven.values():
         if axis.unit == INCREMENTS and axis.velocity_scale is None and axis.at.sound("unit"):
@@ -101,7 +101,7 @@ def increments(case: Case) -> Found:
             )
 
 
-def resolution(case: Case) -> Found:
+def resolution(case: CheckContext) -> Problems:
     """Tell how finely a virtual axis counts that has no ``scale``."""
     for axis in case.cell.axes.values():
         if not axis.virtual or axis.unit == INCREMENTS or axis.at.gives("scale") or not axis.at.sound("unit"):

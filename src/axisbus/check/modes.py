@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from axisbus.cell.axis_description import Drive
 from axisbus.cell.cyclic_modes.interpolated import interpolates
 from axisbus.cell.parameters import mode_list, modes
-from axisbus.check.context import Case, Check, Found, title, titles
+from axisbus.check.context import Check, CheckContext, Problems, title, titles
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import FACTS, ModeOfOperation, needed
 
@@ -34,7 +34,7 @@ COMMANDS = {
 _BY_SHORT_NAME = {facts.short: mode for mode, facts in FACTS.items()}
 
 
-def summary(case: Case) -> Found:
+def summary(case: CheckContext) -> Problems:
     """Note for each axis which modes its objects and 6502h show, and where the two differ."""
     for drive in case.drives:
         shown = mode_list(drive)
@@ -52,7 +52,7 @@ def summary(case: Case) -> Found:
         )
 
 
-def asked_for(case: Case) -> Found:
+def asked_for(case: CheckContext) -> Problems:
     """Check that the modes that the cell asks for have the objects that the master needs."""
     for drive in case.drives:
         for mode, line, reason in _asked(drive):
@@ -89,7 +89,7 @@ def _turns_only(drive: Drive) -> bool:
     return _M.PROFILE_VELOCITY in drive.runnable
 
 
-def homing_left_out(case: Case) -> Found:
+def homing_left_out(case: CheckContext) -> Problems:
     """Warn of a homing method with modes that leave homing out."""
     for drive in case.drives:
         axis = drive.axis
@@ -102,7 +102,7 @@ def homing_left_out(case: Case) -> Found:
             )
 
 
-def groups(case: Case) -> Found:
+def groups(case: CheckContext) -> Problems:
     """Warn of groups whose ``move_linear`` will be refused: it needs csp on each axis, and SYNC."""
     drives = {drive.axis.name: drive for drive in case.drives}
     for group in case.cell.groups.values():
@@ -140,7 +140,7 @@ def no_csp(drive: Drive) -> str:
     return ""
 
 
-def cyclic_without_sync(case: Case) -> Found:
+def cyclic_without_sync(case: CheckContext) -> Problems:
     """Check that cyclic modes are not asked for on a bus without SYNC."""
     if case.cell.bus.sync:
         return
@@ -155,7 +155,7 @@ def cyclic_without_sync(case: Case) -> Found:
             )
 
 
-def mode_switch(case: Case) -> Found:
+def mode_switch(case: CheckContext) -> Problems:
     """Check that a drive with several modes can be switched between them (6060h, 6061h)."""
     for drive in case.drives:
         missing = drive.missing((objects.MODES_OF_OPERATION, objects.MODES_OF_OPERATION_DISPLAY))
@@ -168,7 +168,7 @@ def mode_switch(case: Case) -> Found:
             )
 
 
-def unclaimed(case: Case) -> Found:
+def unclaimed(case: CheckContext) -> Problems:
     """Note modes that are asked for and that 6502h does not claim: many drives' 6502h is wrong, so this refuses nothing."""
     for drive in case.drives:
         claimed = drive.claimed

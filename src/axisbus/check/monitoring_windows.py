@@ -6,7 +6,7 @@ import math
 
 from axisbus.cell.model import AxisConfig
 from axisbus.cell.parameters import axis_parameters
-from axisbus.check.context import Case, Check, Found, titles
+from axisbus.check.context import Check, CheckContext, Problems, titles
 from axisbus.cia402 import objects
 from axisbus.motion.parameters import DemandUse, Handshake
 
@@ -20,7 +20,7 @@ _STAYS = (
 )
 
 
-def allowances(case: Case) -> Found:
+def allowances(case: CheckContext) -> Problems:
     """Tell each axis's standstill window and lag, where ``standstill_window`` or ``following_error`` is left out."""
     for drive in case.drives:
         axis = drive.axis
@@ -54,7 +54,7 @@ def _why(axis: AxisConfig) -> str:
     return "neither standstill_window nor position_window nor max_velocity is set: the way of 10 ms at the default velocity"
 
 
-def by_sight(case: Case) -> Found:
+def by_sight(case: CheckContext) -> Problems:
     """Warn where a set-point must be seen to be taken, and the drive shows little of what it does."""
     for drive in case.drives:
         axis = drive.axis
@@ -76,7 +76,7 @@ def _unseen(missing: tuple[int, ...]) -> str:
     return "without 6062h nobody sees whether a halted drive still pulls to its old target: only 607Ah can be read back"
 
 
-def demands(case: Case) -> Found:
+def demands(case: CheckContext) -> Problems:
     """Report each axis whose 6062h the cell file has left out, wholly or in motion, or whose drive does not have it."""
     for drive in case.drives:
         axis, name = drive.axis, drive.axis.name

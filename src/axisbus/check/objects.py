@@ -7,14 +7,14 @@ from collections.abc import Iterator
 from axisbus.cell.commanded import contradictions
 from axisbus.cell.model import ObjectSetting
 from axisbus.cell.parameters import modes
-from axisbus.cell.problem import Problem
-from axisbus.cell.writes import Write, known_writes, resolve, setting_write
-from axisbus.check.context import Case, Check, Found
+from axisbus.cell.problem import CellProblem
+from axisbus.cell.writes import CellWrite, known_writes, resolve, setting_write
+from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.cia301 import objects as cia301
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia402 import objects
 from axisbus.cia402.axes import PROFILE_AREA, first_axis, indices_of
-from axisbus.eds.dictionary import Dictionary, Entry
+from axisbus.eds.dictionary import Dictionary, DictionaryEntry
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError
 
@@ -44,14 +44,14 @@ _OURS = {
 }
 
 
-def node_objects(case: Case) -> Found:
+def node_objects(case: CheckContext) -> Problems:
     """Check what ``[nodes.N.objects]`` writes."""
     for node, eds, dictionary in case.nodes:
         for setting in node.objects:
             yield from _setting(case, setting, dictionary, eds, 1)
 
 
-def axis_objects(case: Case) -> Found:
+def axis_objects(case: CheckContext) -> Problems:
     """Check what ``[axes.NAME.objects]`` writes, and that it stays within the axis."""
     for drive in case.drives:
         own = indices_of(drive.axis.drive_axis)
@@ -59,7 +59,7 @@ def axis_objects(case: Case) -> Found:
             yield from _setting(case, setting, drive.dictionary, drive.eds, drive.axis.drive_axis, own)
 
 
-def implied(case: Case) -> Found:
+def implied(case: CheckContext) -> Problems:
     """Check what the other entries of an axis write: stop words, deceleration, home offset, polarity."""
     for drive in case.drives:
         explicit = {setting.line for setting in (*drive.node.objects, *drive.axis.objects)}
@@ -68,10 +68,10 @@ def implied(case: Case) -> Found:
                 yield from _write(case, write, drive.dictionary, drive.eds)
 
 
-def written_twice(case: Case) -> Found:
+def written_twice(case: CheckContext) -> Problems:
     """Check that no two entries write different values into one object."""
     for node, _, dictionary in case.nodes:
-        seen: dict[tuple[int, int], Write] = {}
+        seen: dict[tuple[int, int], CellWrite] = {}
         for write in _explicit(case, node.node_id, dictionary):
             other = seen.setdefault(write.address, write)
             if other.value != write.value:
@@ -84,7 +84,7 @@ def written_twice(case: Case) -> Found:
                 )
 
 
-def _explicit(case: Case, node_id: int, dictionary: Dictionary) -> Iterator[Write]:
+def _explicit(case: CheckContext, node_id: int, dictionary: Dictionary) -> Iterator[CellWrite]:
     """All writes to a node, the axes' words included; in their order."""
     node = case.cell.nodes[node_id]
     drives = [drive for drive in case.drives if drive.node is node]
@@ -97,13 +97,13 @@ def _explicit(case: Case, node_id: int, dictionary: Dictionary) -> Iterator[Writ
 
 
 def _setting(
-    case: Case,
+    case: CheckContext,
     setting: ObjectSetting,
     dictionary: Dictionary,
     eds: Eds,
     drive_axis: int,
     own: range | None = None,
-) -> Found:
+) -> Problems:
     try:
         entry = resolve(setting.key, dictionary, drive_axis)
     except ArgumentError as error:
@@ -124,7 +124,7 @@ def _setting(
     yield from _write(case, setting_write(setting, dictionary, drive_axis), dictionary, eds)
 
 
-def _refusal(case: Case, setting: ObjectSetting, entry: Entry) -> Problem | None:
+def _refusal(case: CheckContext, setting: ObjectSetting, entry: DictionaryEntry) -> CellProblem | None:
     index = first_axis(entry.index)
     for indices, why, remedy in _FORBIDDEN:
         if index in indices:
@@ -139,7 +139,7 @@ def _refusal(case: Case, setting: ObjectSetting, entry: Entry) -> Problem | None
     return None
 
 
-def _write(case: Case, write: Write, dictionary: Dictionary, eds: Eds) -> Found:
+def _write(case: CheckContext, write: CellWrite, dictionary: Dictionary, eds: Eds) -> Problems:
     entry = dictionary.entry(*write.address)
     variable = eds.get(*write.address)
     if variable is None:
@@ -164,7 +164,7 @@ def _write(case: Case, write: Write, dictionary: Dictionary, eds: Eds) -> Found:
             )
 
 
-def _unfit(value: int | float | str, entry: Entry) -> str:
+def _unfit(value: int | float | str, entry: DictionaryEntry) -> str:
     """Return what an entry holds instead, empty where the value fits."""
     data_type = entry.data_type
     if data_type is None:
@@ -184,14 +184,14 @@ def _unfit(value: int | float | str, entry: Entry) -> str:
     return _beyond_limits(value, entry)
 
 
-def _beyond_limits(value: float, entry: Entry) -> str:
+def _beyond_limits(value: float, entry: DictionaryEntry) -> str:
     low, high = entry.low, entry.high
     if (low is None or value >= low) and (high is None or value <= high):
         return ""
     return f"by its EDS it takes {'any' if low is None else low} to {'any' if high is None else high}"
 
 
-def commanded(case: Case) -> Found:
+def commanded(case: CheckContext) -> Problems:
     """Warn of entries that a command will set and cannot: the EDS has them read-only, with another value."""
     for drive in case.drives:
         if not drive.axis.at.sound("scale", "velocity_scale", "acceleration_scale"):

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from axisbus.cell import pdo_tables
 from axisbus.cell.model import NodeConfig, PdoConfig
-from axisbus.cell.problem import Problem
-from axisbus.check.context import Case, Check, Found
+from axisbus.cell.problem import CellProblem
+from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import MAX_BITS, RTR_TYPES, MappedObject, is_synchronous
 from axisbus.cia402.axes import own_index
@@ -31,7 +31,7 @@ _ENTRIES = {
 }
 
 
-def _tables(case: Case) -> Iterator[tuple[NodeConfig, Eds, Dictionary, PdoConfig]]:
+def _tables(case: CheckContext) -> Iterator[tuple[NodeConfig, Eds, Dictionary, PdoConfig]]:
     """The PDO tables whose PDO is in the EDS."""
     for node, eds, dictionary in case.nodes:
         for config in node.pdos:
@@ -39,7 +39,7 @@ def _tables(case: Case) -> Iterator[tuple[NodeConfig, Eds, Dictionary, PdoConfig
                 yield node, eds, dictionary, config
 
 
-def exists(case: Case) -> Found:
+def exists(case: CheckContext) -> Problems:
     """Check that the drive has the PDO."""
     for node, eds, _ in case.nodes:
         for config in node.pdos:
@@ -56,7 +56,7 @@ def exists(case: Case) -> Found:
                 )
 
 
-def entries(case: Case) -> Found:
+def entries(case: CheckContext) -> Problems:
     """Check that the communication parameters that a table sets are there and can be written."""
     for node, eds, _, config in _tables(case):
         index = pdo_tables.communication_index(config.receive, config.number)
@@ -74,7 +74,7 @@ def entries(case: Case) -> Found:
                 )
 
 
-def mapping(case: Case) -> Found:
+def mapping(case: CheckContext) -> Problems:
     """Check each object of a map: that it exists, may travel in this direction, and has the size that is written."""
     for node, eds, dictionary, config in _tables(case):
         yield from _fixed(case, node, eds, config)
@@ -82,7 +82,7 @@ def mapping(case: Case) -> Found:
             yield from _element(case, node, eds, dictionary, config, key)
 
 
-def _fixed(case: Case, node: NodeConfig, eds: Eds, config: PdoConfig) -> Found:
+def _fixed(case: CheckContext, node: NodeConfig, eds: Eds, config: PdoConfig) -> Problems:
     if config.map is None:
         return
     line, index = config.at.of("map"), pdo_tables.mapping_index(config.receive, config.number)
@@ -104,8 +104,8 @@ def _fixed(case: Case, node: NodeConfig, eds: Eds, config: PdoConfig) -> Found:
 
 
 def _element(
-    case: Case, node: NodeConfig, eds: Eds, dictionary: Dictionary, config: PdoConfig, key: str
-) -> Found:
+    case: CheckContext, node: NodeConfig, eds: Eds, dictionary: Dictionary, config: PdoConfig, key: str
+) -> Problems:
     line = config.at.of("map")
     where = f"node {node.node_id}: {config.name}"
     try:
@@ -128,7 +128,7 @@ def _element(
         )
 
 
-def _dummy(case: Case, line: int, where: str, eds: Eds, mapped: MappedObject) -> Found:
+def _dummy(case: CheckContext, line: int, where: str, eds: Eds, mapped: MappedObject) -> Problems:
     if mapped.index not in eds.dummies:
         yield case.error(
             line,
@@ -139,14 +139,14 @@ def _dummy(case: Case, line: int, where: str, eds: Eds, mapped: MappedObject) ->
 
 
 def _not_mappable(
-    case: Case,
+    case: CheckContext,
     line: int,
     where: str,
     eds: Eds,
     dictionary: Dictionary,
     config: PdoConfig,
     mapped: MappedObject,
-) -> Problem | None:
+) -> CellProblem | None:
     entry = dictionary.entry(mapped.index, mapped.subindex)
     variable = eds.get(mapped.index, mapped.subindex)
     directions = _RECEIVES if config.receive else _TRANSMITS
@@ -173,7 +173,7 @@ def _not_mappable(
     return None
 
 
-def size(case: Case) -> Found:
+def size(case: CheckContext) -> Problems:
     """Check that a map fits a CAN frame, and holds each object once."""
     for node, _, dictionary, config in _tables(case):
         mapped = [entry for entry, _ in _known(config, dictionary)]
@@ -193,7 +193,7 @@ def size(case: Case) -> Found:
                 yield case.warning(line, f"{where} maps {text} more than once", remedy="name it once")
 
 
-def controlword_last(case: Case) -> Found:
+def controlword_last(case: CheckContext) -> Problems:
     """Note a map with something behind the controlword: a drive that takes entry by entry acts before it has the rest."""
     for node, _, dictionary, config in _tables(case):
         words = {own_index(CONTROLWORD, axis.drive_axis) for axis in case.cell.axes_of(node.node_id)}
@@ -217,7 +217,7 @@ def _known(config: PdoConfig, dictionary: Dictionary) -> Iterator[tuple[MappedOb
             continue  # reported by ``mapping``
 
 
-def transmission(case: Case) -> Found:
+def transmission(case: CheckContext) -> Problems:
     """Check the transmission types: synchronous ones need SYNC, some are reserved, some need remote frames."""
     for node, _, _, config in _tables(case):
         kind = config.transmission
@@ -254,7 +254,7 @@ def transmission(case: Case) -> Found:
 _KINDS = "1 to 240: with every 1st to 240th SYNC; 254 or 255: on change"
 
 
-def timers(case: Case) -> Found:
+def timers(case: CheckContext) -> Problems:
     """Warn of times that the object rounds, or that have no effect."""
     for node, eds, _, config in _tables(case):
         where = f"node {node.node_id}: {config.name}"
@@ -288,7 +288,7 @@ def _transmission_type(node: NodeConfig, eds: Eds, config: PdoConfig) -> int | N
     return value if isinstance(value, int) else None
 
 
-def starts_and_requests(case: Case) -> Found:
+def starts_and_requests(case: CheckContext) -> Problems:
     """Check SYNC start values, which need a counter that reaches them, and the TPDOs that are to be asked for."""
     for node, _, _, config in _tables(case):
         where, bus = f"node {node.node_id}: {config.name}", case.cell.bus
@@ -316,7 +316,7 @@ def starts_and_requests(case: Case) -> Found:
             )
 
 
-def inhibit_of_rpdo(case: Case) -> Found:
+def inhibit_of_rpdo(case: CheckContext) -> Problems:
     """Warn of an inhibit time on an RPDO, which CiA 301 does not use (7.5.2.35)."""
     for node, _, _, config in _tables(case):
         if config.receive and config.inhibit_time:

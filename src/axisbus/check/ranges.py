@@ -6,20 +6,20 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from axisbus.cell.axis_description import Drive
-from axisbus.cell.model import AxisConfig, Place
+from axisbus.cell.model import AxisConfig, SourceLocation
 from axisbus.cell.scales import units_of
-from axisbus.check.context import Case, Check, Found, own_title
+from axisbus.check.context import Check, CheckContext, Problems, own_title
 from axisbus.cia402 import objects
 from axisbus.units import Scale
 from axisbus.wording import counted
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class CheckedQuantity:
     """One number of an axis, with the object that it is written into."""
 
     key: str
-    at: Place
+    at: SourceLocation
     value: float
     unit: str
     scale: Scale
@@ -36,11 +36,11 @@ class Quantity:
         return self.scale.to_increments(self.value)
 
 
-def quantities(axis: AxisConfig) -> Iterator[Quantity]:
+def quantities(axis: AxisConfig) -> Iterator[CheckedQuantity]:
     """The numbers of an axis that are written into objects as they are or by a command."""
     units, given = units_of(axis), axis.homing
     position, speed, ramp = units.position, units.velocity, units.acceleration
-    candidates: tuple[tuple[str, Place, float | None, str, Scale, int, int, bool], ...] = (
+    candidates: tuple[tuple[str, SourceLocation, float | None, str, Scale, int, int, bool], ...] = (
         ("velocity", axis.defaults.at, axis.defaults.velocity, "/s", speed, objects.PROFILE_VELOCITY, 0, False),
         ("max_velocity", axis.at, axis.max_velocity, "/s", speed, objects.PROFILE_VELOCITY, 0, False),
         ("max_velocity", axis.at, axis.max_velocity, "/s", speed, objects.TARGET_VELOCITY, 0, False),
@@ -56,9 +56,9 @@ def quantities(axis: AxisConfig) -> Iterator[Quantity]:
     )  # fmt: skip
     for key, at, value, unit, scale, index, subindex, zero in candidates:
         if value is not None:
-            yield Quantity(key, at, value, axis.unit + unit, scale, index, subindex, zero)
+            yield CheckedQuantity(key, at, value, axis.unit + unit, scale, index, subindex, zero)
     for value in axis.position_limits or ():
-        yield Quantity(
+        yield CheckedQuantity(
             "position_limits", axis.at, value, axis.unit, position, objects.TARGET_POSITION, 0, True
         )
 
@@ -66,7 +66,7 @@ def quantities(axis: AxisConfig) -> Iterator[Quantity]:
 _SCALES = ("scale", "velocity_scale", "acceleration_scale")
 
 
-def overflow(case: Case) -> Found:
+def overflow(case: CheckContext) -> Problems:
     """Check that each number fits its object after scaling: the type, then the EDS's own limits; and that it is not 0."""
     for drive in case.drives:
         if not drive.axis.at.sound(*_SCALES):
@@ -75,7 +75,7 @@ def overflow(case: Case) -> Found:
             yield from _fits(case, drive, quantity)
 
 
-def _fits(case: Case, drive: Drive, quantity: Quantity) -> Found:
+def _fits(case: CheckContext, drive: Drive, quantity: CheckedQuantity) -> Problems:
     entry = drive.entry(quantity.index, quantity.subindex)
     if (
         drive.variable(quantity.index, quantity.subindex) is None
@@ -116,7 +116,7 @@ def _fits(case: Case, drive: Drive, quantity: Quantity) -> Found:
 _SIGNED = frozenset({objects.TARGET_POSITION, objects.TARGET_VELOCITY, objects.HOME_OFFSET})
 
 
-def drive_limits(case: Case) -> Found:
+def drive_limits(case: CheckContext) -> Problems:
     """Warn where the drive's own limits (607Dh, 607Fh, 60C5h, 60C6h) are narrower than what the cell asks for."""
     for drive in case.drives:
         if drive.axis.at.sound(*_SCALES):
@@ -124,7 +124,7 @@ def drive_limits(case: Case) -> Found:
             yield from _maxima(case, drive)
 
 
-def _software_limits(case: Case, drive: Drive) -> Found:
+def _software_limits(case: CheckContext, drive: Drive) -> Problems:
     """607Dh: both 0, or the lower not below the upper, means none."""
     axis, scale = drive.axis, units_of(drive.axis).position
     low = drive.number(objects.SOFTWARE_POSITION_LIMIT, 1)
@@ -150,7 +150,7 @@ _MAXIMA = (
 )
 
 
-def _maxima(case: Case, drive: Drive) -> Found:
+def _maxima(case: CheckContext, drive: Drive) -> Problems:
     axis, units = drive.axis, units_of(drive.axis)
     for key, kind, index, unit in _MAXIMA:
         value: float | None = getattr(axis.defaults, key)

@@ -8,7 +8,7 @@ from pathlib import Path
 from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
 from axisbus.cell.parameters import axis_parameters
-from axisbus.cell.problem import Problem
+from axisbus.cell.problem import CellProblem
 from axisbus.check import (
     bootup,
     cobids,
@@ -29,7 +29,7 @@ from axisbus.check import (
 )
 from axisbus.check import cycle_bus_load as load
 from axisbus.check.can_simple import axes, modules
-from axisbus.check.context import Case, Check
+from axisbus.check.context import Check, CheckContext
 from axisbus.check.cyclic import feed_forward, interpolated
 from axisbus.check.gantry import pairs
 from axisbus.check.ids.table import id_of
@@ -63,7 +63,7 @@ CHECKS: tuple[Check, ...] = (
 )
 
 
-def check(path: str | Path) -> list[Problem]:
+def check(path: str | Path) -> list[CellProblem]:
     """Return everything that is wrong, dangerous or worth knowing about a cell file, in the order of its lines.
 
     Blocks for as long as its files take to read; sends nothing. Raises nothing: a file that cannot be read is a problem, too.
@@ -78,14 +78,14 @@ def promised(path: str | Path) -> dict[str, tuple[Promise, ...]]:
     Blocks for its files. Raises ``ConfigError`` where the cell file cannot be read.
     """
     cell = reader.load(path)
-    drives = Case(cell, devices.load_all(cell)[0]).drives
+    drives = CheckContext(cell, devices.load_all(cell)[0]).drives
     return {drive.axis.name: promises(axis_parameters(cell, drive.axis.name, drive.eds)) for drive in drives}
 
 
-def check_cell(cell: CellConfig, problems: list[Problem] | None = None) -> list[Problem]:
+def check_cell(cell: CellConfig, problems: list[CellProblem] | None = None) -> list[CellProblem]:
     """As ``check``, for a cell that was read already, with the problems of reading it."""
     eds, unreadable = devices.load_all(cell)
-    case = Case(cell, eds)
+    case = CheckContext(cell, eds)
     found = [*(problems or ()), *unreadable]
     for one in CHECKS:
         rule = id_of(one)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from axisbus.cell import scale_proposal
 from axisbus.cell.scales import units_of
-from axisbus.check.context import Case, Check, Found, own_title
+from axisbus.check.context import Check, CheckContext, Problems, own_title
 from axisbus.cia402 import objects
 
 
-def disagreement(case: Case) -> Found:
+def disagreement(case: CheckContext) -> Problems:
     """Check each scale against 608Fh and 6091h, as ``boot`` does with the drive's own; 1 increment per turn says nothing."""
     for drive in case.drives:
         axis = drive.axis
@@ -28,7 +28,7 @@ def disagreement(case: Case) -> Found:
             )
 
 
-def other_units(case: Case) -> Found:
+def other_units(case: CheckContext) -> Problems:
     """Check velocity and acceleration scales against the units that the drive counts in; an error where that is certain."""
     for drive in case.drives:
         axis = drive.axis

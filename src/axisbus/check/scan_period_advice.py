@@ -15,21 +15,21 @@ _BY_POSITION = ("pp", "hm", "csp")  # modes that need no other target
 _SELDOM = 1.0  # seconds between two heartbeats
 
 
-class Change(NamedTuple):
+class PeriodReduction(NamedTuple):
     """A change of a cell file, in words, and the shortest period (s) that the wire can hold with it."""
 
     what: str
     period: float
 
 
-def changes(cell: CellConfig, files: Mapping[int, Eds], bitrate: int) -> list[Change]:
+def changes(cell: CellConfig, files: Mapping[int, Eds], bitrate: int) -> list[PeriodReduction]:
     """Return what would shorten the shortest period, the best first."""
     now = shortest(cell, files, bitrate) or float("inf")
     found = []
     for what, changed, rate in _candidates(cell, bitrate):
         period = shortest(changed, files, rate)
         if period is not None and period < now:
-            found.append(Change(what, period))
+            found.append(PeriodReduction(what, period))
     return sorted(found, key=lambda change: change.period)
 
 

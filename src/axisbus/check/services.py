@@ -5,13 +5,13 @@ from __future__ import annotations
 from axisbus.cell import sync_window
 from axisbus.cell.model import BusConfig
 from axisbus.check.cobids import RESTRICTED
-from axisbus.check.context import Case, Check, Found
+from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.eds.model import Eds
 
 
-def listeners(case: Case) -> Found:
+def listeners(case: CheckContext) -> Problems:
     """Check that each node takes our SYNC, and sends none of its own (1005h)."""
     for node, eds, _ in case.nodes:
         value = case.node_number(node, o.COB_ID_SYNC)
@@ -44,7 +44,7 @@ def _sync_trouble(value: int, bus: BusConfig) -> str:
     return ""
 
 
-def producers(case: Case) -> Found:
+def producers(case: CheckContext) -> Problems:
     """Check that not two nodes send SYNC where none of them is the master."""
     if not case.cell.bus.hears_sync:
         return
@@ -69,7 +69,7 @@ def producers(case: Case) -> Found:
         )
 
 
-def identifiers(case: Case) -> Found:
+def identifiers(case: CheckContext) -> Problems:
     """Check that SYNC and TIME keep off the identifiers of other services (CiA 301 table 40)."""
     bus = case.cell.bus
     wanted = (
@@ -87,7 +87,7 @@ def identifiers(case: Case) -> Found:
             )
 
 
-def without_effect(case: Case) -> Found:
+def without_effect(case: CheckContext) -> Problems:
     """Warn of what ``[bus]`` says of SYNC in vain."""
     bus = case.cell.bus
     if not bus.sync:
@@ -104,7 +104,7 @@ def without_effect(case: Case) -> Found:
         )
 
 
-def counter(case: Case) -> Found:
+def counter(case: CheckContext) -> Problems:
     """Warn of nodes that may not take a SYNC with a counter (1019h)."""
     bus = case.cell.bus
     for node, eds, _ in case.nodes if bus.sync and bus.sync_counter else ():
@@ -117,7 +117,7 @@ def counter(case: Case) -> Found:
             )
 
 
-def window(case: Case) -> Found:
+def window(case: CheckContext) -> Problems:
     """Warn of nodes whose synchronous window (1007h) closes before our RPDOs come."""
     bus = case.cell.bus
     for node, eds, _ in case.nodes:

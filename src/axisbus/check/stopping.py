@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from axisbus.cell.axis_description import Drive
-from axisbus.check.context import Case, Check, Found, own_title
+from axisbus.check.context import Check, CheckContext, Problems, own_title
 from axisbus.cia402 import objects, options
 from axisbus.cia402.options import OptionCode
 from axisbus.motion.parameters import StopTimes
@@ -27,7 +27,7 @@ _ON_QUICK_RAMP: tuple[tuple[OptionCode, frozenset[int]], ...] = (
 )
 
 
-def coasting(case: Case) -> Found:
+def coasting(case: CheckContext) -> Problems:
     """Report every reaction that does not brake: an error where the axis holds a load, else a warning."""
     for drive in case.drives:
         for option, values, better in _REACTIONS:
@@ -51,7 +51,7 @@ def _hold(drive: Drive, option: OptionCode) -> str:
     return "-hold" if option is options.QUICK_STOP and drive.axis.holds_load == "torque" else ""
 
 
-def not_there(case: Case) -> Found:
+def not_there(case: CheckContext) -> Problems:
     """Note the reactions that the drive has no object for: what it does is in its manual only."""
     for drive in case.drives:
         absent = [option for option in _SETTABLE if not drive.has(option.index)]
@@ -81,7 +81,7 @@ def _named(found: list[OptionCode]) -> str:
     return ", ".join(option.title for option in found)
 
 
-def ramp_of_quick_stop(case: Case) -> Found:
+def ramp_of_quick_stop(case: CheckContext) -> Problems:
     """Warn of a quick-stop ramp that is used and has no slope (6085h of 0)."""
     for drive in case.drives:
         users = [option for option, values in _ON_QUICK_RAMP if drive.number(option.index) in values]
@@ -97,7 +97,7 @@ def ramp_of_quick_stop(case: Case) -> Found:
             )
 
 
-def weak_quick_stop(case: Case) -> Found:
+def weak_quick_stop(case: CheckContext) -> Problems:
     """Warn of a quick stop with a deceleration below the default: near a position limit it overruns the limit."""
     for drive in case.drives:
         axis, slow = drive.axis, drive.axis.defaults.deceleration
@@ -113,7 +113,7 @@ def weak_quick_stop(case: Case) -> Found:
         )
 
 
-def unused_ramp(case: Case) -> Found:
+def unused_ramp(case: CheckContext) -> Problems:
     """Warn of a quick-stop deceleration that nothing uses."""
     for drive in case.drives:
         stop = drive.axis.stop
@@ -128,7 +128,7 @@ def unused_ramp(case: Case) -> Found:
             )
 
 
-def load_held(case: Case) -> Found:
+def load_held(case: CheckContext) -> Problems:
     """Check that an axis whose motor holds the load stays energised after a quick stop."""
     for drive in case.drives:
         if drive.axis.holds_load != "torque":
@@ -153,7 +153,7 @@ def load_held(case: Case) -> Found:
 # -- times -----------------------------------------------------------------------------------------------------------
 
 
-def ladder_times(case: Case) -> Found:
+def ladder_times(case: CheckContext) -> Problems:
     """Warn where braking from full speed takes longer than its rung of the stop ladder waits."""
     for axis in case.cell.axes.values():
         stop, times = axis.stop, StopTimes()

@@ -8,11 +8,11 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 from axisbus.cell.model import GroupConfig
-from axisbus.check.context import Case, Check, Found
+from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.errors import AdapterError
 
 
-def master_id(case: Case) -> Found:
+def master_id(case: CheckContext) -> Problems:
     """Check that our own node ID is nobody else's."""
     bus = case.cell.bus
     if bus.at.sound("master_id") and bus.master_id in case.cell.nodes:
@@ -26,7 +26,7 @@ def master_id(case: Case) -> Found:
         )
 
 
-def lost_nodes(case: Case) -> Found:
+def lost_nodes(case: CheckContext) -> Problems:
     """Check that what a node's own table says of its loss is what decides."""
     bus = case.cell.bus
     for node in case.cell.nodes.values():
@@ -50,7 +50,7 @@ _KNOWN = frozenset(
 )
 
 
-def interface(case: Case) -> Found:
+def interface(case: CheckContext) -> Problems:
     """Check that the interface is one that python-can knows, and that it has the channel that it needs."""
     bus = case.cell.bus
     if not bus.at.sound("interface", "channel"):
@@ -71,7 +71,7 @@ def interface(case: Case) -> Found:
         )
 
 
-def process(case: Case) -> Found:
+def process(case: CheckContext) -> Problems:
     """Check that the core can run in a process of its own, where it is to."""
     bus = case.cell.bus
     if bus.process != "own" or not bus.at.sound("process", "interface"):
@@ -90,7 +90,7 @@ def process(case: Case) -> Found:
     )
 
 
-def axes_have_nodes(case: Case) -> Found:
+def axes_have_nodes(case: CheckContext) -> Problems:
     """Check that the node of each axis is there."""
     for axis in case.cell.driven.values():
         if axis.at.sound("node") and axis.node not in case.cell.nodes:
@@ -103,7 +103,7 @@ def axes_have_nodes(case: Case) -> Found:
             )
 
 
-def nodes_have_axes(case: Case) -> Found:
+def nodes_have_axes(case: CheckContext) -> Problems:
     """Note nodes that no axis uses: right for I/O, a slip for a drive."""
     for node in case.cell.nodes.values():
         if not any(case.cell.axes_of(node.node_id)) and not any(case.cell.io_of(node.node_id)):
@@ -115,7 +115,7 @@ def nodes_have_axes(case: Case) -> Found:
             )
 
 
-def one_axis_each(case: Case) -> Found:
+def one_axis_each(case: CheckContext) -> Problems:
     """Check that no two axes are the same axis of the same device."""
     owners: dict[tuple[int, int], str] = {}
     for axis in case.cell.driven.values():
@@ -130,13 +130,13 @@ def one_axis_each(case: Case) -> Found:
             )
 
 
-def groups_have_axes(case: Case) -> Found:
+def groups_have_axes(case: CheckContext) -> Problems:
     """Check that each group's axes are there, each once."""
     for group in case.cell.groups.values():
         yield from _group(case, group)
 
 
-def _group(case: Case, group: GroupConfig) -> Found:
+def _group(case: CheckContext, group: GroupConfig) -> Problems:
     line = group.at.of("axes")
     for name in group.axes:
         if name not in case.cell.axes:
@@ -154,7 +154,7 @@ def _group(case: Case, group: GroupConfig) -> Found:
         )
 
 
-def axes_outside_groups(case: Case) -> Found:
+def axes_outside_groups(case: CheckContext) -> Problems:
     """Note axes in no group, because a fault of theirs stops everything."""
     if not case.cell.groups:
         return
@@ -174,7 +174,7 @@ def _repeated(names: Iterable[str]) -> list[str]:
     return [name for name, count in Counter(names).items() if count > 1]
 
 
-def _free(case: Case) -> int:
+def _free(case: CheckContext) -> int:
     return next(number for number in range(127, 0, -1) if number not in case.cell.nodes or number == 1)
 
 

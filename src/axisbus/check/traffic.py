@@ -9,14 +9,14 @@ from axisbus.cell.can_simple.modules import canopen_nodes
 from axisbus.cell.can_simple.traffic import module_frames
 from axisbus.cell.model import CellConfig
 from axisbus.cell.pdo_plan import travelling
-from axisbus.check.context import Case
+from axisbus.check.context import CheckContext
 from axisbus.check.cycle_schedule import per_cycle
 from axisbus.cia301.frame import plain_bits, worst_bits
 from axisbus.eds.model import Eds
 
 
 @dataclass(frozen=True, slots=True)
-class Stream:
+class TrafficStream:
     """Frames of one kind: ``node`` None for those of no node, ``rate`` in frames per second."""
 
     node: int | None
@@ -37,7 +37,7 @@ class Stream:
         return self.rate * worst_bits(self.data_bytes, self.extended)
 
 
-def streams(cell: CellConfig, files: Mapping[int, Eds]) -> list[Stream]:
+def streams(cell: CellConfig, files: Mapping[int, Eds]) -> list[TrafficStream]:
     """Return what travels while the cell runs: SYNC, PDOs, heartbeats, and what modules are asked and told.
 
     SDO and EMCY come when they come and are not in it.
@@ -45,17 +45,17 @@ def streams(cell: CellConfig, files: Mapping[int, Eds]) -> list[Stream]:
     return [stream for stream in _all(cell, files) if stream.rate > 0]
 
 
-def _all(cell: CellConfig, files: Mapping[int, Eds]) -> Iterator[Stream]:
+def _all(cell: CellConfig, files: Mapping[int, Eds]) -> Iterator[TrafficStream]:
     bus = cell.bus
     if bus.sync:
-        yield Stream(None, "SYNC", "SYNC", 1 / bus.scan_period, 0)
-    for node, eds, dictionary in Case(cell, files).nodes:
+        yield TrafficStream(None, "SYNC", "SYNC", 1 / bus.scan_period, 0)
+    for node, eds, dictionary in CheckContext(cell, files).nodes:
         for receive, pdo in travelling(cell, node, eds, dictionary):
             kind = "RPDO" if receive else "TPDO"
             rate = per_cycle(pdo, receive, cell, node.node_id) / bus.scan_period
-            yield Stream(node.node_id, kind, f"{kind}{pdo.number}", rate, pdo.size, pdo.cob_id > 0x7FF)
+            yield TrafficStream(node.node_id, kind, f"{kind}{pdo.number}", rate, pdo.size, pdo.cob_id > 0x7FF)
     if bus.heartbeat is not None:
         for node_id in (*canopen_nodes(cell), bus.master_id):
-            yield Stream(node_id, "heartbeat", "heartbeat", 1 / bus.heartbeat, 1)
+            yield TrafficStream(node_id, "heartbeat", "heartbeat", 1 / bus.heartbeat, 1)
     for each in module_frames(cell):
-        yield Stream(each.node, each.kind, each.name, each.rate, each.data_bytes)
+        yield TrafficStream(each.node, each.kind, each.name, each.rate, each.data_bytes)

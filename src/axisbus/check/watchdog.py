@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from axisbus.cell.model import NodeConfig
-from axisbus.check.context import Case, Check, Found
+from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.cia301 import objects as cia301
 from axisbus.cia402 import options
 from axisbus.eds.model import Eds
@@ -18,7 +18,7 @@ def _whole(seconds: float) -> int:
     return math.ceil(seconds / _MILLISECOND - 1e-6)
 
 
-def heartbeat(case: Case) -> Found:
+def heartbeat(case: CheckContext) -> Problems:
     """Check that the heartbeat can be said in whole milliseconds, and be sent by the scan."""
     bus = case.cell.bus
     if not bus.at.sound("heartbeat", "scan_period"):
@@ -47,7 +47,7 @@ def heartbeat(case: Case) -> Found:
         )
 
 
-def watched(case: Case) -> Found:
+def watched(case: CheckContext) -> Problems:
     """Warn of drives that cannot notice a dead master, and name those whose reaction is unknown."""
     if case.cell.bus.heartbeat is None:
         return
@@ -75,7 +75,7 @@ def _can_be_guarded(eds: Eds) -> bool:
     return cia301.GUARD_TIME in eds and cia301.LIFE_TIME_FACTOR in eds
 
 
-def _reaction(case: Case, node: NodeConfig, eds: Eds) -> Found:
+def _reaction(case: CheckContext, node: NodeConfig, eds: Eds) -> Problems:
     """A value of 6007h that lets the drive go on is named by ``stopping.coasting``."""
     for drive in case.drives:
         if drive.node is node and not drive.has(options.CONNECTION_LOSS.index):
@@ -87,7 +87,7 @@ def _reaction(case: Case, node: NodeConfig, eds: Eds) -> Found:
             )
 
 
-def watchable(case: Case) -> Found:
+def watchable(case: CheckContext) -> Problems:
     """Note nodes that send no heartbeat, so that we notice later that they are gone."""
     for node, eds, _ in case.nodes:
         if cia301.PRODUCER_HEARTBEAT not in eds:

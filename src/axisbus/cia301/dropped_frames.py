@@ -14,7 +14,7 @@ EVERY = 1.0  # seconds between two lines about the same
 _MOST = 256  # different ones that are counted apart
 
 
-class Fault(Enum):
+class DropReason(Enum):
     """Why a frame was dropped, as one of them and as several are called."""
 
     SHORT_PDO = "PDO too short for its mapping", "PDOs too short for their mapping"
@@ -50,7 +50,7 @@ class Drop:
     ``data`` and ``can_id`` are those of the newest.
     """
 
-    fault: Fault
+    fault: DropReason
     node: int | None
     count: int
     last: float
@@ -67,20 +67,26 @@ class Drops:
     def __init__(self, lock: AbstractContextManager[object] | None = None) -> None:
         """``lock`` is held while it counts: whoever has several threads gives one."""
         self._lock = nullcontext() if lock is None else lock
-        self._found: dict[tuple[Fault, int | None], Drop] = {}
+        self._found: dict[tuple[DropReason, int | None], Drop] = {}
 
-    def frame(self, fault: Fault, can_id: int, stamp: float, data: bytes) -> None:
+    def frame(self, fault: DropReason, can_id: int, stamp: float, data: bytes) -> None:
         """Count a frame whose node only its identifier tells (CiA 301 7.3.5)."""
         self.note(fault, can_id & _NODE or None, stamp, can_id, data)
 
     def note(
-        self, fault: Fault, node: int | None, stamp: float, can_id: int, data: bytes = b"", count: int = 1
+        self,
+        fault: DropReason,
+        node: int | None,
+        stamp: float,
+        can_id: int,
+        data: bytes = b"",
+        count: int = 1,
     ) -> None:
         """Count frames that were dropped; ``data`` and ``can_id`` are of the newest of them."""
         with self._lock:
             before = self._found.get((fault, node))
             if before is None and len(self._found) >= _MOST:
-                fault, node = Fault.MANY, None
+                fault, node = DropReason.MANY, None
                 before = self._found.get((fault, node))
             so_far = 0 if before is None else before.count
             self._found[fault, node] = Drop(fault, node, so_far + count, stamp, can_id, data[:8])
@@ -88,14 +94,14 @@ class Drops:
     def unheard(self, can_id: int, stamp: float, data: bytes) -> None:
         """Count a frame that nobody listens to, where it has the identifier of a TPDO (CiA 301 7.3.5)."""
         if can_id <= cob.ID_MASK_11 and can_id & _FUNCTION in cob.TPDO and can_id & _NODE:
-            self.frame(Fault.UNKNOWN_PDO, can_id, stamp, data)
+            self.frame(DropReason.UNKNOWN_PDO, can_id, stamp, data)
 
     @property
     def found(self) -> tuple[Drop, ...]:
-        """What was counted so far, in the order of ``Fault`` and of nodes."""
+        """What was counted so far, in the order of ``DropReason`` and of nodes."""
         with self._lock:
             found = list(self._found.values())
-        order = list(Fault)
+        order = list(DropReason)
         return tuple(sorted(found, key=lambda drop: (order.index(drop.fault), drop.node or 0)))
 
 
@@ -106,7 +112,7 @@ class DropNews:
     """
 
     def __init__(self) -> None:
-        self._told: dict[tuple[Fault, int | None], tuple[int, float]] = {}
+        self._told: dict[tuple[DropReason, int | None], tuple[int, float]] = {}
 
     def take(self, found: Iterable[Drop], now: float) -> list[Drop]:
         """Return those of ``found`` that have grown, with their counts so far; ``now`` in seconds of any steady clock."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 UNSTUFFED = 13  # CRC delimiter, acknowledge (2), end of frame (7), intermission (3): not stuffed
 
 
-class Frame(NamedTuple):
+class CanFrame(NamedTuple):
     """A classic CAN frame; ``time`` in seconds of whatever clock stamped it (a log's epoch, an adapter's own).
 
     ``remote`` frames carry no data; an ``error`` frame is what an adapter reports of the wire, its ``can_id`` and data are the
@@ -23,14 +23,14 @@ class Frame(NamedTuple):
     channel: str = ""
 
 
-class Carried(NamedTuple):
+class BusTraffic(NamedTuple):
     """What a bus has carried up to ``time`` (seconds, monotonic), both ways: classic frames, and the octets of their data."""
 
     time: float
     frames: int
     octets: int
 
-    def load(self, since: Carried, bitrate: int) -> tuple[float, float]:
+    def load(self, since: BusTraffic, bitrate: int) -> tuple[float, float]:
         """Return the part of a bus of ``bitrate`` bit/s (0 to 1) that was taken since then: without stuff bits, and with the most.
 
         Both are 0 where no time has passed. Frames count as those with identifiers of 11 bits.

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from axisbus.cia301 import cob
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 
 _FUNCTION, _NODE = 0x780, 0x7F
 _MEASURED = 3  # frames that a period is told of
@@ -32,7 +32,7 @@ _CYCLIC = frozenset({Sign.HEARTBEAT, Sign.SYNC})  # what comes at a period that 
 
 
 @dataclass(frozen=True, slots=True)
-class Cast:
+class ExpectedMasters:
     """Who is who on a bus: ``nodes`` are the cell's slaves, ``masters`` the node IDs whose heartbeat is a master's.
 
     SYNC is a sign at the COB-IDs ``syncs``, TIME at ``times``; nothing is one at ``excused``, where the cell's own devices send.
@@ -55,7 +55,7 @@ class Cast:
         return self.nodes | frozenset(self.commands.values())
 
 
-def sign_of(frame: Frame, cast: Cast) -> tuple[Sign, int | None] | None:
+def sign_of(frame: CanFrame, cast: ExpectedMasters) -> tuple[Sign, int | None] | None:
     """Return what a frame gives away, and the node that it is of or for (None: the bus); None where a slave may send it."""
     if frame.extended or frame.error or frame.can_id in cast.excused:
         return None
@@ -82,7 +82,7 @@ def sign_of(frame: Frame, cast: Cast) -> tuple[Sign, int | None] | None:
     return (Sign.RPDO, node) if function in cob.RPDO and node in cast.nodes else None
 
 
-def commanded(frame: Frame, cast: Cast) -> frozenset[int]:
+def commanded(frame: CanFrame, cast: ExpectedMasters) -> frozenset[int]:
     """Return the cell's nodes that a frame of another master commands; none where it only asks, or is a sign alone.
 
     An SDO request commands its node when it begins a download to the communication profile or to the device profile. Objects of the
@@ -103,7 +103,7 @@ _COMMANDING = frozenset({Sign.RPDO, Sign.MODULE})
 _DOWNLOAD, _BLOCK_DOWNLOAD, _BLOCK_STEP = 1, 6, 1
 
 
-def _of_nmt(data: bytes, cast: Cast) -> frozenset[int]:
+def _of_nmt(data: bytes, cast: ExpectedMasters) -> frozenset[int]:
     if len(data) != 2:  # command and node; anything else is no NMT command
         return frozenset()
     return cast.all_nodes if data[1] == 0 else frozenset({data[1]}) & cast.all_nodes
@@ -118,7 +118,7 @@ def _is_command(data: bytes) -> bool:
 
 
 @dataclass(slots=True)
-class Heard:
+class MasterEvidence:
     """Frames of one sign on one COB-ID; holds state: ``count``, and the times of the first and the last."""
 
     sign: Sign
@@ -137,13 +137,13 @@ class Heard:
 
 
 @dataclass(slots=True)
-class Signs:
+class MasterDetector:
     """Collects what gives a master away; holds state: what was heard, by COB-ID."""
 
-    cast: Cast
-    _heard: dict[tuple[Sign, int], Heard] = field(default_factory=dict)
+    cast: ExpectedMasters
+    _heard: dict[tuple[Sign, int], MasterEvidence] = field(default_factory=dict)
 
-    def note(self, frame: Frame) -> None:
+    def note(self, frame: CanFrame) -> None:
         """Take a frame, in the order of time."""
         found = sign_of(frame, self.cast)
         if found is None:
@@ -151,27 +151,29 @@ class Signs:
         sign, node = found
         one = self._heard.get((sign, frame.can_id))
         if one is None:
-            self._heard[sign, frame.can_id] = Heard(sign, node, frame.can_id, 1, frame.time, frame.time)
+            self._heard[sign, frame.can_id] = MasterEvidence(
+                sign, node, frame.can_id, 1, frame.time, frame.time
+            )
             return
         one.count += 1
         one.last = frame.time
 
     @property
-    def heard(self) -> list[Heard]:
+    def heard(self) -> list[MasterEvidence]:
         """What was heard so far, in the order of ``Sign`` and of COB-IDs."""
         order = list(Sign)
         return sorted(self._heard.values(), key=lambda one: (order.index(one.sign), one.can_id))
 
 
-def words(heard: Iterable[Heard]) -> list[str]:
+def words(heard: Iterable[MasterEvidence]) -> list[str]:
     """Return what was heard, one line for each sign: what, of or for whom, how many, how often."""
-    groups: dict[Sign, list[Heard]] = {}
+    groups: dict[Sign, list[MasterEvidence]] = {}
     for one in heard:
         groups.setdefault(one.sign, []).append(one)
     return [_line(sign, group) for sign, group in groups.items()]
 
 
-def _line(sign: Sign, group: list[Heard]) -> str:
+def _line(sign: Sign, group: list[MasterEvidence]) -> str:
     nodes = sorted({one.node for one in group if one.node is not None})
     whose = f" {'of' if sign is Sign.HEARTBEAT else 'to'} {nodes_text(nodes)}" if nodes else ""
     period = group[0].period if len(group) == 1 else None
@@ -185,6 +187,6 @@ def nodes_text(nodes: Iterable[int]) -> str:
     return f"node{'s' * (len(found) > 1)} {', '.join(map(str, found))}"
 
 
-def _identifiers(group: list[Heard]) -> str:
+def _identifiers(group: list[MasterEvidence]) -> str:
     found = [f"{one.can_id:03X}h" for one in group]
     return ", ".join(found) if len(found) < 5 else f"{found[0]} to {found[-1]}"

@@ -41,7 +41,7 @@ class MappedObject(NamedTuple):
         return f"{self.index:04X}:{self.subindex:02X}/{self.bits}"
 
 
-class Carried(NamedTuple):
+class PdoLocation(NamedTuple):
     """Where an object is: in the PDO ``pdo`` (``TPDO1``) with the frames of ``can_id``, ``bits`` from the bit ``shift`` on."""
 
     can_id: int
@@ -60,7 +60,7 @@ def is_synchronous(transmission_type: int) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Pdo:
+class PdoConfiguration:
     """The parameters of one PDO as the drive holds them.
 
     ``number`` counts from 1; ``inhibit_time`` is in 100 µs, ``event_timer`` in ms (0 = off, None = the drive has no such entry).

@@ -2,10 +2,10 @@
 
 Theory of operation
 -------------------
-A ``Dialogue`` is one attempt at one transfer. ``start`` gives the first frame; ``receive`` takes a frame of the server together
-with the seconds that passed since the last call, ``elapse`` only time; each returns the frames to be sent. It has ended well when
-``done``, and badly by an exception: ``NoAnswer``, ``Refused``, ``Garbled``. After a bad end (``Refused`` excepted) the server must
-be told by ``abort``, which names the object.
+A ``SdoTransferAttempt`` is one attempt at one transfer. ``start`` gives the first frame; ``receive`` takes a frame of the server
+together with the seconds that passed since the last call, ``elapse`` only time; each returns the frames to be sent. It has ended
+well when ``done``, and badly by an exception: ``NoAnswer``, ``SdoAborted``, ``Garbled``. After a bad end (``SdoAborted`` excepted)
+the server must be told by ``abort``, which names the object.
 
 What the server may say next is a method, ``_on``: it returns the frames that follow, or None for a frame that does not fit. That
 one is a *stray*, the late answer to an earlier request or somebody else's; it is noted and does not prolong the waiting.
@@ -39,7 +39,7 @@ _NO_MULTIPLEXER = b"\0\0\0"
 _ROUNDING = 1e-9  # seconds; sums of floats do not meet the time-out exactly
 
 
-class Way(Enum):
+class SdoTransferType(Enum):
     """How the data travels."""
 
     NORMAL = "expedited up to 4 bytes, else in segments that are confirmed one by one"
@@ -51,7 +51,7 @@ class NoAnswer(Exception):
     """The server did not answer in time."""
 
 
-class Refused(Exception):
+class SdoAborted(Exception):
     """The server aborted the transfer with ``code``."""
 
     def __init__(self, code: int) -> None:
@@ -67,7 +67,7 @@ class Garbled(Exception):
         self.code = code
 
 
-class Dialogue:
+class SdoTransferAttempt:
     """One attempt; holds state: what is expected next, how long was waited for it, and what did not fit."""
 
     def __init__(self, index: int, subindex: int, timeout: float) -> None:
@@ -143,7 +143,7 @@ class Dialogue:
         raise NotImplementedError
 
     def _aborted(self, code: int) -> Frames:
-        raise Refused(code)
+        raise SdoAborted(code)
 
     def _silence(self) -> Frames:
         raise NoAnswer

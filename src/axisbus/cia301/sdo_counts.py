@@ -8,11 +8,11 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from enum import Enum
 
-from axisbus.cia301.sdo import Garbled, NoAnswer, Refused
+from axisbus.cia301.sdo import Garbled, NoAnswer, SdoAborted
 from axisbus.cia301.sdo_session import BROKEN_DIALOGUE
 
 
-class End(Enum):
+class SdoOutcome(Enum):
     """How a transfer ended, after however many attempts: what whoever asked for it was told."""
 
     DONE = "done"
@@ -35,14 +35,14 @@ class SdoCount:
     retries: int = 0
 
     @property
-    def ends(self) -> dict[End, int]:
+    def ends(self) -> dict[SdoOutcome, int]:
         """How many ended in each way."""
         return {
-            End.DONE: self.done,
-            End.ABORTED: self.aborted,
-            End.UNANSWERED: self.unanswered,
-            End.BROKEN: self.broken,
-            End.CUT_SHORT: self.cut_short,
+            SdoOutcome.DONE: self.done,
+            SdoOutcome.ABORTED: self.aborted,
+            SdoOutcome.UNANSWERED: self.unanswered,
+            SdoOutcome.BROKEN: self.broken,
+            SdoOutcome.CUT_SHORT: self.cut_short,
         }
 
 
@@ -52,10 +52,10 @@ class SdoCounts:
     def __init__(self, lock: AbstractContextManager[object] | None = None) -> None:
         """``lock`` is held while it counts: whoever has several threads gives one."""
         self._lock = nullcontext() if lock is None else lock
-        self._ends: Counter[tuple[int, End]] = Counter()
+        self._ends: Counter[tuple[int, SdoOutcome]] = Counter()
         self._retries: Counter[int] = Counter()
 
-    def note(self, node: int, end: End, retries: int) -> None:
+    def note(self, node: int, end: SdoOutcome, retries: int) -> None:
         """Count one transfer that has ended, after so many attempts beside the first."""
         with self._lock:
             self._ends[node, end] += 1
@@ -69,16 +69,16 @@ class SdoCounts:
         return tuple(_of(node, ends, retries[node]) for node in sorted(retries))
 
 
-def _of(node: int, ends: Mapping[tuple[int, End], int], retries: int) -> SdoCount:
-    counts = {end.name.lower(): ends.get((node, end), 0) for end in End}
+def _of(node: int, ends: Mapping[tuple[int, SdoOutcome], int], retries: int) -> SdoCount:
+    counts = {end.name.lower(): ends.get((node, end), 0) for end in SdoOutcome}
     return SdoCount(node, **counts, retries=retries)
 
 
-def end_of(failure: NoAnswer | Garbled | Refused | None) -> End:
+def end_of(failure: NoAnswer | Garbled | SdoAborted | None) -> SdoOutcome:
     """Return how a session ended that was carried through; ``failure`` is its own."""
     if failure is None:
-        return End.DONE
+        return SdoOutcome.DONE
     if isinstance(failure, NoAnswer):
-        return End.UNANSWERED
-    refused = isinstance(failure, Refused) and failure.code not in BROKEN_DIALOGUE
-    return End.ABORTED if refused else End.BROKEN
+        return SdoOutcome.UNANSWERED
+    refused = isinstance(failure, SdoAborted) and failure.code not in BROKEN_DIALOGUE
+    return SdoOutcome.ABORTED if refused else SdoOutcome.BROKEN

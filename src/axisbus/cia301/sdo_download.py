@@ -10,17 +10,33 @@ sub-block or not, and sending it again could write it twice: the attempt is give
 from __future__ import annotations
 
 from axisbus.cia301 import abort as codes
-from axisbus.cia301.sdo import LARGEST_BLOCK, SEGMENT, Dialogue, Frames, Garbled, Way, check_toggle, checksum
+from axisbus.cia301.sdo import (
+    LARGEST_BLOCK,
+    SEGMENT,
+    Frames,
+    Garbled,
+    SdoTransferAttempt,
+    SdoTransferType,
+    check_toggle,
+    checksum,
+)
 from axisbus.wording import counted
 
 _EXPEDITED = 4  # bytes that fit the initiating frame
 
 
-class Download(Dialogue):
+class Download(SdoTransferAttempt):
     """One attempt at writing ``data``."""
 
-    def __init__(self, index: int, subindex: int, data: bytes, timeout: float, way: Way = Way.NORMAL) -> None:
-        """``Way.AUTO`` is not for here: who has the data knows its size."""
+    def __init__(
+        self,
+        index: int,
+        subindex: int,
+        data: bytes,
+        timeout: float,
+        way: SdoTransferType = SdoTransferType.NORMAL,
+    ) -> None:
+        """``SdoTransferType.AUTO`` is not for here: who has the data knows its size."""
         super().__init__(index, subindex, timeout)
         self._data = data
         self._way = way
@@ -36,7 +52,7 @@ class Download(Dialogue):
         return min(self._position, len(self._data)), len(self._data)
 
     def _begin(self) -> Frames:
-        return self._ask_block() if self._way is Way.BLOCK else self._ask()
+        return self._ask_block() if self._way is SdoTransferType.BLOCK else self._ask()
 
     # -- the normal transfer (7.2.4.3.3, 7.2.4.3.4) --------------------------------------------------------------------------------
 

@@ -18,7 +18,17 @@ from typing import NamedTuple
 
 from axisbus.cia301 import abort as codes
 from axisbus.cia301.objects import DEVICE_TYPE, ERROR_REGISTER
-from axisbus.cia301.sdo import BLOCK_FROM, LONGEST, NO_BLOCK, STRAYS, Frames, Garbled, NoAnswer, Refused, Way
+from axisbus.cia301.sdo import (
+    BLOCK_FROM,
+    LONGEST,
+    NO_BLOCK,
+    STRAYS,
+    Frames,
+    Garbled,
+    NoAnswer,
+    SdoAborted,
+    SdoTransferType,
+)
 from axisbus.cia301.sdo_download import Download
 from axisbus.cia301.sdo_upload import Upload
 
@@ -36,7 +46,7 @@ BROKEN_DIALOGUE = frozenset(
 _BARRIER = 64  # bytes; 1000h has 4, 1001h has 1
 
 
-class Request(NamedTuple):
+class SdoTransferRequest(NamedTuple):
     """What is asked for: ``data`` None reads; ``timeout`` in seconds is for one answer, ``tries`` counts whole transfers.
 
     ``most`` is how many bytes are taken from a server that is read, ``usual`` how many the object's type has (None: not known).
@@ -47,12 +57,12 @@ class Request(NamedTuple):
     data: bytes | None
     timeout: float
     tries: int
-    way: Way = Way.AUTO
+    way: SdoTransferType = SdoTransferType.AUTO
     most: int = LONGEST
     usual: int | None = None
 
 
-class Session:
+class SdoSession:
     """One request on its way; holds state: the dialogue that runs, and what went wrong so far.
 
     ``done`` says that it has ended; then ``failure`` tells how (None: well), and ``data`` holds what was read.
@@ -60,7 +70,7 @@ class Session:
 
     def __init__(
         self,
-        request: Request,
+        request: SdoTransferRequest,
         *,
         late: tuple[int, int] | None = None,
         no_block: bool = False,
@@ -71,7 +81,7 @@ class Session:
         self.no_block = no_block
         self.done = False
         self.data = b""
-        self.failure: NoAnswer | Garbled | Refused | None = None
+        self.failure: NoAnswer | Garbled | SdoAborted | None = None
         self.strays: list[bytes] = []
         self.astray = 0  # frames that fitted nothing; the newest are in ``strays``
         self.retries = 0  # attempts beside the first
@@ -126,11 +136,11 @@ class Session:
             return (*self._abandoned(codes.TIMED_OUT), *self._again(silence))
         except Garbled as garbled:
             return (*self._abandoned(garbled.code), *self._again(garbled))
-        except Refused as refused:
+        except SdoAborted as refused:
             return self._refused(refused)
         return (*frames, *self._finish()) if self._current.done else frames
 
-    def _refused(self, refused: Refused) -> Frames:
+    def _refused(self, refused: SdoAborted) -> Frames:
         if self._barrier is not None:
             return self._passed_barrier()  # an answer, and that is all it was asked for
         if refused.code in BROKEN_DIALOGUE:
@@ -145,7 +155,7 @@ class Session:
             self.data = self._dialogue.data
         return self._ended(None)
 
-    def _ended(self, failure: NoAnswer | Garbled | Refused | None) -> Frames:
+    def _ended(self, failure: NoAnswer | Garbled | SdoAborted | None) -> Frames:
         self._keep_strays()
         self.done, self.failure = True, failure
         return ()
@@ -166,7 +176,7 @@ class Session:
         self.answers_others = True
         return self._dialogue.start()
 
-    def _again(self, failure: NoAnswer | Garbled | Refused) -> Frames:
+    def _again(self, failure: NoAnswer | Garbled | SdoAborted) -> Frames:
         self._keep_strays()
         if self._barrier is not None:
             self.answers_others = False
@@ -196,14 +206,14 @@ class Session:
             )
         return Download(index, subindex, data, timeout, self._way())
 
-    def _way(self) -> Way:
+    def _way(self) -> SdoTransferType:
         """Choose how the data travels; what was asked for goes before what was learnt."""
         request = self._request
-        if request.way is not Way.AUTO:
+        if request.way is not SdoTransferType.AUTO:
             return request.way
         last_resort = 0 < self._attempt == request.tries - 1
         if self.no_block or last_resort:
-            return Way.NORMAL
+            return SdoTransferType.NORMAL
         if request.data is None:
-            return Way.AUTO
-        return Way.BLOCK if len(request.data) >= BLOCK_FROM else Way.NORMAL
+            return SdoTransferType.AUTO
+        return SdoTransferType.BLOCK if len(request.data) >= BLOCK_FROM else SdoTransferType.NORMAL

@@ -2,8 +2,8 @@
 
 Theory of operation
 -------------------
-``Way.AUTO`` asks normally; where the server announces many bytes, that transfer is aborted and asked for again in blocks. Where the
-server refuses the block or is silent to it, the normal transfer follows.
+``SdoTransferType.AUTO`` asks normally; where the server announces many bytes, that transfer is aborted and asked for again in
+blocks. Where the server refuses the block or is silent to it, the normal transfer follows.
 
 In a block the server sends up to 127 segments unconfirmed. We keep those that come in order; at the end of the sub-block the last
 good number is confirmed, and the server goes on from there. Where the end of a sub-block is lost, silence is answered with the
@@ -19,17 +19,17 @@ from axisbus.cia301.sdo import (
     LARGEST_BLOCK,
     LONGEST,
     SEGMENT,
-    Dialogue,
     Frames,
     Garbled,
-    Way,
+    SdoTransferAttempt,
+    SdoTransferType,
     check_toggle,
     checksum,
 )
 from axisbus.wording import counted
 
 
-class Upload(Dialogue):
+class Upload(SdoTransferAttempt):
     """One attempt at reading; ``data`` holds what has come, all of it when ``done``."""
 
     def __init__(
@@ -37,7 +37,7 @@ class Upload(Dialogue):
         index: int,
         subindex: int,
         timeout: float,
-        way: Way = Way.NORMAL,
+        way: SdoTransferType = SdoTransferType.NORMAL,
         block_size: int = LARGEST_BLOCK,
         most: int = LONGEST,
         usual: int | None = None,
@@ -73,7 +73,7 @@ class Upload(Dialogue):
         return (done if self.size is None else min(done, self.size)), self.size
 
     def _begin(self) -> Frames:
-        return self._ask_block() if self._way is Way.BLOCK else self._ask()
+        return self._ask_block() if self._way is SdoTransferType.BLOCK else self._ask()
 
     # -- the normal transfer (7.2.4.3.5, 7.2.4.3.6) --------------------------------------------------------------------------------
 
@@ -96,7 +96,7 @@ class Upload(Dialogue):
             self._end()
             return ()
         self._announced(frame, bool(sized))
-        if self._way is Way.AUTO and (self.size or 0) >= BLOCK_FROM:
+        if self._way is SdoTransferType.AUTO and (self.size or 0) >= BLOCK_FROM:
             return (self.abort(codes.GENERAL), *self._ask_block())
         self._on = self._segment
         return (self._request_segment(),)
@@ -122,7 +122,7 @@ class Upload(Dialogue):
     # -- the block transfer (7.2.4.3.12 to 7.2.4.3.15) -----------------------------------------------------------------------------
 
     def _ask_block(self) -> Frames:
-        self._way = Way.BLOCK
+        self._way = SdoTransferType.BLOCK
         self._on = self._block_initiated
         return (
             self._request(0xA4, bytes([self._block_size, 0])),
@@ -132,7 +132,7 @@ class Upload(Dialogue):
         if not self._is_ours(frame):
             return None
         if frame[0] & 0xE0 == 0x40:  # the server prefers the normal transfer
-            self._way = Way.NORMAL
+            self._way = SdoTransferType.NORMAL
             return self._initiated(frame)
         if frame[0] & 0xE1 != 0xC0 or (frame[0] & 0x02 and self._came < 8):
             return None
@@ -205,7 +205,7 @@ class Upload(Dialogue):
     def _without_block(self, code: int) -> Frames:
         """A refused initiation has changed nothing: the normal transfer will say what the server really minds."""
         self.block_refused = code
-        self._way = Way.NORMAL
+        self._way = SdoTransferType.NORMAL
         return self._ask()
 
     def _announced(self, frame: bytes, sized: bool) -> None:

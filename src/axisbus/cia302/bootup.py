@@ -2,8 +2,8 @@
 
 Theory of operation
 -------------------
-``boot_up(plan)`` is a generator: it yields a ``Request``, is sent the ``Answer``, and returns the ``Outcome``. It knows no bus, no
-clock and no thread; time is what the answers say it took. Two rules:
+``boot_up(plan)`` is a generator: it yields a ``Request``, is sent the ``Answer``, and returns the ``BootOutcome``. It knows no bus,
+no clock and no thread; time is what the answers say it took. Two rules:
 
 1. **Each request is repeated by itself.** Silence costs one more try of this request and nothing else; only a request that stays
    unanswered in all its tries ends the boot-up. Every request can be repeated without harm; the one that cannot, the transfer of
@@ -12,7 +12,7 @@ clock and no thread; time is what the answers say it took. Two rules:
 
 The order is that of the standard: device type, identity, state, program, restore, configuration, error control, start. Two things
 differ. A node that is found running is never reset: at most it is taken to pre-operational, and where the application says so not
-even that. And what the standard leaves to the application has three places (``Phase``).
+even that. And what the standard leaves to the application has three places (``BootPhase``).
 """
 
 from __future__ import annotations
@@ -24,30 +24,30 @@ from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia302.program_download import ProgramSteps
-from axisbus.cia302.requests import Ended, Step
+from axisbus.cia302.requests import BootUpEnded, Step
 from axisbus.cia302.types import (
     IDENTITY,
     LEAST_CONSUMER,
     LOAD,
     Address,
     Answer,
-    Command,
+    BootNmtCommand,
+    BootOutcome,
+    BootPhase,
+    BootPlan,
+    BootWrite,
     ErrorControl,
     Expected,
     Got,
-    Guard,
+    GuardRequest,
     Letter,
     Listen,
     Local,
-    Outcome,
-    Phase,
-    Plan,
+    NoReply,
     Read,
-    Refused,
     Request,
+    SdoAbortReply,
     Setting,
-    Silence,
-    Write,
 )
 
 LONGEST_LISTEN = 3.0  # seconds; a node whose heartbeat is rarer is not waited for
@@ -55,12 +55,12 @@ _LEAST_LISTEN = 0.3
 _REAL_TOLERANCE = 1e-6  # REAL32 comes back rounded
 
 
-def boot_up(plan: Plan) -> Generator[Request, Answer, Outcome]:
+def boot_up(plan: BootPlan) -> Generator[Request, Answer, BootOutcome]:
     """Boot one node up; see the module. Raises nothing of its own."""
     run = _Run(plan)
     try:
         yield from run.all()
-    except Ended:
+    except BootUpEnded:
         return run.outcome
     letter = Letter.L if run.outcome.found is NmtState.OPERATIONAL else None
     return replace(run.outcome, ok=True, letter=letter)
@@ -101,7 +101,7 @@ class _Run(ProgramSteps):
         address = (o.DEVICE_TYPE, 0)
         self._note(address=address)
         answer = yield from self._ask(Read(*address, tries=1))
-        if isinstance(answer, Silence):
+        if isinstance(answer, NoReply):
             yield from self._wake()
             answer = yield from self._must(Read(*address, tries=self.plan.find_tries), Letter.B)
         self._learn(address, answer)
@@ -112,7 +112,7 @@ class _Run(ProgramSteps):
         answer = yield from self._ask(Listen(_LEAST_LISTEN, tries=1))
         if isinstance(answer, Got) and answer.value is NmtState.STOPPED:
             self._did("woken: it was in the NMT state stopped")
-            yield Command(NmtCommand.ENTER_PRE_OPERATIONAL, deadline=_LEAST_LISTEN, tries=1)
+            yield BootNmtCommand(NmtCommand.ENTER_PRE_OPERATIONAL, deadline=_LEAST_LISTEN, tries=1)
 
     def _identify(self) -> Step:
         for address, _, letter in IDENTITY:
@@ -132,7 +132,7 @@ class _Run(ProgramSteps):
         expected = self.plan.identity.get(address)
         if expected is None or _fits(expected, self.outcome.identity.get(address)):
             return
-        abort = answer.code if isinstance(answer, Refused) else None
+        abort = answer.code if isinstance(answer, SdoAbortReply) else None
         got = self.outcome.identity.get(address)
         self._fail(letter, expected=expected.value, got=got, abort=abort)
 
@@ -145,7 +145,7 @@ class _Run(ProgramSteps):
         else:
             self._skipped("its NMT state: it sends no heartbeat yet")
         self._note(address=None)
-        answer = yield from self._must(Local(Phase.LOOK, self.outcome))
+        answer = yield from self._must(Local(BootPhase.LOOK, self.outcome))
         allowed = not isinstance(answer, Got) or answer.value is not False
         kept = self.plan.keep_alive and self.outcome.found is NmtState.OPERATIONAL
         self._disturb = allowed and not kept
@@ -166,7 +166,7 @@ class _Run(ProgramSteps):
         if not self._disturb:
             self._skipped("pre-operational: it is left as it was found")
         elif self.outcome.found is not NmtState.PRE_OPERATIONAL:
-            yield from self._must(Command(NmtCommand.ENTER_PRE_OPERATIONAL))
+            yield from self._must(BootNmtCommand(NmtCommand.ENTER_PRE_OPERATIONAL))
             self._did("pre-operational")
 
     # -- program (see bootprogram) -----------------------------------------------------------------------------------
@@ -198,21 +198,21 @@ class _Run(ProgramSteps):
     def _restart(self) -> Step:
         """Reset the node, so that its defaults hold; where the boot-up message was lost it is found by asking."""
         self._note(address=None)
-        answer = yield from self._ask(Command(NmtCommand.RESET_NODE, tries=1))
-        if isinstance(answer, Silence):
+        answer = yield from self._ask(BootNmtCommand(NmtCommand.RESET_NODE, tries=1))
+        if isinstance(answer, NoReply):
             self._note(address=(o.DEVICE_TYPE, 0))
             yield from self._must(Read(o.DEVICE_TYPE, tries=self.plan.find_tries), Letter.B)
-        yield from self._must(Command(NmtCommand.ENTER_PRE_OPERATIONAL))
+        yield from self._must(BootNmtCommand(NmtCommand.ENTER_PRE_OPERATIONAL))
 
     def _configure(self) -> Step:
         if not self._disturb:
             self._skipped("configuration: it is left as it was found")
             return
-        yield from self._must(Local(Phase.PREPARE, self.outcome))
+        yield from self._must(Local(BootPhase.PREPARE, self.outcome))
         if self.plan.version is not None and (yield from self._is_configured()):
             self._skipped("configuration: date and time in 1020h are the expected ones")
             return
-        yield from self._must(Local(Phase.CONFIGURE, self.outcome))
+        yield from self._must(Local(BootPhase.CONFIGURE, self.outcome))
         for setting in self.plan.settings:
             yield from self._set(setting)
             self._note(written=self.outcome.written + 1)
@@ -228,8 +228,8 @@ class _Run(ProgramSteps):
         """Let the node remember which configuration it has."""
         for subindex, value in enumerate(self.plan.version or (), 1):
             self._note(address=(o.VERIFY_CONFIGURATION, subindex))
-            answer = yield from self._ask(Write(o.VERIFY_CONFIGURATION, subindex, value, checked=False))
-            if isinstance(answer, Refused):
+            answer = yield from self._ask(BootWrite(o.VERIFY_CONFIGURATION, subindex, value, checked=False))
+            if isinstance(answer, SdoAbortReply):
                 self._skipped("1020h: the node does not keep date and time of its configuration")
                 return
             if not isinstance(answer, Got):
@@ -239,7 +239,7 @@ class _Run(ProgramSteps):
         """Write an object and read it back; one that may only be written is not read back."""
         index, subindex, wanted = setting.index, setting.subindex, setting.value
         self._note(address=(index, subindex), setting=setting)
-        yield from self._must(Write(index, subindex, wanted), Letter.J)
+        yield from self._must(BootWrite(index, subindex, wanted), Letter.J)
         if verify:
             answer = yield from self._must(Read(index, subindex), Letter.J)
             if isinstance(answer, Got) and not same(answer.value, wanted):
@@ -261,8 +261,8 @@ class _Run(ProgramSteps):
     def _produces(self, period: int) -> Generator[Request, Answer, int | None]:
         """Have it send heartbeats; return the period in ms that it took, None where it can send none."""
         self._note(address=(o.PRODUCER_HEARTBEAT, 0))
-        answer = yield from self._ask(Write(o.PRODUCER_HEARTBEAT, 0, period))
-        if isinstance(answer, Refused):
+        answer = yield from self._ask(BootWrite(o.PRODUCER_HEARTBEAT, 0, period))
+        if isinstance(answer, SdoAbortReply):
             return None
         if not isinstance(answer, Got):
             self._fail(None)
@@ -289,21 +289,21 @@ class _Run(ProgramSteps):
             return
         if not guard_time * factor:
             self._note(address=None)
-            yield from self._must(Guard(), Letter.F)
+            yield from self._must(GuardRequest(), Letter.F)
         self._note(control=ErrorControl.GUARDING)
         self._did("error control by guarding")
 
     # -- the end -----------------------------------------------------------------------------------------------------
 
     def _complete(self) -> Step:
-        yield from self._must(Local(Phase.COMPLETE, self.outcome))
+        yield from self._must(Local(BootPhase.COMPLETE, self.outcome))
 
     def _start(self) -> Step:
         if not self.plan.start:
             self._skipped("start: not asked for")
             return
         if self._disturb or self.outcome.found is not NmtState.OPERATIONAL:
-            yield from self._must(Command(NmtCommand.START))
+            yield from self._must(BootNmtCommand(NmtCommand.START))
         self._did("started")
 
 

@@ -18,7 +18,7 @@ _DAY = 86_400_000
 _LAST_DAYS = 0xFFFF  # 2163: what lies beyond is memory that was never written
 
 
-class Control(IntEnum):
+class ProgramControl(IntEnum):
     """What is written to 1F51h, and what it says afterwards (CiA 302-3, program control)."""
 
     STOP = 0
@@ -29,9 +29,9 @@ class Control(IntEnum):
 
 # What 1F51h may say where an order has nothing left to do: a program that was cleared does not run either.
 REACHED = {
-    Control.STOP: frozenset({Control.STOP, Control.CLEAR}),
-    Control.CLEAR: frozenset({Control.CLEAR}),
-    Control.START: frozenset({Control.START}),
+    ProgramControl.STOP: frozenset({ProgramControl.STOP, ProgramControl.CLEAR}),
+    ProgramControl.CLEAR: frozenset({ProgramControl.CLEAR}),
+    ProgramControl.START: frozenset({ProgramControl.START}),
 }
 
 # Bits 1 to 7 of 1F57h (CiA 302-3, flash status identification).
@@ -91,14 +91,14 @@ class Version(NamedTuple):
         return moment.isoformat(" ", "milliseconds" if self.milliseconds % 1000 else "seconds")
 
 
-class Mark(NamedTuple):
+class ProgramVersion(NamedTuple):
     """By what a program is known: its date (1F52h), its identification (1F56h:01), or both; None: not looked at."""
 
     version: Version | None = None
     identification: int | None = None
 
     @classmethod
-    def of(cls, numbers: Mapping[tuple[int, int], int]) -> Mark:
+    def of(cls, numbers: Mapping[tuple[int, int], int]) -> ProgramVersion:
         """Return what these objects say."""
         date, time = numbers.get(_DATE), numbers.get(_TIME)
         version = None if date is None or time is None else Version(date, time)
@@ -121,7 +121,7 @@ _IDENTIFICATION = (o.PROGRAM_IDENTIFICATION, NUMBER)
 
 
 @dataclass(frozen=True, slots=True)
-class Program:
+class NodeProgram:
     """The program that a node is to have.
 
     Attributes:
@@ -132,13 +132,13 @@ class Program:
             memory, the memory until it is ready, the node until it is back with the new program.
     """
 
-    mark: Mark
+    mark: ProgramVersion
     data: bytes | None = field(default=None, repr=False)
     allowed: bool = False
     deadline: float = 60.0
 
 
-class Stage(Enum):
+class ProgramStage(Enum):
     """Where a replacement is; the value completes "while" ..."""
 
     CHECK = "it was asked for its program"
@@ -157,10 +157,10 @@ class ProgramState:
     ``stage`` is the last that was begun, ``loaded`` the bytes that the node has taken whole, ``flash`` its memory's last word.
     """
 
-    expected: Mark
-    found: Mark | None
-    now: Mark | None
-    stage: Stage = Stage.CHECK
+    expected: ProgramVersion
+    found: ProgramVersion | None
+    now: ProgramVersion | None
+    stage: ProgramStage = ProgramStage.CHECK
     loaded: int = 0
     flash: FlashStatus | None = None
 

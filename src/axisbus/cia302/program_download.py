@@ -24,25 +24,34 @@ from dataclasses import replace
 
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import NmtCommand
-from axisbus.cia301.sdo import Way
-from axisbus.cia302.program import NUMBER, REACHED, Control, FlashStatus, Mark, Program, ProgramState, Stage
-from axisbus.cia302.requests import Asking, Dialogue, Step
+from axisbus.cia301.sdo import SdoTransferType
+from axisbus.cia302.program import (
+    NUMBER,
+    REACHED,
+    FlashStatus,
+    NodeProgram,
+    ProgramControl,
+    ProgramStage,
+    ProgramState,
+    ProgramVersion,
+)
+from axisbus.cia302.requests import BootUpProgress, Dialogue, Step
 from axisbus.cia302.types import (
     DEADLINE,
     TRIES,
     Address,
     Answer,
-    Command,
+    BootNmtCommand,
+    BootWrite,
     Failed,
     Got,
     Letter,
+    NoReply,
     Pause,
+    ProgramDownload,
     Read,
-    Refused,
     Request,
-    Silence,
-    Transfer,
-    Write,
+    SdoAbortReply,
 )
 
 ATTEMPTS = 3  # at transferring the program
@@ -56,8 +65,8 @@ _DATA = (o.PROGRAM_DATA, NUMBER)
 _FLASH = (o.FLASH_STATUS, NUMBER)
 
 
-class ProgramSteps(Asking):
-    """The part of a boot-up that is about the node's program; holds what ``Asking`` does."""
+class ProgramSteps(BootUpProgress):
+    """The part of a boot-up that is about the node's program; holds what ``BootUpProgress`` does."""
 
     def _program(self) -> Generator[Request, Answer, bool]:
         """Compare the node's program with the expected one, and replace it where it may be; return whether it was."""
@@ -79,19 +88,21 @@ class ProgramSteps(Asking):
         return True
 
     def _mark(
-        self, wanted: Program, letter: Letter | None = None
-    ) -> Generator[Request, Answer, tuple[Mark | None, int | None]]:
+        self, wanted: NodeProgram, letter: Letter | None = None
+    ) -> Generator[Request, Answer, tuple[ProgramVersion | None, int | None]]:
         """Return what the node says of its program; None with the abort code where it does not. Silence ends it with ``letter``."""
         numbers = {}
         for address in wanted.mark.numbers:
             self._note(address=address)
             answer = yield from self._must(Read(*address), letter)
             if not isinstance(answer, Got) or not isinstance(answer.value, int):
-                return None, answer.code if isinstance(answer, Refused) else None
+                return None, answer.code if isinstance(answer, SdoAbortReply) else None
             numbers[address] = answer.value
-        return Mark.of(numbers), None
+        return ProgramVersion.of(numbers), None
 
-    def _require_replaceable(self, wanted: Program, found: Mark | None, abort: int | None) -> None:
+    def _require_replaceable(
+        self, wanted: NodeProgram, found: ProgramVersion | None, abort: int | None
+    ) -> None:
         """Where the node does not say what it has, nobody could tell afterwards either: then it is not replaced."""
         expected = str(wanted.mark)
         if found is None:
@@ -108,60 +119,62 @@ class ProgramSteps(Asking):
 
     # -- replacing it ------------------------------------------------------------------------------------------------
 
-    def _replace(self, wanted: Program) -> Step:
+    def _replace(self, wanted: NodeProgram) -> Step:
         yield from self._transfer(wanted, wanted.data or b"")
         yield from self._flashed(wanted)
         yield from self._start_program(wanted)
         yield from self._see_new_program(wanted)
         yield from self._hold_again()
 
-    def _transfer(self, wanted: Program, data: bytes) -> Step:
+    def _transfer(self, wanted: NodeProgram, data: bytes) -> Step:
         """Transfer the program into memory that was cleared for it; the last attempt goes without blocks."""
         for attempt in range(1, ATTEMPTS + 1):
             yield from self._make_room(wanted)
-            self._at(Stage.TRANSFER, _DATA)
-            way = Way.NORMAL if attempt == ATTEMPTS else Way.AUTO
-            answer = yield from self._ask(Transfer(*_DATA, data, way, wanted.deadline))
+            self._at(ProgramStage.TRANSFER, _DATA)
+            way = SdoTransferType.NORMAL if attempt == ATTEMPTS else SdoTransferType.AUTO
+            answer = yield from self._ask(ProgramDownload(*_DATA, data, way, wanted.deadline))
             if isinstance(answer, Got):
                 self._state(loaded=len(data))
                 return
-            if not isinstance(answer, Silence):
+            if not isinstance(answer, NoReply):
                 self._fail_by(answer)
             self._note(tries=attempt, retries=self.outcome.retries + (attempt < ATTEMPTS))
             yield from self._await_node(wanted)
         self._fail(Letter.I, tries=ATTEMPTS)
 
-    def _make_room(self, wanted: Program) -> Step:
+    def _make_room(self, wanted: NodeProgram) -> Step:
         """Stop the program (which may restart the node into its boot loader) and clear it."""
         patience = math.ceil(wanted.deadline / DEADLINE)
-        yield from self._order(Control.STOP, Stage.STOP, DEADLINE, max(TRIES, patience))
+        yield from self._order(ProgramControl.STOP, ProgramStage.STOP, DEADLINE, max(TRIES, patience))
         yield from self._await_node(wanted)
         # Many nodes answer only when they have cleared: asked too soon again, they would clear without end.
-        yield from self._order(Control.CLEAR, Stage.CLEAR, wanted.deadline, 2)
+        yield from self._order(ProgramControl.CLEAR, ProgramStage.CLEAR, wanted.deadline, 2)
         yield from self._ready(wanted)  # what it says of errors is of no account now: there is no program
 
-    def _flashed(self, wanted: Program) -> Step:
-        self._at(Stage.FLASH, _FLASH)
+    def _flashed(self, wanted: NodeProgram) -> Step:
+        self._at(ProgramStage.FLASH, _FLASH)
         status = yield from self._ready(wanted)
         if status is not None and status.error:
             self._fail(Letter.I, expected=str(FlashStatus(0)), got=str(status))
 
-    def _start_program(self, wanted: Program) -> Step:
+    def _start_program(self, wanted: NodeProgram) -> Step:
         for _ in range(TRIES):
-            self._at(Stage.START, _CONTROL)
-            answer = yield from self._ask(Write(*_CONTROL, Control.START, checked=False, tries=1))
-            if not isinstance(answer, (Got, Silence)) and not (yield from self._has_done(Control.START)):
+            self._at(ProgramStage.START, _CONTROL)
+            answer = yield from self._ask(BootWrite(*_CONTROL, ProgramControl.START, checked=False, tries=1))
+            if not isinstance(answer, (Got, NoReply)) and not (
+                yield from self._has_done(ProgramControl.START)
+            ):
                 self._fail_by(answer)
             yield from self._await_node(wanted)
-            if not isinstance(answer, Silence) or (yield from self._has_done(Control.START)):
+            if not isinstance(answer, NoReply) or (yield from self._has_done(ProgramControl.START)):
                 return
         self._fail(Letter.I)
 
-    def _see_new_program(self, wanted: Program) -> Step:
+    def _see_new_program(self, wanted: NodeProgram) -> Step:
         """Ask until the node has said that it has the expected program for ``SETTLE`` seconds on end."""
-        self._at(Stage.RETURN, next(iter(wanted.mark.numbers)))
+        self._at(ProgramStage.RETURN, next(iter(wanted.mark.numbers)))
         begun, since = self.outcome.elapsed, None
-        wrong: Answer | None = Silence()
+        wrong: Answer | None = NoReply()
         for _ in range(math.ceil((wanted.deadline + 2 * SETTLE) / POLL)):
             wrong = yield from self._other_program(wanted)
             now = self.outcome.elapsed
@@ -172,9 +185,9 @@ class ProgramSteps(Asking):
             if wrong is not None and (now - begun >= wanted.deadline or isinstance(wrong, Failed)):
                 break
             yield from self._ask(Pause(POLL))
-        yield from self._fail_program(wanted, wrong or Silence())
+        yield from self._fail_program(wanted, wrong or NoReply())
 
-    def _other_program(self, wanted: Program) -> Generator[Request, Answer, Answer | None]:
+    def _other_program(self, wanted: NodeProgram) -> Generator[Request, Answer, Answer | None]:
         """Return the first answer that is not the expected one; None where all are."""
         for address, number in wanted.mark.numbers.items():
             self._note(address=address)
@@ -183,7 +196,7 @@ class ProgramSteps(Asking):
                 return answer
         return None
 
-    def _fail_program(self, wanted: Program, wrong: Answer) -> Step:
+    def _fail_program(self, wanted: NodeProgram, wrong: Answer) -> Step:
         """Say in words which program the node has instead, if it says so."""
         if not isinstance(wrong, Got):
             self._fail_by(wrong, expected=str(wanted.mark))
@@ -194,28 +207,28 @@ class ProgramSteps(Asking):
 
     def _hold_again(self) -> Step:
         self._note(address=None)
-        yield from self._must(Command(NmtCommand.ENTER_PRE_OPERATIONAL), Letter.I)
+        yield from self._must(BootNmtCommand(NmtCommand.ENTER_PRE_OPERATIONAL), Letter.I)
 
     # -- orders and their end ----------------------------------------------------------------------------------------
 
-    def _order(self, order: Control, stage: Stage, deadline: float, tries: int) -> Step:
+    def _order(self, order: ProgramControl, stage: ProgramStage, deadline: float, tries: int) -> Step:
         """Write 1F51h."""
         self._at(stage, _CONTROL)
-        request = Write(*_CONTROL, order, checked=False, deadline=deadline, tries=tries)
+        request = BootWrite(*_CONTROL, order, checked=False, deadline=deadline, tries=tries)
         answer = yield from self._ask(request)
         if not isinstance(answer, Got) and not (yield from self._has_done(order)):
-            self._note(tries=tries if isinstance(answer, Silence) else 1)
+            self._note(tries=tries if isinstance(answer, NoReply) else 1)
             self._fail_by(answer)
 
-    def _has_done(self, order: Control) -> Generator[Request, Answer, bool]:
+    def _has_done(self, order: ProgramControl) -> Generator[Request, Answer, bool]:
         """Whether 1F51h says that there is nothing left to do."""
         answer = yield from self._ask(Read(*_CONTROL, tries=2))
         return isinstance(answer, Got) and answer.value in REACHED[order]
 
-    def _ready(self, wanted: Program) -> Generator[Request, Answer, FlashStatus | None]:
+    def _ready(self, wanted: NodeProgram) -> Generator[Request, Answer, FlashStatus | None]:
         """Wait until the node's memory is at rest; None where the node does not say (no 1F57h)."""
         answer = yield from self._poll(Read(*_FLASH, tries=1), wanted, _is_at_rest)
-        if isinstance(answer, Refused):
+        if isinstance(answer, SdoAbortReply):
             return None
         if not isinstance(answer, Got) or not isinstance(answer.value, int):
             self._fail_by(answer, address=_FLASH)
@@ -226,7 +239,7 @@ class ProgramSteps(Asking):
             self._fail(Letter.I, address=_FLASH, expected="ready", got=str(status))
         return status
 
-    def _await_node(self, wanted: Program) -> Step:
+    def _await_node(self, wanted: NodeProgram) -> Step:
         """Find it by asking, as after every restart."""
         answer = yield from self._poll(
             Read(o.DEVICE_TYPE, tries=1), wanted, lambda answer: isinstance(answer, Got)
@@ -234,20 +247,20 @@ class ProgramSteps(Asking):
         if not isinstance(answer, Got):
             self._fail_by(answer)
 
-    def _poll(self, request: Request, wanted: Program, good: Callable[[Answer], bool]) -> Dialogue:
+    def _poll(self, request: Request, wanted: NodeProgram, good: Callable[[Answer], bool]) -> Dialogue:
         """Ask until the answer is good, for as long as the plan allows; return the last answer."""
         begun = self.outcome.elapsed
         for _ in range(math.ceil(wanted.deadline / POLL)):
             answer = yield from self._ask(request)
             late = self.outcome.elapsed - begun >= wanted.deadline
-            if good(answer) or late or not isinstance(answer, (Got, Silence, Refused)):
+            if good(answer) or late or not isinstance(answer, (Got, NoReply, SdoAbortReply)):
                 return answer
             yield from self._ask(Pause(POLL))
         return (yield from self._ask(request))
 
     # -- what is known -----------------------------------------------------------------------------------------------
 
-    def _at(self, stage: Stage, address: Address) -> None:
+    def _at(self, stage: ProgramStage, address: Address) -> None:
         self._note(address=address)
         self._state(stage=stage)
 
@@ -257,7 +270,7 @@ class ProgramSteps(Asking):
 
     def _fail_by(self, answer: Answer, **facts: object) -> None:
         """End it with letter I, because of an answer that is none or a bad one."""
-        abort = answer.code if isinstance(answer, Refused) else None
+        abort = answer.code if isinstance(answer, SdoAbortReply) else None
         self._fail(Letter.I, abort=abort, **facts)
 
 
@@ -265,4 +278,4 @@ def _is_at_rest(answer: Answer) -> bool:
     """Also where the node does not say."""
     if isinstance(answer, Got) and isinstance(answer.value, int):
         return not FlashStatus(answer.value).busy
-    return isinstance(answer, Refused)
+    return isinstance(answer, SdoAbortReply)

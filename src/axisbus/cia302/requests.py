@@ -6,27 +6,38 @@ from collections.abc import Generator
 from dataclasses import replace
 from typing import Any
 
-from axisbus.cia302.types import Answer, Failed, Got, Letter, Outcome, Plan, Read, Refused, Request, Silence
+from axisbus.cia302.types import (
+    Answer,
+    BootOutcome,
+    BootPlan,
+    Failed,
+    Got,
+    Letter,
+    NoReply,
+    Read,
+    Request,
+    SdoAbortReply,
+)
 
 Dialogue = Generator[Request, Answer, Answer]
 Step = Generator[Request, Answer, None]
 
 
-class Ended(Exception):
+class BootUpEnded(Exception):
     """The boot-up has ended; the outcome says why."""
 
 
-class Asking:
+class BootUpProgress:
     """One boot-up under way; holds the outcome as far as it is known, and whether the node may be disturbed."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: BootPlan) -> None:
         self.plan = plan
-        self.outcome = Outcome(plan.node, False, None, "list of nodes")
+        self.outcome = BootOutcome(plan.node, False, None, "list of nodes")
         self._disturb = True
 
     def _ask(self, request: Request) -> Dialogue:
         """Make a request until it is answered, at most its ``tries``."""
-        answer: Answer = Silence()
+        answer: Answer = NoReply()
         for number in range(1, request.tries + 1):
             answer = yield request
             more = number > 1
@@ -35,7 +46,7 @@ class Asking:
                 elapsed=self.outcome.elapsed + answer.elapsed,
                 retries=self.outcome.retries + more,
             )
-            if not isinstance(answer, Silence):
+            if not isinstance(answer, NoReply):
                 break
         return answer
 
@@ -44,8 +55,10 @@ class Asking:
         answer = yield from self._ask(request)
         if isinstance(answer, Failed):
             self._fail(None)
-        if isinstance(answer, Silence) or (isinstance(answer, Refused) and not isinstance(request, Read)):
-            self._fail(letter, abort=answer.code if isinstance(answer, Refused) else None)
+        if isinstance(answer, NoReply) or (
+            isinstance(answer, SdoAbortReply) and not isinstance(request, Read)
+        ):
+            self._fail(letter, abort=answer.code if isinstance(answer, SdoAbortReply) else None)
         return answer
 
     def _read(self, index: int, subindex: int = 0) -> Generator[Request, Answer, int | None]:
@@ -57,7 +70,7 @@ class Asking:
 
     def _fail(self, letter: Letter | None, **facts: Any) -> None:
         self._note(letter=letter, **facts)
-        raise Ended
+        raise BootUpEnded
 
     def _note(self, **facts: Any) -> None:
         self.outcome = replace(self.outcome, **facts)

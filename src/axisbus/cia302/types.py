@@ -9,8 +9,8 @@ from enum import Enum
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.cia301.sdo import Way
-from axisbus.cia302.program import Program, ProgramState
+from axisbus.cia301.sdo import SdoTransferType
+from axisbus.cia302.program import NodeProgram, ProgramState
 
 TRIES = 8  # with 4 % of the dialogues lost, one in 10^11 fails eight times
 LEAST_CONSUMER = 0.15  # seconds: the shortest time after which a silent node counts as lost
@@ -77,7 +77,7 @@ class Setting:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class BootPlan:
     """The boot-up of one node.
 
     Attributes:
@@ -101,7 +101,7 @@ class Plan:
     identity: Mapping[Address, Expected] = field(default_factory=dict)
     find_tries: int = 6
     keep_alive: bool = False
-    program: Program | None = None
+    program: NodeProgram | None = None
     restore: bool = False
     settings: tuple[Setting, ...] = ()
     version: tuple[int, int] | None = None
@@ -124,7 +124,7 @@ class Read:
 
 
 @dataclass(frozen=True, slots=True)
-class Write:
+class BootWrite:
     """Write an object; ``checked``: against the limits of its description."""
 
     index: int
@@ -136,13 +136,13 @@ class Write:
 
 
 @dataclass(frozen=True, slots=True)
-class Transfer:
+class ProgramDownload:
     """Write a node's program, as bytes; ``deadline`` (seconds) is for each single answer of the node."""
 
     index: int
     subindex: int
     data: bytes = field(repr=False)
-    way: Way = Way.AUTO
+    way: SdoTransferType = SdoTransferType.AUTO
     deadline: float = DEADLINE
     tries: int = 1  # half of it may have been written: nobody but the plan's own steps may repeat it
 
@@ -156,7 +156,7 @@ class Pause:
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class BootNmtCommand:
     """Send an NMT command and see it confirmed; for the resets, by the boot-up message. Answered by the NMT state."""
 
     command: NmtCommand
@@ -173,7 +173,7 @@ class Listen:
 
 
 @dataclass(frozen=True, slots=True)
-class Guard:
+class GuardRequest:
     """Ask for the NMT state by node guarding; answered by it."""
 
     deadline: float = 0.1
@@ -192,7 +192,7 @@ class Got:
 
 
 @dataclass(frozen=True, slots=True)
-class Refused:
+class SdoAbortReply:
     """An SDO abort."""
 
     code: int
@@ -200,7 +200,7 @@ class Refused:
 
 
 @dataclass(frozen=True, slots=True)
-class Silence:
+class NoReply:
     """No answer within the deadline."""
 
     elapsed: float = 0.0
@@ -213,7 +213,7 @@ class Failed:
     elapsed: float = 0.0
 
 
-Answer = Got | Refused | Silence | Failed
+Answer = Got | SdoAbortReply | NoReply | Failed
 
 
 # -- the end -----------------------------------------------------------------------------------------------------------
@@ -228,7 +228,7 @@ class ErrorControl(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class BootOutcome:
     """How a boot-up ended, and everything that is known about it.
 
     ``letter`` is None for plain success, and where a failure has no letter in the standard (a node that falls silent in mid
@@ -270,7 +270,7 @@ class Outcome:
 # -- the application's parts -------------------------------------------------------------------------------------------
 
 
-class Phase(Enum):
+class BootPhase(Enum):
     """Where the application has a part of its own in a boot-up."""
 
     LOOK = "identified: may it be disturbed?"
@@ -283,9 +283,9 @@ class Phase(Enum):
 class Local:
     """Let the application do its part, knowing what is known so far; to ``LOOK`` it answers False to leave the node as it is."""
 
-    phase: Phase
-    known: Outcome
+    phase: BootPhase
+    known: BootOutcome
     tries: int = 1
 
 
-Request = Read | Write | Transfer | Pause | Command | Listen | Guard | Local
+Request = Read | BootWrite | ProgramDownload | Pause | BootNmtCommand | Listen | GuardRequest | Local

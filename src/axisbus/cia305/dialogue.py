@@ -2,13 +2,14 @@
 
 Theory of operation
 -------------------
-A *dialogue* is a generator. It yields an ``Ask`` (a frame, which answers count, how long to wait) and is sent ``Heard`` (what
-came, each answer with the seconds since its request). Whoever runs it owns bus and clock: ``axisbus.bus.lss`` does so in real
+A *dialogue* is a generator. It yields an ``LssRequest`` (a frame, which answers count, how long to wait) and is sent ``LssReplies``
+(what came, each answer with the seconds since its request). Whoever runs it owns bus and clock: ``axisbus.bus.lss`` does so in real
 time, a test in no time at all.
 
 LSS answers carry no number that ties them to a request, and silence is an answer too: in a fast scan it means "nobody". So the wait
-decides between right and wrong, and ``Pace`` sets it: at least ``floor``, and half as long again as the slowest answer seen. After
-an answer the line is listened to for ``settle``, so that what slower slaves say to this request is not taken for the next one's.
+decides between right and wrong, and ``AdaptiveLssTimeout`` sets it: at least ``floor``, and half as long again as the slowest
+answer seen. After an answer the line is listened to for ``settle``, so that what slower slaves say to this request is not taken for
+the next one's.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from axisbus.cia305.services import (
     ANSWERS,
     INQUIRIES,
     LssAddress,
-    Service,
-    State,
+    LssService,
+    LssState,
     refusal,
     switch_global,
     switch_selective,
@@ -34,45 +35,45 @@ T = TypeVar("T")
 
 _MARGIN = 1.5  # on the slowest answer seen
 _RESULT = 3  # bytes of an answer with an error code and the maker's own; what is cut short tells none
-_NUMBERS = {**dict.fromkeys(INQUIRIES, 5), Service.INQUIRE_NODE_ID: 2}  # bytes of the others
+_NUMBERS = {**dict.fromkeys(INQUIRIES, 5), LssService.INQUIRE_NODE_ID: 2}  # bytes of the others
 CONFIRM_WAIT = 0.5  # s for a confirmed service at its first try; costs only where nobody answers
 STORE_WAIT = 5.0  # s; some memories are erased first
 
 
-class Answer(NamedTuple):
+class LssReply(NamedTuple):
     """A frame from a slave, and the seconds since the request was sent."""
 
     data: bytes
     delay: float
 
 
-class Heard(NamedTuple):
-    """What came of an ``Ask``: answers of the kind it expects, and the delays of those that came too late for an earlier one."""
+class LssReplies(NamedTuple):
+    """The answers to an ``LssRequest`` of the expected kind, and the delays of answers too late for an earlier request."""
 
-    answers: tuple[Answer, ...] = ()
+    answers: tuple[LssReply, ...] = ()
     late: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Ask:
+class LssRequest:
     """Send ``frame``; wait ``wait`` s for an answer that begins with ``expects`` (None: just wait), then ``settle`` s for more.
 
     ``found`` and ``bits`` (0 to 128) tell how far a scan has come.
     """
 
     frame: bytes
-    expects: Service | None
+    expects: LssService | None
     wait: float
     settle: float = 0.0
     found: int = 0
     bits: int = 0
 
 
-Dialogue = Generator[Ask, Heard, T]
+Dialogue = Generator[LssRequest, LssReplies, T]
 
 
 @dataclass(frozen=True, slots=True)
-class Timing:
+class LssTiming:
     """Waits in s. ``floor``: the least wait for an answer, to be raised for slow slaves. ``first``: the wait while nothing is
     known of the slaves, and where silence means that none is left. ``gap``: after an answer, and after a request that has none.
     ``ceiling``: the most that the wait may grow to. ``tries``: how often each request is sent before it counts as unanswered.
@@ -99,11 +100,11 @@ class Timing:
             raise ArgumentError("LSS waits must be positive, and tries at least 1")
 
 
-class Pace:
+class AdaptiveLssTimeout:
     """How long to wait; holds the delays seen, and how much trust is left in them."""
 
-    def __init__(self, timing: Timing | None = None) -> None:
-        self.timing = timing or Timing()
+    def __init__(self, timing: LssTiming | None = None) -> None:
+        self.timing = timing or LssTiming()
         self.slowest: float | None = None
         self._spread = 0.0
         self._factor = 1.0
@@ -127,7 +128,7 @@ class Pace:
         settled = max(self.timing.gap, _MARGIN * self._spread)
         return min(self.timing.ceiling, settled if self._factor == 1.0 else max(settled, self.timeout))
 
-    def learn(self, heard: Heard) -> None:
+    def learn(self, heard: LssReplies) -> None:
         """Take note of how quick the slaves are."""
         delays = [answer.delay for answer in heard.answers]
         if len(delays) > 1:
@@ -141,27 +142,27 @@ class Pace:
 
 
 def ask(
-    pace: Pace, frame: bytes, wait: float | None = None, *, found: int = 0, bits: int = 0
-) -> Dialogue[Heard]:
+    pace: AdaptiveLssTimeout, frame: bytes, wait: float | None = None, *, found: int = 0, bits: int = 0
+) -> Dialogue[LssReplies]:
     """Send a frame once; wait for its answers (``wait`` s instead of the pace's) and learn from them."""
-    expects = ANSWERS[Service(frame[0])]
-    heard = yield Ask(frame, expects, pace.timeout if wait is None else wait, pace.settle, found, bits)
+    expects = ANSWERS[LssService(frame[0])]
+    heard = yield LssRequest(frame, expects, pace.timeout if wait is None else wait, pace.settle, found, bits)
     pace.learn(heard)
     return heard
 
 
-def say(pace: Pace, frame: bytes, pause: float | None = None) -> Dialogue[None]:
+def say(pace: AdaptiveLssTimeout, frame: bytes, pause: float | None = None) -> Dialogue[None]:
     """Send a frame that has no answer, and give the slaves ``pause`` s (None: the pace's gap)."""
-    pace.learn((yield Ask(frame, None, pace.timing.gap if pause is None else pause)))
+    pace.learn((yield LssRequest(frame, None, pace.timing.gap if pause is None else pause)))
 
 
-def all_waiting(pace: Pace) -> Dialogue[None]:
+def all_waiting(pace: AdaptiveLssTimeout) -> Dialogue[None]:
     """Switch every slave to *waiting*; twice, because nobody would tell that one had not heard it and obeys the next request."""
     for _ in range(2):
-        yield from say(pace, switch_global(State.WAITING))
+        yield from say(pace, switch_global(LssState.WAITING))
 
 
-def select(pace: Pace, address: LssAddress, pause: float | None = None) -> Dialogue[int]:
+def select(pace: AdaptiveLssTimeout, address: LssAddress, pause: float | None = None) -> Dialogue[int]:
     """Switch one slave from *waiting* to *configuration*, once; return how many answered."""
     *numbers, last = switch_selective(address)
     for frame in numbers:
@@ -170,7 +171,7 @@ def select(pace: Pace, address: LssAddress, pause: float | None = None) -> Dialo
     return len(heard.answers)
 
 
-def enter(pace: Pace, address: LssAddress | None) -> Dialogue[None]:
+def enter(pace: AdaptiveLssTimeout, address: LssAddress | None) -> Dialogue[None]:
     """Have exactly one slave in *configuration*: that with ``address``, or (None) every slave, where there is only one.
 
     Raises:
@@ -180,43 +181,43 @@ def enter(pace: Pace, address: LssAddress | None) -> Dialogue[None]:
     for attempt in range(pace.timing.tries):
         yield from all_waiting(pace)
         if address is None:
-            yield from say(pace, switch_global(State.CONFIGURATION))
+            yield from say(pace, switch_global(LssState.CONFIGURATION))
             return
         # A slave that lost a number of the address may need more time between them.
         count = yield from select(pace, address, pace.timeout if attempt else None)
         if count > 1:
             count = yield from count_again(pace, address)
         if count > 1:
-            raise twins(address, count)
+            raise duplicate_addresses(address, count)
         if count:
             return
     assert address is not None
     raise absent(pace, address)
 
 
-def count_again(pace: Pace, address: LssAddress) -> Dialogue[int]:
+def count_again(pace: AdaptiveLssTimeout, address: LssAddress) -> Dialogue[int]:
     """Return how many answer to an address when all that was late has had time to come."""
     yield from all_waiting(pace)
-    yield from say(pace, switch_global(State.WAITING), pace.patience)
+    yield from say(pace, switch_global(LssState.WAITING), pace.patience)
     return (yield from select(pace, address))
 
 
-def twins(address: LssAddress, count: int) -> LssError:
+def duplicate_addresses(address: LssAddress, count: int) -> LssError:
     """Return the error that ``count`` slaves answer to one address."""
     return LssError(
         f"{counted(count, 'LSS slave')} have the same identity {address}",
-        service=Service.SWITCH_STATE_SELECTIVE.text,
+        service=LssService.SWITCH_STATE_SELECTIVE.text,
         slave=str(address),
         observed=f"{counted(count, 'answer')} to one switch state selective",
         remedy="LSS cannot tell them apart: connect one at a time, and have their serial numbers set",
     )
 
 
-def absent(pace: Pace, address: LssAddress) -> LssTimeout:
+def absent(pace: AdaptiveLssTimeout, address: LssAddress) -> LssTimeout:
     """Return the error that nobody answers to an address."""
     return LssTimeout(
         f"no LSS slave has the identity {address}",
-        service=Service.SWITCH_STATE_SELECTIVE.text,
+        service=LssService.SWITCH_STATE_SELECTIVE.text,
         slave=str(address),
         observed=f"no answer to switch state selective, {counted(pace.timing.tries, 'try', 'tries')}, "
         f"{pace.patience * 1000:.0f} ms each",
@@ -226,7 +227,7 @@ def absent(pace: Pace, address: LssAddress) -> LssTimeout:
 
 
 def confirmed(
-    pace: Pace, frame: bytes, slave: str, wait: float = CONFIRM_WAIT, *, many: bool = False
+    pace: AdaptiveLssTimeout, frame: bytes, slave: str, wait: float = CONFIRM_WAIT, *, many: bool = False
 ) -> Dialogue[bytes]:
     """Carry out a confirmed service with the slave in *configuration* (``many``: with all of them); return its answer.
 
@@ -234,7 +235,7 @@ def confirmed(
         LssTimeout: no answer, after all tries.
         LssError: several slaves answered.
     """
-    service = Service(frame[0])
+    service = LssService(frame[0])
     for attempt in range(pace.timing.tries):
         heard = yield from ask(pace, frame, max(wait, pace.timeout))
         whole = [
@@ -255,7 +256,7 @@ def confirmed(
     )
 
 
-def _several(service: Service, slave: str, answers: list[bytes]) -> LssError:
+def _several(service: LssService, slave: str, answers: list[bytes]) -> LssError:
     return LssError(
         f"several LSS slaves answered {service.text}",
         service=service.text,
@@ -266,7 +267,7 @@ def _several(service: Service, slave: str, answers: list[bytes]) -> LssError:
 
 
 def configured(
-    pace: Pace, frame: bytes, slave: str, wait: float = CONFIRM_WAIT, *, many: bool = False
+    pace: AdaptiveLssTimeout, frame: bytes, slave: str, wait: float = CONFIRM_WAIT, *, many: bool = False
 ) -> Dialogue[None]:
     """Carry out one of the services that answer with an error code.
 
@@ -277,7 +278,7 @@ def configured(
     answer = yield from confirmed(pace, frame, slave, wait, many=many)
     code, specific = answer[1], answer[2]
     if code:
-        service = Service(frame[0])
+        service = LssService(frame[0])
         text, remedy = refusal(service, code, specific)
         raise LssRefused(
             f"{slave} refused {service.text}: {text}",

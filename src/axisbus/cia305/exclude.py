@@ -20,10 +20,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from axisbus.cia305.dialogue import Dialogue, Pace, all_waiting, say, select
+from axisbus.cia305.dialogue import AdaptiveLssTimeout, Dialogue, all_waiting, say, select
 from axisbus.cia305.master import numbers_of
-from axisbus.cia305.scan_result import Check, Known, Scanned, Unconfigured
-from axisbus.cia305.services import LssAddress, State, switch_global
+from axisbus.cia305.scan_result import Check, KnownIdentity, Scanned, Unconfigured
+from axisbus.cia305.services import LssAddress, LssState, switch_global
 from axisbus.cia305.tree import DEPTH, PART_BITS, ROOT, Branch, Questions, of
 from axisbus.errors import LssError
 
@@ -43,13 +43,15 @@ class _NobodyError(Exception):
 
 
 class _OthersError(Exception):
-    """Those who answered for a branch are not as ``Known`` says; never leaves this module."""
+    """Those who answered for a branch are not as ``KnownIdentity`` says; never leaves this module."""
 
 
 class ExcludingScan:
     """The rest of a scan; holds who is put aside in *configuration*, who is excluded, and which branches are still open."""
 
-    def __init__(self, pace: Pace, known: Known, most: int, found: Sequence[Unconfigured]) -> None:
+    def __init__(
+        self, pace: AdaptiveLssTimeout, known: KnownIdentity, most: int, found: Sequence[Unconfigured]
+    ) -> None:
         """``found`` are those that the usual search found, each of whom is checked first; at most ``most`` are found in all."""
         self._pace = pace
         self._known = known.parts
@@ -205,7 +207,7 @@ class ExcludingScan:
         for _ in range(self._pace.timing.tries):
             yield from all_waiting(self._pace)
             yield from say(
-                self._pace, switch_global(State.WAITING), self._pace.patience
+                self._pace, switch_global(LssState.WAITING), self._pace.patience
             )  # what is late may come
             if (yield from select(self._pace, address)):
                 break

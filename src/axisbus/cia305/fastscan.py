@@ -24,10 +24,10 @@ changed.
 
 from __future__ import annotations
 
-from axisbus.cia305.dialogue import Dialogue, Pace, all_waiting, ask, say, select
+from axisbus.cia305.dialogue import AdaptiveLssTimeout, Dialogue, all_waiting, ask, say, select
 from axisbus.cia305.exclude import RESTARTS, ExcludingScan
-from axisbus.cia305.scan_result import Known, Scanned, Unconfigured
-from axisbus.cia305.services import ALL_BITS, LssAddress, State, fastscan, switch_global
+from axisbus.cia305.scan_result import KnownIdentity, Scanned, Unconfigured
+from axisbus.cia305.services import ALL_BITS, LssAddress, LssState, fastscan, switch_global
 from axisbus.errors import LssError, LssTimeout
 from axisbus.wording import counted
 
@@ -45,16 +45,18 @@ class _AnswersOnError(Exception):
 
 
 class _NobodyKnownError(Exception):
-    """Nobody is left who has the numbers in ``Known``; never leaves this module."""
+    """Nobody is left who has the numbers in ``KnownIdentity``; never leaves this module."""
 
 
 class FastScan:
     """One scan; holds the slaves found, the guesses for the next, and who was found twice."""
 
-    def __init__(self, pace: Pace, known: Known | None = None, most: int = _MOST) -> None:
+    def __init__(
+        self, pace: AdaptiveLssTimeout, known: KnownIdentity | None = None, most: int = _MOST
+    ) -> None:
         """Prepare; ``most`` ends the scan after so many slaves."""
         self._pace = pace
-        self._wanted = known or Known()
+        self._wanted = known or KnownIdentity()
         self._known = self._wanted.parts
         self._most = most
         self._guess: list[int | None] = [None] * _PARTS
@@ -75,7 +77,7 @@ class FastScan:
         return Scanned(tuple(sorted(self.found, key=lambda each: each.address)), others)
 
     def _one_by_one(self) -> Dialogue[bool]:
-        """Return whether somebody is left who is not as ``Known`` says."""
+        """Return whether somebody is left who is not as ``KnownIdentity`` says."""
         while len(self.found) < self._most and (yield from self._anybody()):
             try:
                 slave = yield from self._next()
@@ -189,7 +191,7 @@ class FastScan:
         pace = self._pace
         for _ in range(pace.timing.tries):
             yield from all_waiting(pace)
-            yield from say(pace, switch_global(State.WAITING), pace.patience)  # what is late may come
+            yield from say(pace, switch_global(LssState.WAITING), pace.patience)  # what is late may come
             for slave in self.found:
                 yield from select(pace, slave.address)
             count = yield from select(pace, address, pace.timeout)

@@ -15,8 +15,8 @@ from axisbus.cia305 import services
 from axisbus.cia305.dialogue import (
     CONFIRM_WAIT,
     STORE_WAIT,
+    AdaptiveLssTimeout,
     Dialogue,
-    Pace,
     absent,
     all_waiting,
     ask,
@@ -26,7 +26,7 @@ from axisbus.cia305.dialogue import (
     say,
     select,
 )
-from axisbus.cia305.services import LssAddress, Service
+from axisbus.cia305.services import LssAddress, LssService
 from axisbus.errors import ArgumentError, LssError, LssTimeout
 
 _ROUNDS = 5
@@ -69,7 +69,7 @@ def name(address: LssAddress | None) -> str:
     return "the only LSS slave on the bus" if address is None else f"the LSS slave {address}"
 
 
-def inquire(pace: Pace, address: LssAddress | None) -> Dialogue[Inquired]:
+def inquire(pace: AdaptiveLssTimeout, address: LssAddress | None) -> Dialogue[Inquired]:
     """Read a slave's identity and node-ID; leaves it in *configuration*.
 
     Raises:
@@ -82,7 +82,9 @@ def inquire(pace: Pace, address: LssAddress | None) -> Dialogue[Inquired]:
     if address is not None:
         yield from _same_serial(pace, address)
     try:
-        answer = yield from confirmed(pace, services.inquire(Service.INQUIRE_NODE_ID), who, CONFIRM_WAIT / 2)
+        answer = yield from confirmed(
+            pace, services.inquire(LssService.INQUIRE_NODE_ID), who, CONFIRM_WAIT / 2
+        )
     except LssTimeout:  # older slaves do not have this service
         return Inquired(found, None)
     told = answer[1]
@@ -90,7 +92,7 @@ def inquire(pace: Pace, address: LssAddress | None) -> Dialogue[Inquired]:
     return Inquired(found, told if known else None)  # 0 would be everybody in the commands that follow
 
 
-def _own_address(pace: Pace) -> Dialogue[LssAddress]:
+def _own_address(pace: AdaptiveLssTimeout) -> Dialogue[LssAddress]:
     numbers = []
     for service in services.INQUIRIES:
         answer = yield from confirmed(pace, services.inquire(service), name(None))
@@ -98,7 +100,9 @@ def _own_address(pace: Pace) -> Dialogue[LssAddress]:
     return LssAddress(*numbers)
 
 
-def numbers_of(pace: Pace, address: LssAddress) -> Dialogue[tuple[LssAddress | None, int | None]]:
+def numbers_of(
+    pace: AdaptiveLssTimeout, address: LssAddress
+) -> Dialogue[tuple[LssAddress | None, int | None]]:
     """Return what the slave in *configuration* says of its address and its node-ID; None for what it does not tell.
 
     Raises:
@@ -110,12 +114,12 @@ def numbers_of(pace: Pace, address: LssAddress) -> Dialogue[tuple[LssAddress | N
         if answer is None:
             break
         numbers.append(services.number_in(answer))
-    node_id = yield from _told(pace, Service.INQUIRE_NODE_ID, address)
+    node_id = yield from _told(pace, LssService.INQUIRE_NODE_ID, address)
     whole = LssAddress(*numbers) if len(numbers) == len(services.INQUIRIES) else None
     return whole, None if node_id is None else node_id[1]
 
 
-def _told(pace: Pace, service: Service, address: LssAddress) -> Dialogue[bytes | None]:
+def _told(pace: AdaptiveLssTimeout, service: LssService, address: LssAddress) -> Dialogue[bytes | None]:
     """Inquire; None where the slave does not have the service."""
     try:
         return (
@@ -125,9 +129,9 @@ def _told(pace: Pace, service: Service, address: LssAddress) -> Dialogue[bytes |
         return None
 
 
-def _same_serial(pace: Pace, address: LssAddress) -> Dialogue[None]:
+def _same_serial(pace: AdaptiveLssTimeout, address: LssAddress) -> Dialogue[None]:
     """Check that the slave that answers is the one that is meant, and the only one, before anything is changed."""
-    service = Service.INQUIRE_SERIAL_NUMBER
+    service = LssService.INQUIRE_SERIAL_NUMBER
     try:
         answer = yield from confirmed(pace, services.inquire(service), name(address), CONFIRM_WAIT / 2)
     except LssTimeout:  # it need not have this service
@@ -142,7 +146,9 @@ def _same_serial(pace: Pace, address: LssAddress) -> Dialogue[None]:
         )
 
 
-def set_node_id(pace: Pace, address: LssAddress | None, node_id: int, *, store: bool) -> Dialogue[NodeIdSet]:
+def set_node_id(
+    pace: AdaptiveLssTimeout, address: LssAddress | None, node_id: int, *, store: bool
+) -> Dialogue[NodeIdSet]:
     """Give a slave a node-ID (1 to 127; 255 takes it away), and store it if asked; leaves every slave in *waiting*.
 
     Raises:
@@ -160,7 +166,7 @@ def set_node_id(pace: Pace, address: LssAddress | None, node_id: int, *, store: 
 
 
 def set_bit_rate(
-    pace: Pace, addresses: Sequence[LssAddress] | None, bitrate: int, *, store: bool
+    pace: AdaptiveLssTimeout, addresses: Sequence[LssAddress] | None, bitrate: int, *, store: bool
 ) -> Dialogue[None]:
     """Tell slaves (None: all at once) the bit rate in bit/s to be activated later; leaves every slave in *waiting*.
 
@@ -179,7 +185,7 @@ def set_bit_rate(
     yield from all_waiting(pace)
 
 
-def store(pace: Pace, address: LssAddress | None) -> Dialogue[None]:
+def store(pace: AdaptiveLssTimeout, address: LssAddress | None) -> Dialogue[None]:
     """Have a slave store its node-ID and bit rate; leaves every slave in *waiting*.
 
     Raises:
@@ -190,7 +196,9 @@ def store(pace: Pace, address: LssAddress | None) -> Dialogue[None]:
     yield from all_waiting(pace)
 
 
-def activate(pace: Pace, addresses: Sequence[LssAddress] | None, delay: float) -> Dialogue[None]:
+def activate(
+    pace: AdaptiveLssTimeout, addresses: Sequence[LssAddress] | None, delay: float
+) -> Dialogue[None]:
     """Have slaves (None: all) change to the bit rate that they were told, ``delay`` s after this returns.
 
     Nothing is activated unless every slave named has answered: a bus with two bit rates is dead.
@@ -217,7 +225,7 @@ def require_delay(delay: float) -> None:
         )
 
 
-def identify(pace: Pace, low: LssAddress, high: LssAddress) -> Dialogue[bool]:
+def identify(pace: AdaptiveLssTimeout, low: LssAddress, high: LssAddress) -> Dialogue[bool]:
     """Return whether any slave lies in a range of revision and serial numbers, with or without a node-ID; changes no state.
 
     ``low`` and ``high`` must agree in vendor-ID and product code.
@@ -230,12 +238,12 @@ def identify(pace: Pace, low: LssAddress, high: LssAddress) -> Dialogue[bool]:
     return (yield from _anybody(pace, services.identify_remote(low, high)))
 
 
-def any_unconfigured(pace: Pace) -> Dialogue[bool]:
+def any_unconfigured(pace: AdaptiveLssTimeout) -> Dialogue[bool]:
     """Return whether any slave has no node-ID; changes no state."""
     return (yield from _anybody(pace, (services.identify_non_configured(),)))
 
 
-def _anybody(pace: Pace, frames: Sequence[bytes]) -> Dialogue[bool]:
+def _anybody(pace: AdaptiveLssTimeout, frames: Sequence[bytes]) -> Dialogue[bool]:
     *before, last = frames
     for _ in range(pace.timing.tries):
         for frame in before:
@@ -246,7 +254,7 @@ def _anybody(pace: Pace, frames: Sequence[bytes]) -> Dialogue[bool]:
     return False
 
 
-def _gather(pace: Pace, addresses: Sequence[LssAddress]) -> Dialogue[None]:
+def _gather(pace: AdaptiveLssTimeout, addresses: Sequence[LssAddress]) -> Dialogue[None]:
     """Have these slaves, and no others, in *configuration*, each confirmed.
 
     A slave whose answer was lost is there and silent, which only beginning again can tell from one that never heard.

@@ -26,7 +26,7 @@ class Check(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class KnownIdentity:
     """What is known of the slaves that are looked for, None where it is not; each number that is known spares 32 bits."""
 
     vendor_id: int | None = None
@@ -63,7 +63,7 @@ class Unconfigured:
 
 @dataclass(frozen=True, slots=True)
 class Scanned:
-    """All that were found, in the order of their addresses; ``others`` says that somebody is left who is not as ``Known`` says.
+    """The slaves that were found, by address; ``others``: there are more, and none of these is as ``KnownIdentity`` says.
 
     ``incomplete`` says why there may be slaves that were not found; it is empty where the search came to its end.
     """

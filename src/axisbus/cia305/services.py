@@ -14,7 +14,7 @@ STANDARD_TABLE = 0  # table selector of the bit timings below
 LONGEST_DELAY = 65.535  # s, of activate bit timing
 
 
-class Service(IntEnum):
+class LssService(IntEnum):
     """Command specifiers, the first byte of every frame; those of both directions (an answer mostly repeats its request's)."""
 
     SWITCH_STATE_GLOBAL = 0x04
@@ -49,7 +49,7 @@ class Service(IntEnum):
         return self.name.lower().replace("_", " ").replace(" id", "-ID")
 
 
-class State(IntEnum):
+class LssState(IntEnum):
     """What *switch state global* asks for."""
 
     WAITING = 0
@@ -57,46 +57,46 @@ class State(IntEnum):
 
 
 # Which answer a request has; a request that is not here has none.
-ANSWERS: dict[Service, Service] = {
-    Service.SWITCH_STATE_SELECTIVE_SERIAL_NUMBER: Service.SWITCH_STATE_SELECTIVE,
-    Service.IDENTIFY_REMOTE_SLAVE_SERIAL_NUMBER_HIGH: Service.IDENTIFY_SLAVE,
-    Service.IDENTIFY_NON_CONFIGURED_REMOTE_SLAVE: Service.IDENTIFY_NON_CONFIGURED_SLAVE,
-    Service.FASTSCAN: Service.IDENTIFY_SLAVE,
+ANSWERS: dict[LssService, LssService] = {
+    LssService.SWITCH_STATE_SELECTIVE_SERIAL_NUMBER: LssService.SWITCH_STATE_SELECTIVE,
+    LssService.IDENTIFY_REMOTE_SLAVE_SERIAL_NUMBER_HIGH: LssService.IDENTIFY_SLAVE,
+    LssService.IDENTIFY_NON_CONFIGURED_REMOTE_SLAVE: LssService.IDENTIFY_NON_CONFIGURED_SLAVE,
+    LssService.FASTSCAN: LssService.IDENTIFY_SLAVE,
     **{
         service: service
         for service in (
-            Service.CONFIGURE_NODE_ID,
-            Service.CONFIGURE_BIT_TIMING,
-            Service.STORE_CONFIGURATION,
-            Service.INQUIRE_VENDOR_ID,
-            Service.INQUIRE_PRODUCT_CODE,
-            Service.INQUIRE_REVISION_NUMBER,
-            Service.INQUIRE_SERIAL_NUMBER,
-            Service.INQUIRE_NODE_ID,
+            LssService.CONFIGURE_NODE_ID,
+            LssService.CONFIGURE_BIT_TIMING,
+            LssService.STORE_CONFIGURATION,
+            LssService.INQUIRE_VENDOR_ID,
+            LssService.INQUIRE_PRODUCT_CODE,
+            LssService.INQUIRE_REVISION_NUMBER,
+            LssService.INQUIRE_SERIAL_NUMBER,
+            LssService.INQUIRE_NODE_ID,
         )
     },
 }
 
 # The parts of an LSS address in the order in which fast scan numbers them (LSSSub 0 to 3).
 INQUIRIES = (
-    Service.INQUIRE_VENDOR_ID,
-    Service.INQUIRE_PRODUCT_CODE,
-    Service.INQUIRE_REVISION_NUMBER,
-    Service.INQUIRE_SERIAL_NUMBER,
+    LssService.INQUIRE_VENDOR_ID,
+    LssService.INQUIRE_PRODUCT_CODE,
+    LssService.INQUIRE_REVISION_NUMBER,
+    LssService.INQUIRE_SERIAL_NUMBER,
 )
 SELECTIVE = (
-    Service.SWITCH_STATE_SELECTIVE_VENDOR_ID,
-    Service.SWITCH_STATE_SELECTIVE_PRODUCT_CODE,
-    Service.SWITCH_STATE_SELECTIVE_REVISION_NUMBER,
-    Service.SWITCH_STATE_SELECTIVE_SERIAL_NUMBER,
+    LssService.SWITCH_STATE_SELECTIVE_VENDOR_ID,
+    LssService.SWITCH_STATE_SELECTIVE_PRODUCT_CODE,
+    LssService.SWITCH_STATE_SELECTIVE_REVISION_NUMBER,
+    LssService.SWITCH_STATE_SELECTIVE_SERIAL_NUMBER,
 )
 IDENTIFY = (
-    Service.IDENTIFY_REMOTE_SLAVE_VENDOR_ID,
-    Service.IDENTIFY_REMOTE_SLAVE_PRODUCT_CODE,
-    Service.IDENTIFY_REMOTE_SLAVE_REVISION_NUMBER_LOW,
-    Service.IDENTIFY_REMOTE_SLAVE_REVISION_NUMBER_HIGH,
-    Service.IDENTIFY_REMOTE_SLAVE_SERIAL_NUMBER_LOW,
-    Service.IDENTIFY_REMOTE_SLAVE_SERIAL_NUMBER_HIGH,
+    LssService.IDENTIFY_REMOTE_SLAVE_VENDOR_ID,
+    LssService.IDENTIFY_REMOTE_SLAVE_PRODUCT_CODE,
+    LssService.IDENTIFY_REMOTE_SLAVE_REVISION_NUMBER_LOW,
+    LssService.IDENTIFY_REMOTE_SLAVE_REVISION_NUMBER_HIGH,
+    LssService.IDENTIFY_REMOTE_SLAVE_SERIAL_NUMBER_LOW,
+    LssService.IDENTIFY_REMOTE_SLAVE_SERIAL_NUMBER_HIGH,
 )
 
 AUTOMATIC_RATE = 9  # index in the table of bit timings: the slave finds out the rate by itself
@@ -113,12 +113,12 @@ BIT_TIMINGS: dict[int, int] = {
 }
 
 # What an error code means, and what to do first.
-REFUSALS: dict[Service, dict[int, tuple[str, str]]] = {
-    Service.CONFIGURE_NODE_ID: {1: ("the node-ID is out of range", "give a node-ID from 1 to 127")},
-    Service.CONFIGURE_BIT_TIMING: {
+REFUSALS: dict[LssService, dict[int, tuple[str, str]]] = {
+    LssService.CONFIGURE_NODE_ID: {1: ("the node-ID is out of range", "give a node-ID from 1 to 127")},
+    LssService.CONFIGURE_BIT_TIMING: {
         1: ("the slave does not support this bit rate", "choose a rate that its EDS lists under [DeviceInfo]")
     },
-    Service.STORE_CONFIGURATION: {
+    LssService.STORE_CONFIGURATION: {
         1: (
             "the slave cannot store its configuration",
             "set it again after every power-up, or set it by the device's switches or its own tool",
@@ -162,9 +162,9 @@ class LssAddress:
 PARTS = ("vendor-ID", "product code", "revision number", "serial number")
 
 
-def switch_global(state: State) -> bytes:
+def switch_global(state: LssState) -> bytes:
     """Switch every slave to *waiting* or *configuration*; no answer."""
-    return _frame(Service.SWITCH_STATE_GLOBAL, bytes((state,)))
+    return _frame(LssService.SWITCH_STATE_GLOBAL, bytes((state,)))
 
 
 def switch_selective(address: LssAddress) -> tuple[bytes, ...]:
@@ -183,38 +183,38 @@ def identify_remote(low: LssAddress, high: LssAddress) -> tuple[bytes, ...]:
 
 def identify_non_configured() -> bytes:
     """Ask whether there is any slave without a node-ID."""
-    return _frame(Service.IDENTIFY_NON_CONFIGURED_REMOTE_SLAVE)
+    return _frame(LssService.IDENTIFY_NON_CONFIGURED_REMOTE_SLAVE)
 
 
 def fastscan(id_number: int, bit_check: int, lss_sub: int, lss_next: int) -> bytes:
     """Ask whether a slave's part ``lss_sub`` agrees with ``id_number`` from bit 31 down to bit ``bit_check``."""
     data = id_number.to_bytes(4, "little") + bytes((bit_check, lss_sub, lss_next))
-    return _frame(Service.FASTSCAN, data)
+    return _frame(LssService.FASTSCAN, data)
 
 
-def inquire(service: Service) -> bytes:
+def inquire(service: LssService) -> bytes:
     """Ask the slave in *configuration* for one number of its address, or for its node-ID."""
     return _frame(service)
 
 
 def configure_node_id(node_id: int) -> bytes:
     """Give the slave in *configuration* a node-ID: 1 to 127, or 255 for none."""
-    return _frame(Service.CONFIGURE_NODE_ID, bytes((node_id,)))
+    return _frame(LssService.CONFIGURE_NODE_ID, bytes((node_id,)))
 
 
 def configure_bit_timing(index: int, table: int = STANDARD_TABLE) -> bytes:
     """Tell the slaves in *configuration* the bit rate that they will have after activation."""
-    return _frame(Service.CONFIGURE_BIT_TIMING, bytes((table, index)))
+    return _frame(LssService.CONFIGURE_BIT_TIMING, bytes((table, index)))
 
 
 def activate_bit_timing(delay: float) -> bytes:
     """Have the slaves in *configuration* change over after ``delay`` s, and be silent for as long again; no answer."""
-    return _frame(Service.ACTIVATE_BIT_TIMING, round(delay * 1000).to_bytes(2, "little"))
+    return _frame(LssService.ACTIVATE_BIT_TIMING, round(delay * 1000).to_bytes(2, "little"))
 
 
 def store_configuration() -> bytes:
     """Have the slave in *configuration* keep node-ID and bit rate without power."""
-    return _frame(Service.STORE_CONFIGURATION)
+    return _frame(LssService.STORE_CONFIGURATION)
 
 
 def number_in(answer: bytes) -> int:
@@ -247,7 +247,7 @@ def bit_timing_index(bitrate: int) -> int:
     return BIT_TIMINGS[bitrate]
 
 
-def refusal(service: Service, code: int, specific: int) -> tuple[str, str]:
+def refusal(service: LssService, code: int, specific: int) -> tuple[str, str]:
     """Return what an error code says, and what to do first; an unknown one is told by its number."""
     if code == MAKERS_OWN:
         return (
@@ -258,9 +258,9 @@ def refusal(service: Service, code: int, specific: int) -> tuple[str, str]:
     return known or (f"error {code}, which CiA 305 reserves", "see the device's manual for this LSS error")
 
 
-def _frame(service: Service, data: bytes = b"") -> bytes:
+def _frame(service: LssService, data: bytes = b"") -> bytes:
     return (bytes((service,)) + data).ljust(8, b"\0")
 
 
-def _number(service: Service, value: int) -> bytes:
+def _number(service: LssService, value: int) -> bytes:
     return _frame(service, value.to_bytes(4, "little"))

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from axisbus.cia305.dialogue import Dialogue, Pace, ask
+from axisbus.cia305.dialogue import AdaptiveLssTimeout, Dialogue, ask
 from axisbus.cia305.services import ALL_BITS, LssAddress, fastscan
 
 PART_BITS = 32
@@ -84,7 +84,7 @@ def of(address: LssAddress) -> Branch:
 class Questions:
     """Asks for branches; holds which numbers the slaves have confirmed since the last reset (None: nobody knows)."""
 
-    def __init__(self, pace: Pace, found: Callable[[], int]) -> None:
+    def __init__(self, pace: AdaptiveLssTimeout, found: Callable[[], int]) -> None:
         """``found`` tells how many slaves have been found, for who watches."""
         self._pace = pace
         self._found = found

@@ -7,10 +7,10 @@ from enum import Enum
 from typing import NamedTuple, Protocol
 
 from axisbus.cia401.signal import Address
-from axisbus.cia402.port import Sample, Source
+from axisbus.cia402.port import Sample, ValueTransport
 
 
-class Known(Enum):
+class SignalValidity(Enum):
     """Whether the value of a point is known, and else why not."""
 
     YES = "it is known"
@@ -28,7 +28,7 @@ class Known(Enum):
 
 
 # A node that may still hear us, and whose PDOs are mapped as we know it.
-MAY_HEAR = frozenset({Known.YES, Known.SILENT, Known.NOT_OPERATIONAL})
+MAY_HEAR = frozenset({SignalValidity.YES, SignalValidity.SILENT, SignalValidity.NOT_OPERATIONAL})
 
 
 class IoInputs(NamedTuple):
@@ -37,7 +37,7 @@ class IoInputs(NamedTuple):
     ``heard`` is when it last gave a sign of life, a TPDO or its error control; infinite where none of it is expected.
     """
 
-    known: Known
+    known: SignalValidity
     samples: tuple[Sample | None, ...]
     heard: float = math.inf
 
@@ -58,7 +58,7 @@ class IoPort(Protocol):
         """How old each input may be, in seconds; infinite where its silence says nothing."""
 
     @property
-    def sources(self) -> tuple[Source, ...]:
+    def sources(self) -> tuple[ValueTransport, ...]:
         """How each input travels: whether one that has not come was lost on its way, or has not changed."""
 
     @property
@@ -73,4 +73,4 @@ class IoPort(Protocol):
         """Return the newest values; does not block."""
 
     def write(self, words: tuple[int | None, ...]) -> None:
-        """Take a value for each output, None where it was never set; sends nothing before ``Cycle.commit``, and does not block."""
+        """Take a value for each output (None: never set). Sends nothing before ``BusCycle.commit``; does not block."""

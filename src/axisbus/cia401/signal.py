@@ -14,7 +14,7 @@ Address = tuple[int, int]  # index and sub-index
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class IoPoint:
     """An input or output of a node: one ``bit`` of an object of ``width`` bits, or (None) all of it as a number.
 
     ``safe`` is the raw value that an output gets when the node, the program or we are lost; of an input it means nothing. A number
@@ -132,6 +132,6 @@ def _shown(value: object) -> str:
     return text if len(text) <= 40 else f"{text[:40]}..."
 
 
-def addresses(points: Iterable[Point], *, output: bool) -> tuple[Address, ...]:
+def addresses(points: Iterable[IoPoint], *, output: bool) -> tuple[Address, ...]:
     """Return the objects of the outputs, or of the inputs, each once, in their order."""
     return tuple(sorted({point.address for point in points if point.output is output}))

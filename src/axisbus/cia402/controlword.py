@@ -28,7 +28,7 @@ ENABLE_INTERPOLATION = 1 << 4
 MODE_BITS = NEW_SET_POINT | CHANGE_SET_IMMEDIATELY | RELATIVE | CHANGE_ON_SET_POINT
 
 
-class Command(Enum):
+class PowerCommand(Enum):
     """A command of the power stage and the controlword that gives it (CiA 402-2 table 27).
 
     Fault reset acts on the *rising edge* of bit 7.
@@ -48,7 +48,7 @@ class Command(Enum):
 
 
 # "Disable operation" is the same word as "switch on"; the state it is given in makes the difference.
-DISABLE_OPERATION = Command.SWITCH_ON
+DISABLE_OPERATION = PowerCommand.SWITCH_ON
 
 
 # What bits 4, 5, 6 and 9 say in each mode.

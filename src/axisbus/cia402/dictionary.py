@@ -15,7 +15,7 @@ CIA_301, CIA_402 = "CiA 301", "CiA 402"
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class StandardObject:
     """One row of a standard: an object as a whole, or one of its entries; empty where the standard leaves something open.
 
     Parameters that come in numbers, such as those of PDOs, share one row: then ``indices`` or ``subindices`` are several.
@@ -63,18 +63,18 @@ class Row:
         return self.category == "mandatory"
 
 
-def of(index: int) -> tuple[Row, ...]:
+def of(index: int) -> tuple[StandardObject, ...]:
     """Return the rows of an object of any axis, that of the object as a whole first; none where the standards do not have it."""
     return _BY_INDEX.get(first_axis(index), ())
 
 
-def whole(index: int) -> Row | None:
+def whole(index: int) -> StandardObject | None:
     """Return the row of an object of any axis; None where the standards do not have it."""
     found = of(index)
     return found[0] if found else None
 
 
-def entry(index: int, subindex: int) -> Row | None:
+def entry(index: int, subindex: int) -> StandardObject | None:
     """Return the row of an entry of any axis; None where it has none of its own."""
     for row in of(index):
         if subindex in row.subindices:
@@ -93,9 +93,9 @@ def named(text: str) -> tuple[int, int] | None:
     return NAMES.get(text.strip().lower())
 
 
-def _row(standard: str, line: Mapping[str, str]) -> Row:
+def _row(standard: str, line: Mapping[str, str]) -> StandardObject:
     object_type = line["object_type"].split()[0]
-    return Row(
+    return StandardObject(
         standard,
         _range(line["index"]),
         _range(line["subindex"] or "0") if object_type == "VAR" else range(0),

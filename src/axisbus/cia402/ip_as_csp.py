@@ -20,18 +20,18 @@ from dataclasses import replace
 
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.port import Capabilities, Inputs, Outputs, Port, Sample, Source
-from axisbus.cia402.state import State, decode
+from axisbus.cia402.port import Capabilities, Inputs, Outputs, Port, Sample, ValueTransport
+from axisbus.cia402.state import PowerState, decode
 from axisbus.cia402.statusword import BIT_12
 
 _CSP, _IP = int(ModeOfOperation.CYCLIC_SYNC_POSITION), int(ModeOfOperation.INTERPOLATED_POSITION)
 ENABLE_INTERPOLATION = 0x10  # bit 4 of 6040h
-_ENABLED = cw.Command.ENABLE_OPERATION.word
+_ENABLED = cw.PowerCommand.ENABLE_OPERATION.word
 _FALLS = 3  # cycles in which the word without bit 4 has arrived
 _STANDS = 3  # cycles with the same target
 
 
-def seen_by_motion(ports: Mapping[str, Port]) -> dict[str, Port]:
+def as_csp_capable(ports: Mapping[str, Port]) -> dict[str, Port]:
     """Return ports by name, those of drives that are led in ip as motion is to see them."""
     return {
         name: InterpolatedPort(port) if "interpolation_target" in port.capabilities.outputs else port
@@ -45,8 +45,8 @@ class InterpolatedPort:
     def __init__(self, port: Port) -> None:
         self.port = port
         outputs = dict(port.capabilities.outputs)
-        own = outputs.pop("interpolation_target", Source.NONE)
-        if outputs.get("target_position") is Source.SYNC_PDO:
+        own = outputs.pop("interpolation_target", ValueTransport.NONE)
+        if outputs.get("target_position") is ValueTransport.SYNC_PDO:
             outputs["target_position"] = own
         self._capabilities = replace(port.capabilities, outputs=outputs)
         self._mode: int | None = None  # as the drive shows it
@@ -68,7 +68,7 @@ class InterpolatedPort:
         """Return the newest values, with ip called csp where it interpolates."""
         inputs = self.port.read(now)
         word, mode = inputs.statusword, inputs.mode
-        self._enabled = word is not None and decode(word.value) is State.OPERATION_ENABLED
+        self._enabled = word is not None and decode(word.value) is PowerState.OPERATION_ENABLED
         self._active = word is not None and bool(word.value & BIT_12)
         self._mode = None if mode is None else mode.value
         if mode is None:

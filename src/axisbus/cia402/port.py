@@ -1,10 +1,10 @@
 """The seam between motion and a drive: what one cycle brings in and takes out, and what a bus or a simulation must offer.
 
-``bus`` implements ``Port`` and ``Cycle`` over CAN, ``sim`` over arithmetic. Everything here is a plain value in raw increments
+``bus`` implements ``Port`` and ``BusCycle`` over CAN, ``sim`` over arithmetic. Everything here is a plain value in raw increments
 that can be pickled, so that the scan can run in another process than the program that commands it. The values are NamedTuples
 because they are made in every cycle, where frozen dataclasses cost three times as much.
 
-All times are seconds of the monotonic clock that ``Cycle.now`` reads; indices are those of a single-axis device, a port adds its
+All times are seconds of the monotonic clock that ``BusCycle.now`` reads; indices are those of a single-axis device, a port adds its
 axis's offset (800h each).
 """
 
@@ -26,7 +26,7 @@ class Sample(NamedTuple):
     stamp: float
 
 
-class Source(Enum):
+class ValueTransport(Enum):
     """How a value travels."""
 
     SYNC_PDO = "synchronous PDO"
@@ -138,8 +138,8 @@ class Capabilities:
     controlword of a cycle before the target of the same cycle. ``guarded``: the node sends no heartbeat and is asked for its state.
     """
 
-    inputs: dict[str, Source]
-    outputs: dict[str, Source]
+    inputs: dict[str, ValueTransport]
+    outputs: dict[str, ValueTransport]
     remappable: bool
     max_age: dict[str, float]
     edge_delay: int = 0
@@ -157,10 +157,10 @@ class Port(Protocol):
         """Return the newest values; does not block."""
 
     def write(self, outputs: Outputs) -> None:
-        """Take the values for this cycle; does not block, sends nothing before ``Cycle.commit``."""
+        """Take the values for this cycle; does not block, sends nothing before ``BusCycle.commit``."""
 
 
-class Cycle(Protocol):
+class BusCycle(Protocol):
     """One bus, as the scan drives it. Every method raises ``BusError`` when the bus fails."""
 
     def now(self) -> float:

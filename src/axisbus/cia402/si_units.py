@@ -29,7 +29,7 @@ _DIMENSION_RPM = 0xA4
 _GON = Fraction(1, 400)
 
 
-class Count(NamedTuple):
+class IncrementSize(NamedTuple):
     """What one increment is: so many of ``what`` (increments of the position, turns, or metres), per second or second² where timed.
 
     ``text`` is the unit for a person.
@@ -40,7 +40,7 @@ class Count(NamedTuple):
     text: str
 
 
-def decoded(code: int | None) -> Count | None:
+def decoded(code: int | None) -> IncrementSize | None:
     """Return what an SI unit object means; None where it is missing, 0, or none of the usual units."""
     if not code:
         return None
@@ -51,15 +51,15 @@ def decoded(code: int | None) -> Count | None:
     name = "rev/min" if rpm else WHAT[what]
     size = Fraction(10) ** power / _SECONDS[per] / (60 if rpm else 1)
     kind, turns = (TURN, Fraction(1)) if rpm else _kind(name)
-    return Count(kind, size * turns, f"{f'{10.0**power:g}' if power else ''}{name}{PER[per]}")
+    return IncrementSize(kind, size * turns, f"{f'{10.0**power:g}' if power else ''}{name}{PER[per]}")
 
 
-def by_dimension(notation: int | None, dimension: int | None) -> Count | None:
+def by_dimension(notation: int | None, dimension: int | None) -> IncrementSize | None:
     """Return what a notation index and a dimension index (608Bh, 608Ch) mean; None where that is not known."""
     if dimension != _DIMENSION_RPM:
         return None
     power = (notation or 0) - (0x100 if (notation or 0) > 0x7F else 0)
-    return Count(TURN, Fraction(10) ** power / 60, f"{f'{10.0**power:g}' if power else ''}rev/min")
+    return IncrementSize(TURN, Fraction(10) ** power / 60, f"{f'{10.0**power:g}' if power else ''}rev/min")
 
 
 def _kind(name: str) -> tuple[str, Fraction]:

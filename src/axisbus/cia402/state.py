@@ -27,10 +27,10 @@ from enum import Enum
 from functools import cache
 from typing import NamedTuple
 
-from axisbus.cia402.controlword import DISABLE_OPERATION, Command
+from axisbus.cia402.controlword import DISABLE_OPERATION, PowerCommand
 
 
-class State(Enum):
+class PowerState(Enum):
     """A state of the power stage, by the standard's name.
 
     What looks at a member in every cycle gives it a name of its module's own: a look-up in an Enum costs more than a call.
@@ -49,7 +49,7 @@ class State(Enum):
     UNKNOWN = "unknown"
 
 
-_S = State
+_S = PowerState
 # (mask, value, state): CiA 402-2 table 29. The order matters to nobody, the rows exclude each other.
 STATUSWORD_PATTERNS = (
     (0x4F, 0x00, _S.NOT_READY_TO_SWITCH_ON),
@@ -67,29 +67,29 @@ class Transition(NamedTuple):
     """One arrow of the figure; ``command`` is None where only the drive itself takes it."""
 
     number: int
-    source: State | None  # None: any state
-    target: State
-    command: Command | None
+    source: PowerState | None  # None: any state
+    target: PowerState
+    command: PowerCommand | None
 
 
 TRANSITIONS = (
     Transition(0, None, _S.NOT_READY_TO_SWITCH_ON, None),
     Transition(1, _S.NOT_READY_TO_SWITCH_ON, _S.SWITCH_ON_DISABLED, None),
-    Transition(2, _S.SWITCH_ON_DISABLED, _S.READY_TO_SWITCH_ON, Command.SHUTDOWN),
-    Transition(3, _S.READY_TO_SWITCH_ON, _S.SWITCHED_ON, Command.SWITCH_ON),
-    Transition(4, _S.SWITCHED_ON, _S.OPERATION_ENABLED, Command.ENABLE_OPERATION),
+    Transition(2, _S.SWITCH_ON_DISABLED, _S.READY_TO_SWITCH_ON, PowerCommand.SHUTDOWN),
+    Transition(3, _S.READY_TO_SWITCH_ON, _S.SWITCHED_ON, PowerCommand.SWITCH_ON),
+    Transition(4, _S.SWITCHED_ON, _S.OPERATION_ENABLED, PowerCommand.ENABLE_OPERATION),
     Transition(5, _S.OPERATION_ENABLED, _S.SWITCHED_ON, DISABLE_OPERATION),
-    Transition(6, _S.SWITCHED_ON, _S.READY_TO_SWITCH_ON, Command.SHUTDOWN),
-    Transition(7, _S.READY_TO_SWITCH_ON, _S.SWITCH_ON_DISABLED, Command.DISABLE_VOLTAGE),
-    Transition(8, _S.OPERATION_ENABLED, _S.READY_TO_SWITCH_ON, Command.SHUTDOWN),
-    Transition(9, _S.OPERATION_ENABLED, _S.SWITCH_ON_DISABLED, Command.DISABLE_VOLTAGE),
-    Transition(10, _S.SWITCHED_ON, _S.SWITCH_ON_DISABLED, Command.DISABLE_VOLTAGE),
-    Transition(11, _S.OPERATION_ENABLED, _S.QUICK_STOP_ACTIVE, Command.QUICK_STOP),
-    Transition(12, _S.QUICK_STOP_ACTIVE, _S.SWITCH_ON_DISABLED, Command.DISABLE_VOLTAGE),  # or by itself
+    Transition(6, _S.SWITCHED_ON, _S.READY_TO_SWITCH_ON, PowerCommand.SHUTDOWN),
+    Transition(7, _S.READY_TO_SWITCH_ON, _S.SWITCH_ON_DISABLED, PowerCommand.DISABLE_VOLTAGE),
+    Transition(8, _S.OPERATION_ENABLED, _S.READY_TO_SWITCH_ON, PowerCommand.SHUTDOWN),
+    Transition(9, _S.OPERATION_ENABLED, _S.SWITCH_ON_DISABLED, PowerCommand.DISABLE_VOLTAGE),
+    Transition(10, _S.SWITCHED_ON, _S.SWITCH_ON_DISABLED, PowerCommand.DISABLE_VOLTAGE),
+    Transition(11, _S.OPERATION_ENABLED, _S.QUICK_STOP_ACTIVE, PowerCommand.QUICK_STOP),
+    Transition(12, _S.QUICK_STOP_ACTIVE, _S.SWITCH_ON_DISABLED, PowerCommand.DISABLE_VOLTAGE),  # or by itself
     Transition(13, None, _S.FAULT_REACTION_ACTIVE, None),
     Transition(14, _S.FAULT_REACTION_ACTIVE, _S.FAULT, None),
-    Transition(15, _S.FAULT, _S.SWITCH_ON_DISABLED, Command.FAULT_RESET),
-    Transition(16, _S.QUICK_STOP_ACTIVE, _S.OPERATION_ENABLED, Command.ENABLE_OPERATION),
+    Transition(15, _S.FAULT, _S.SWITCH_ON_DISABLED, PowerCommand.FAULT_RESET),
+    Transition(16, _S.QUICK_STOP_ACTIVE, _S.OPERATION_ENABLED, PowerCommand.ENABLE_OPERATION),
 )
 
 _PLANNED = frozenset({2, 3, 4, 5, 6, 7, 11, 12, 16})
@@ -111,12 +111,12 @@ TARGETS = frozenset(
 ENERGISED = frozenset({_S.OPERATION_ENABLED, _S.QUICK_STOP_ACTIVE, _S.FAULT_REACTION_ACTIVE})
 
 
-def decode(statusword: int) -> State:
-    """Return the state that a statusword shows; a pattern outside the table is ``State.UNKNOWN``."""
+def decode(statusword: int) -> PowerState:
+    """Return the state that a statusword shows; a pattern outside the table is ``PowerState.UNKNOWN``."""
     return _DECODED[statusword & 0x6F]
 
 
-def _decode(statusword: int) -> State:
+def _decode(statusword: int) -> PowerState:
     for mask, value, state in STATUSWORD_PATTERNS:
         if statusword & mask == value:
             return state
@@ -127,7 +127,7 @@ _DECODED = tuple(_decode(word) for word in range(0x70))
 
 
 @cache
-def plan(state: State, target: State) -> Command | None:
+def plan(state: PowerState, target: PowerState) -> PowerCommand | None:
     """Return the command that leads from ``state`` towards ``target``; None to wait (or when it is reached).
 
     None also comes for states in which only the drive can act (not ready to switch on, fault reaction active), for *fault*, which
@@ -142,9 +142,9 @@ def plan(state: State, target: State) -> Command | None:
     return route[0].command if route else None
 
 
-def _route(state: State, target: State) -> list[Transition]:
+def _route(state: PowerState, target: PowerState) -> list[Transition]:
     """Return the shortest way by breadth-first search; empty when there, or when there is none."""
-    paths: deque[tuple[State, list[Transition]]] = deque([(state, [])])
+    paths: deque[tuple[PowerState, list[Transition]]] = deque([(state, [])])
     seen = {state}
     while paths:
         here, path = paths.popleft()
@@ -157,7 +157,7 @@ def _route(state: State, target: State) -> list[Transition]:
     return []
 
 
-def _arrows(here: State, target: State) -> list[Transition]:
+def _arrows(here: PowerState, target: PowerState) -> list[Transition]:
     return [
         arrow
         for arrow in TRANSITIONS

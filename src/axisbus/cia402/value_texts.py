@@ -157,7 +157,9 @@ def _status_bits() -> dict[int, str]:
 
 
 def _commands() -> Table:
-    rows = tuple((f"0x{each.word:04X}", each.name.lower().replace("_", " ")) for each in controlword.Command)
+    rows = tuple(
+        (f"0x{each.word:04X}", each.name.lower().replace("_", " ")) for each in controlword.PowerCommand
+    )
     return Table("Commands", "controlword", rows)
 
 

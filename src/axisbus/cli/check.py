@@ -9,16 +9,16 @@ from pathlib import Path
 
 import click
 
-from axisbus.cell.problem import Problem, SharedProblem, errors, shared
+from axisbus.cell.problem import CellProblem, SharedProblem, errors, shared
 from axisbus.check.ids.table import checks
 from axisbus.check.run import check
 from axisbus.cli.eds.check import explain_rule, ids_of, list_rules
 from axisbus.cli.shared.common import OK, WRONG, misuse, say, say_json, say_next
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.terminal import STYLES, say_styled
-from axisbus.eds.model import Finding, Severity
+from axisbus.eds.model import EdsFinding, Severity
 from axisbus.eds.rules import rule_selection, sarif
-from axisbus.errors import where_it_stands
+from axisbus.errors import page_reference
 from axisbus.version import __version__
 from axisbus.wording import counted
 
@@ -63,7 +63,7 @@ def command(
 
         say_json(schema_of_cells())
         return OK
-    wanted = rule_selection.chooser((), ids_of(ignore), rule_selection.Known(checks(), _COMMAND))
+    wanted = rule_selection.chooser((), ids_of(ignore), rule_selection.RuleIds(checks(), _COMMAND))
     problems = check(cell)
     code = WRONG if errors(problems) else OK
     kept = [each for each in problems if each.severity is Severity.ERROR or wanted(each.rule)]
@@ -80,7 +80,7 @@ def command(
     return code
 
 
-def _show(cell: Path, problems: list[Problem], visible: list[Problem], ignored: int) -> None:
+def _show(cell: Path, problems: list[CellProblem], visible: list[CellProblem], ignored: int) -> None:
     for problem in sorted(_put_together(visible), key=_errors_last):
         severity = problem.severity.value
         say_styled(problem.with_rule, f"{severity}:", STYLES[severity])
@@ -91,15 +91,15 @@ def _show(cell: Path, problems: list[Problem], visible: list[Problem], ignored: 
     )
     wrong = errors(problems)
     for page in sorted({problem.page for problem in wrong}):
-        say(where_it_stands(page))
+        say(page_reference(page))
     say_next(f"mend the errors and check again: axisbus check {cell}" if wrong else f"axisbus boot {cell}")
 
 
-def _put_together(problems: Iterable[Problem]) -> list[Problem]:
+def _put_together(problems: Iterable[CellProblem]) -> list[CellProblem]:
     return [each.problem for each in shared(problems)]
 
 
-def _errors_last(problem: Problem) -> tuple[int, int]:
+def _errors_last(problem: CellProblem) -> tuple[int, int]:
     return _ORDER.index(problem.severity.value), problem.line
 
 
@@ -113,8 +113,8 @@ def _plain(found: SharedProblem) -> dict[str, object]:
     }
 
 
-def _finding(problem: Problem) -> Finding:
+def _finding(problem: CellProblem) -> EdsFinding:
     """Return a finding as those of EDS files are, for SARIF; each at its own line."""
     message = f"{problem.message} ({problem.observed})" if problem.observed else problem.message
     remedy = problem.remedy or checks()[problem.rule].remedy
-    return Finding(problem.rule, problem.severity, problem.line, 1, message, remedy)
+    return EdsFinding(problem.rule, problem.severity, problem.line, 1, message, remedy)

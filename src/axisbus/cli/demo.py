@@ -27,7 +27,7 @@ _FAULT_BITS = 0x40000  # the module's own bit for it: MOSFET temperature
 
 
 @dataclass
-class Tally:
+class DemoResult:
     """Where the axes were sent and where they arrived."""
 
     start: float = field(default_factory=time.monotonic)
@@ -53,7 +53,7 @@ def command(cell: Path | None, output: Path, plot: bool, record: Path | None) ->
     _require_simulated(checked(path))
     for name in ("recording.csv", "motion.png", "cell.toml"):
         require_writable(output / name)
-    tally = Tally()
+    tally = DemoResult()
     tally.say(f"cell {path} - simulated drives on a virtual CAN bus, in real time")
     machine = Machine.open(path)
     with Recorder(machine) as recorder, machine:  # the recorder sees the stop, too
@@ -90,7 +90,7 @@ def _require_simulated(cell: CellConfig) -> None:
         raise click.UsageError(f"{cell.file}: the demo homes every axis, and a virtual one cannot be homed")
 
 
-def _job(machine: Machine, tally: Tally) -> None:
+def _job(machine: Machine, tally: DemoResult) -> None:
     _report_boot(machine, tally)
     names = [axis.name for axis in machine]
     tally.say("enable: all axes")
@@ -105,27 +105,27 @@ def _job(machine: Machine, tally: Tally) -> None:
     _note(machine, tally, "back", [0.0] * len(names))
 
 
-def _report_boot(machine: Machine, tally: Tally) -> None:
+def _report_boot(machine: Machine, tally: DemoResult) -> None:
     for report in machine.reports:
         for line in report.text().splitlines():
             tally.say(line)
 
 
-def _profile_moves(machine: Machine, tally: Tally) -> None:
+def _profile_moves(machine: Machine, tally: DemoResult) -> None:
     targets = [60.0, -40.0, 120.0][: len(machine)]
     tally.say("profile position: each axis by itself")
     wait(axis.move_absolute(target) for axis, target in zip(machine, targets, strict=False))
     _note(machine, tally, "profile position", targets)
 
 
-def _together(machine: Machine, tally: Tally) -> None:
+def _together(machine: Machine, tally: DemoResult) -> None:
     ends = [-30.0, 45.0, 30.0][: len(machine)]
     tally.say("cyclic synchronous position: all on one straight line, a target with every SYNC")
     machine.group(*(axis.name for axis in machine)).move_linear(ends, velocity=150.0).wait()
     _note(machine, tally, "straight line (csp)", ends)
 
 
-def _fault(machine: Machine, tally: Tally) -> None:
+def _fault(machine: Machine, tally: DemoResult) -> None:
     """Provoke a fault in mid-move, let it explain itself, reset, and go on."""
     axes = list(machine)
     victim = axes[1 % len(axes)]
@@ -145,12 +145,12 @@ def _fault(machine: Machine, tally: Tally) -> None:
     victim.enable().wait()
 
 
-def _note(machine: Machine, tally: Tally, what: str, targets: list[float]) -> None:
+def _note(machine: Machine, tally: DemoResult, what: str, targets: list[float]) -> None:
     for axis, target in zip(machine, targets, strict=False):
         tally.moves.append((what, axis.name, target, axis.position, axis.unit))
 
 
-def _draw(recorder: Recorder, output: Path, tally: Tally) -> Path | None:
+def _draw(recorder: Recorder, output: Path, tally: DemoResult) -> Path | None:
     """Draw the recording; return the picture, None where there is none."""
     from axisbus.record.plot import plot
 
@@ -163,7 +163,7 @@ def _draw(recorder: Recorder, output: Path, tally: Tally) -> Path | None:
     return picture
 
 
-def _summary(tally: Tally, worst: float, skipped: int, cycles: int) -> int:
+def _summary(tally: DemoResult, worst: float, skipped: int, cycles: int) -> int:
     say()
     say(f"{'move':<22}{'axis':<6}{'commanded':>12}{'reached':>12}")
     for what, axis, target, reached, unit in tally.moves:

@@ -17,7 +17,7 @@ from axisbus.cli.shared.enabled_axes import home as find_home
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.recordings import record_option, recorded
-from axisbus.machine.dry_run import Rehearsal
+from axisbus.machine.dry_run import DryRun
 
 
 @click.command("home")
@@ -37,7 +37,7 @@ def command(cell: Path, axes: tuple[str, ...], record: Path | None, beside: bool
     names = as_pairs(config, axes_of_all, "home")
 
     def rehearse() -> None:  # what cannot be is told before the bus is opened
-        for each in movers(Rehearsal(config), names):
+        for each in movers(DryRun(config), names):
             each.home()
 
     with (

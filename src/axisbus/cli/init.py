@@ -21,10 +21,10 @@ from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.bus.link.channel import Channel
-    from axisbus.bus.node.discover import Found
-    from axisbus.drives.gim6010.factory_protocols import Listening
+    from axisbus.bus.node.discover import DiscoveredNode
+    from axisbus.drives.gim6010.factory_protocols import ProtocolListener
     from axisbus.scaffold.draft import Draft, NodeFound
-    from axisbus.scaffold.match import Known, Match
+    from axisbus.scaffold.match import CandidateFile, FileMatch
 
 
 @click.command("init")
@@ -54,13 +54,13 @@ def command(
     What only you know (units, scales, speeds, how to stop) is written as comments to confirm, with what the drives say. Only reads;
     energises nothing. Exit code 1 when something is missing in the file.
     """
-    from axisbus.drives.gim6010.factory_protocols import Listening
+    from axisbus.drives.gim6010.factory_protocols import ProtocolListener
     from axisbus.scaffold import match
 
     if interface is None:
         raise click.UsageError("say which bus, with -i and -c (such as: -i socketcan -c can0)")
     require_free(output, force=force)
-    others = Listening()
+    others = ProtocolListener()
     known, unreadable = match.collect(folders)
     with ExitStack() as stack:
         bus = open_bus(stack, None, interface, channel, bitrate, option)
@@ -72,7 +72,7 @@ def command(
     return _tell(output, nodes, made, unreadable, as_json)
 
 
-def _nobody(others: Listening) -> UserError:
+def _nobody(others: ProtocolListener) -> UserError:
     """Return why no cell file is made: nobody answers, or who is there speaks another protocol."""
     from axisbus.drives.gim6010.factory_protocols import REMEDIES, heard
 
@@ -86,7 +86,7 @@ def _nobody(others: Listening) -> UserError:
 
 
 def _found(
-    bus: Channel, known: list[Known], output: Path, others: Listening, *, quiet: bool
+    bus: Channel, known: list[CandidateFile], output: Path, others: ProtocolListener, *, quiet: bool
 ) -> list[NodeFound]:
     from axisbus.bus.node.discover import scan
 
@@ -100,7 +100,7 @@ def _found(
     return nodes
 
 
-def _node(bus: Channel, node: Found, known: list[Known], output: Path) -> NodeFound:
+def _node(bus: Channel, node: DiscoveredNode, known: list[CandidateFile], output: Path) -> NodeFound:
     from axisbus.bus.sdo.client import SdoClient
     from axisbus.cia402.objects import PROFILE_NUMBER
     from axisbus.drives import registry
@@ -108,7 +108,7 @@ def _node(bus: Channel, node: Found, known: list[Known], output: Path) -> NodeFo
 
     who = node.identity
     files = match.match(known, node.node_id, who.vendor_id, who.product_code, who.revision)
-    axes: list[device_probe.Axis] = []
+    axes: list[device_probe.ProbedAxis] = []
     if node.answers_sdo and who.profile == PROFILE_NUMBER:
         client = SdoClient(bus, node.node_id)
         try:
@@ -119,7 +119,7 @@ def _node(bus: Channel, node: Found, known: list[Known], output: Path) -> NodeFo
     return draft.NodeFound(node, files, _specs(files, output), tuple(axes), make)
 
 
-def _specs(files: Match, output: Path) -> tuple[str, ...]:
+def _specs(files: FileMatch, output: Path) -> tuple[str, ...]:
     """Return the files as the cell file names them: built-in ones by name, others relative to its folder."""
     from axisbus.eds.builtin import PREFIX
 

@@ -14,21 +14,21 @@ from axisbus.cli.shared.axes_and_pairs import require_no_pair
 from axisbus.cli.shared.common import echo
 from axisbus.cli.shared.completion import complete_axes
 from axisbus.cli.shared.enabled_axes import commanded, enable, say_position
-from axisbus.cli.shared.keys import Key, Keyboard, keyboard
+from axisbus.cli.shared.keys import Keyboard, TerminalKey, keyboard
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.progress import draw, speed_text
 from axisbus.cli.shared.recordings import record_option, recorded
 from axisbus.errors import Interrupted, Stopped, with_alarm
 from axisbus.machine.axis import Axis
-from axisbus.machine.dry_run import Rehearsal
+from axisbus.machine.dry_run import DryRun
 from axisbus.machine.handle import Handle
 from axisbus.motion.states import AxisState
 
 _LOOK = 0.05  # seconds between two looks at the keys: a jog lives 0.2 s
 _HELD = 0.2  # seconds: a key that comes again sooner is held
 _LET_GO = 0.6  # seconds without a key after which it was let go of: terminals repeat one sooner
-_SIGN = {Key.FORWARD: 1.0, Key.BACK: -1.0}
+_SIGN = {TerminalKey.FORWARD: 1.0, TerminalKey.BACK: -1.0}
 
 
 @click.command("jog")
@@ -60,7 +60,7 @@ def command(
     require_no_pair(
         config, axis, "jog", f"move the pair: axisbus velocity {cell} PAIR=... --for 1s, or axisbus move"
     )
-    rehearsal = Rehearsal(config)
+    rehearsal = DryRun(config)
     if axis in config.axes and velocity is None:
         velocity = config.axes[axis].defaults.velocity
     if axis in config.axes and not velocity:
@@ -99,9 +99,9 @@ class _Jogging:
             AxisbusError: the axis is in ErrorStop, and why.
         """
         try:
-            while (key := keys.read(_LOOK)) is not Key.QUIT:
+            while (key := keys.read(_LOOK)) is not TerminalKey.QUIT:
                 told = self._look()
-                if key is Key.HALT:
+                if key is TerminalKey.HALT:
                     self._axis.halt().wait()
                 elif key is not None:
                     self._jog(_SIGN[key] * self._speed)

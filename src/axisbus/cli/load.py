@@ -12,7 +12,7 @@ import click
 from axisbus.bus.link.errorframe import WHAT_TO_CHECK
 from axisbus.cli.shared.buses import rate_of
 from axisbus.cli.shared.common import OK, WRONG, echo, say, say_json, say_next
-from axisbus.cli.shared.frames import Asked, Opened, open_frames, source_options
+from axisbus.cli.shared.frames import FrameSource, FrameSourceOptions, open_frames, source_options
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import bus_options
 from axisbus.errors import ArgumentError, UserError
@@ -20,8 +20,8 @@ from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.cell.model import CellConfig
-    from axisbus.check.load_meter import Measured, Share
-    from axisbus.check.traffic import Stream
+    from axisbus.check.load_meter import LoadShare, MeasuredLoad
+    from axisbus.check.traffic import TrafficStream
 
 FULL = 0.9  # as ``axisbus check`` has it
 _LISTEN = 5.0
@@ -49,7 +49,7 @@ def command(
     SOURCE is a cell.toml, a recording, or - for candump's output. Planned figures go from no stuff bit to the most that there can
     be; measured ones count the stuff bits that the frames had. It sends nothing. Exit code 1 above 90 %.
     """
-    asked = Asked(source, interface, channel, bitrate, option, cell, eds)
+    asked = FrameSourceOptions(source, interface, channel, bitrate, option, cell, eds)
     asked.check()
     listens = asked.live and (interface is not None or seconds is not None)
     report: dict[str, Any] = {}
@@ -89,8 +89,8 @@ def _planned(path: Path, bitrate: int | None) -> dict[str, Any]:
     }
 
 
-def _sums(found: list[Stream], rate: int, key: str) -> list[dict[str, Any]]:
-    groups: dict[Any, list[Stream]] = {}
+def _sums(found: list[TrafficStream], rate: int, key: str) -> list[dict[str, Any]]:
+    groups: dict[Any, list[TrafficStream]] = {}
     for each in found:
         groups.setdefault(getattr(each, key), []).append(each)
     return [
@@ -107,7 +107,7 @@ def _sums(found: list[Stream], rate: int, key: str) -> list[dict[str, Any]]:
 # -- measured ----------------------------------------------------------------------------------------------------------
 
 
-def _measured(asked: Asked, seconds: float | None) -> dict[str, Any]:
+def _measured(asked: FrameSourceOptions, seconds: float | None) -> dict[str, Any]:
     from axisbus.check.load_meter import Meter
     from axisbus.trace.decoder import Decoder
 
@@ -132,7 +132,7 @@ def _measured(asked: Asked, seconds: float | None) -> dict[str, Any]:
     }
 
 
-def _fill(meter: Any, decoder: Any, opened: Opened, asked_channel: str | None) -> float:
+def _fill(meter: Any, decoder: Any, opened: FrameSource, asked_channel: str | None) -> float:
     """Take all frames; return the seconds that it took.
 
     Raises:
@@ -167,8 +167,8 @@ def _rate(cell: CellConfig | None, interface: str | None, channel: str | None) -
     return rate
 
 
-def _plain(found: Measured, first: float) -> dict[str, Any]:
-    def share(one: Share) -> dict[str, Any]:
+def _plain(found: MeasuredLoad, first: float) -> dict[str, Any]:
+    def share(one: LoadShare) -> dict[str, Any]:
         return {
             "frames": one.frames,
             "frames_per_second": one.frames / found.seconds,
@@ -192,7 +192,7 @@ def _plain(found: Measured, first: float) -> dict[str, Any]:
 # -- for people --------------------------------------------------------------------------------------------------------
 
 
-def _show(report: dict[str, Any], asked: Asked) -> None:
+def _show(report: dict[str, Any], asked: FrameSourceOptions) -> None:
     planned, measured = report.get("planned"), report.get("measured")
     if planned is not None:
         say(
@@ -237,7 +237,7 @@ def _row(name: str, row: dict[str, Any], columns: tuple[str, str]) -> None:
     say(f"  {name:<14} {row['frames_per_second']:>10.1f} {first:>8} {second:>8}")
 
 
-def _next(report: dict[str, Any], asked: Asked) -> None:
+def _next(report: dict[str, Any], asked: FrameSourceOptions) -> None:
     if "measured" not in report:
         say_next(f"measure it while the cell runs: axisbus load {asked.cell_file} --seconds 5")
     else:

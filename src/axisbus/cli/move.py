@@ -17,10 +17,10 @@ from axisbus.cli.shared.enabled_axes import commanded, enable, home, say_positio
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import beside_option, parse_targets
 from axisbus.cli.shared.paths import PATH
-from axisbus.cli.shared.progress import Way, follow
+from axisbus.cli.shared.progress import MoverProgress, follow
 from axisbus.cli.shared.recordings import record_option, recorded
 from axisbus.machine.axis import Axis
-from axisbus.machine.dry_run import Rehearsal
+from axisbus.machine.dry_run import DryRun
 from axisbus.machine.handle import Handle
 
 
@@ -60,7 +60,7 @@ def command(
     config = checked(cell)
     sides = sides_of(config, wanted, "move")
     course = _Course(wanted, relative, velocity, acceleration, timeout)
-    rehearsal = Rehearsal(config)
+    rehearsal = DryRun(config)
 
     def rehearse() -> None:
         course.rehearse(rehearsal, home_first)  # what cannot be is told before the bus is opened
@@ -74,7 +74,7 @@ def command(
             enable(chosen)
             if home_first:
                 home(machine, [each for each in chosen if has_drive(config, each.name)])
-            follow(machine, [Way(each, course.start(each)) for each in chosen])
+            follow(machine, [MoverProgress(each, course.start(each)) for each in chosen])
             for each in chosen:
                 say_position(each, "at")
     say_next(f"axisbus monitor {cell}")
@@ -91,7 +91,7 @@ class _Course:
     acceleration: float | None
     timeout: float | None
 
-    def rehearse(self, rehearsal: Rehearsal, home_first: bool) -> None:
+    def rehearse(self, rehearsal: DryRun, home_first: bool) -> None:
         """Check everything that can be known by now; nothing is sent.
 
         Raises:

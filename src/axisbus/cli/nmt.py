@@ -15,13 +15,13 @@ from axisbus.cli.shared.attach_or_open import take_option
 from axisbus.cli.shared.attached_nodes import joined
 from axisbus.cli.shared.common import FAILURE, OK, say, say_json, say_next
 from axisbus.cli.shared.completion import complete_nodes_or_all
-from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_options, require_bus
 from axisbus.errors import NodeTimeout, StateError
 from axisbus.machine.machine_node import MachineNode
 
 if TYPE_CHECKING:
     from axisbus.bus.node.nmt_commands import NodeReaction
-    from axisbus.bus.node.node import Node
+    from axisbus.bus.node.node import CanopenNode
 
 COMMANDS = {
     "start": NmtCommand.START,
@@ -43,7 +43,9 @@ _PATIENCE = 5.0  # seconds that a node of a machine that runs may take; a restar
 )
 @click.option("--json", "as_json", is_flag=True, help="Print what came of it as JSON.")
 @take_option
-def command(wanted: str, who: tuple[str, ...], asked: Asked, force: bool, as_json: bool, take: bool) -> int:
+def command(
+    wanted: str, who: tuple[str, ...], asked: NodeOptions, force: bool, as_json: bool, take: bool
+) -> int:
     """Send the NMT command start, stop, pre-operational, reset-node or reset-communication to nodes, and say what each then shows.
 
     NODE is a node ID or an axis of --cell; "all" sends one command to everybody and looks at the nodes of the cell, else at those
@@ -56,7 +58,7 @@ def command(wanted: str, who: tuple[str, ...], asked: Asked, force: bool, as_jso
     from axisbus.bus.node import nmt_commands
 
     require_bus(asked)
-    files = Files.of(asked.cell, asked.eds)
+    files = NodeFiles.of(asked.cell, asked.eds)
     if ALL in who and len(who) > 1:
         raise click.UsageError('"all" stands alone')
     everybody = who == (ALL,)
@@ -68,7 +70,7 @@ def command(wanted: str, who: tuple[str, ...], asked: Asked, force: bool, as_jso
             inside = ids or canopen_nodes(machine.machine.cell)
             return _tell(_in_machine([machine.node(each) for each in inside], order, force), as_json)
         known = canopen_nodes(files.cell) if everybody and files.cell is not None else ids
-        session = Session(stack, asked, files, known)
+        session = NodeSession(stack, asked, files, known)
         nodes = [session.node(node_id) for node_id in known or _everybody(session)]
         found = nmt_commands.ways(nodes)
         if order is not NmtCommand.START and not force:
@@ -118,7 +120,7 @@ def _tell(outcomes: list[dict[str, object]], as_json: bool) -> int:
     return OK if all(each["ok"] for each in outcomes) else FAILURE
 
 
-def _everybody(session: Session) -> list[int]:
+def _everybody(session: NodeSession) -> list[int]:
     from axisbus.bus.node.discover import scan
 
     found = [each.node_id for each in scan(session.bus)]
@@ -131,7 +133,7 @@ def _everybody(session: Session) -> list[int]:
     return found
 
 
-def _require_at_rest(nodes: Sequence[Node | MachineNode]) -> None:
+def _require_at_rest(nodes: Sequence[CanopenNode | MachineNode]) -> None:
     """A node that does not answer SDO cannot be asked: it may be what the command is to mend."""
     from axisbus.configuration.guarded_write import energised
 
@@ -145,7 +147,7 @@ def _require_at_rest(nodes: Sequence[Node | MachineNode]) -> None:
             )
 
 
-def _errors(node: Node) -> str:
+def _errors(node: CanopenNode) -> str:
     """Return what a node says that is there, and does not do what it was told."""
     from axisbus.boot import error_state
 

@@ -14,8 +14,8 @@ from axisbus.cli.shared.completion import complete_axes
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
-from axisbus.machine.dry_run import Rehearsal
-from axisbus.machine.probing import Probed, ProbeHandle
+from axisbus.machine.dry_run import DryRun
+from axisbus.machine.probing import ProbeHandle, ProbeResult
 
 _LOOK = 0.2  # seconds
 _ARMED = 30.0  # seconds: what is refused or not answered ends by itself before
@@ -49,7 +49,7 @@ def command(
 
     It moves and energises nothing: turn the axis by hand, or touch the sensor. Exit code 1 where there was no edge.
     """
-    rehearsal = Rehearsal(checked(cell))
+    rehearsal = DryRun(checked(cell))
     given = (number, edge)
     source = "zero pulse" if zero_pulse else "input"
     rehearsal[axis].probe(
@@ -79,6 +79,6 @@ def _tell_edges(probe: ProbeHandle, axis: str, unit: str, seconds: float | None)
     return count
 
 
-def _line(edge: Probed, unit: str) -> str:
+def _line(edge: ProbeResult, unit: str) -> str:
     missed = f", after {edge.missed} that came too fast to be told" if edge.missed else ""
     return f"{edge.edge} edge at {edge.position:.4f} {unit}{missed}"

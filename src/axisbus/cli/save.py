@@ -9,18 +9,18 @@ import click
 
 from axisbus.cli.shared.common import OK, WRONG, progress_phases, say, say_error, say_json, say_next
 from axisbus.cli.shared.completion import complete_node
-from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_options, require_bus
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
-    from axisbus.configuration.store_parameters import Kept
+    from axisbus.configuration.store_parameters import StoreResult
 
 
 @click.command("save")
 @click.argument("node", shell_complete=complete_node)
 @node_options
 @click.option("--json", "as_json", is_flag=True, help="Print what came of it as JSON.")
-def command(node: str, asked: Asked, as_json: bool) -> int:
+def command(node: str, asked: NodeOptions, as_json: bool) -> int:
     """Have NODE (its ID, or an axis of --cell) store all its parameters (1010h:01, Save all parameters), so that they are kept
     without power.
 
@@ -35,10 +35,10 @@ def command(node: str, asked: Asked, as_json: bool) -> int:
     from axisbus.configuration.store_parameters import keep
 
     require_bus(asked)
-    files = Files.of(asked.cell, asked.eds)
+    files = NodeFiles.of(asked.cell, asked.eds)
     node_id = files.address(node.rstrip(":")).node_id
     with ExitStack() as stack:
-        device = Session(stack, asked, files, [node_id]).node(node_id)
+        device = NodeSession(stack, asked, files, [node_id]).node(node_id)
         kept = keep(device, stack.enter_context(progress_phases(quiet=as_json)))
     if as_json:
         say_json(_plain(node_id, kept))
@@ -47,7 +47,7 @@ def command(node: str, asked: Asked, as_json: bool) -> int:
     return WRONG if kept.comparison.differences else OK
 
 
-def _show(node_id: int, kept: Kept, with_eds: bool) -> None:
+def _show(node_id: int, kept: StoreResult, with_eds: bool) -> None:
     from axisbus.configuration import report_text
     from axisbus.configuration.store_parameters import OBJECT
 
@@ -64,7 +64,7 @@ def _show(node_id: int, kept: Kept, with_eds: bool) -> None:
     say_next(f"keep a copy in a file: axisbus config backup {node_id} ... -o FILE.dcf")
 
 
-def _plain(node_id: int, kept: Kept) -> dict[str, object]:
+def _plain(node_id: int, kept: StoreResult) -> dict[str, object]:
     from axisbus.configuration import report_text
 
     lost = [

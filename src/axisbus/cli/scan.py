@@ -17,9 +17,9 @@ from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.terminal import coloured, say_table
 
 if TYPE_CHECKING:
-    from axisbus.bus.link.other_rates import Heard
-    from axisbus.bus.node.discover import Found
-    from axisbus.drives.gim6010.factory_protocols import Listening
+    from axisbus.bus.link.other_rates import BitRateTraffic
+    from axisbus.bus.node.discover import DiscoveredNode
+    from axisbus.drives.gim6010.factory_protocols import ProtocolListener
     from axisbus.errors import BusError
 
 _NUMBERS = ("vendor", "product", "revision", "serial")
@@ -44,9 +44,9 @@ def command(
     speaks its factory's protocol is recognised by its heartbeats. Where nothing is heard at all, it listens at other bit rates, if
     the adapter has a listen-only mode (some 6 s); never otherwise, because a wrong rate destroys every frame of a living bus.
     """
-    from axisbus.drives.gim6010.factory_protocols import Listening, told
+    from axisbus.drives.gim6010.factory_protocols import ProtocolListener, told
 
-    others = Listening()
+    others = ProtocolListener()
     given = (cell, interface, channel, bitrate, option)
     found, failed = _scan(given, others)
     speakers, elsewhere = others.speakers, None
@@ -69,7 +69,7 @@ def command(
     return OK if found else WRONG
 
 
-def _scan(given: Given, others: Listening) -> tuple[list[Found], BusError | None]:
+def _scan(given: Given, others: ProtocolListener) -> tuple[list[DiscoveredNode], BusError | None]:
     """Return who was found, what the bus failed with (at a wrong rate nobody acknowledges)."""
     from axisbus.bus.node.discover import scan
     from axisbus.errors import BusError
@@ -82,12 +82,12 @@ def _scan(given: Given, others: Listening) -> tuple[list[Found], BusError | None
             return [], error
 
 
-def _plain(node: Found) -> dict[str, Any]:
+def _plain(node: DiscoveredNode) -> dict[str, Any]:
     nmt = node.nmt.text if node.nmt is not None else None
     return {"protocol": "CANopen", **asdict(node), "nmt": nmt}
 
 
-def _elsewhere(heard: Heard | None) -> list[dict[str, Any]]:
+def _elsewhere(heard: BitRateTraffic | None) -> list[dict[str, Any]]:
     """What was heard at another bit rate, as plain values."""
     if heard is None:
         return []
@@ -96,7 +96,7 @@ def _elsewhere(heard: Heard | None) -> list[dict[str, Any]]:
     return [*nodes, *({**each.plain, **rate} for each in heard.speakers)]
 
 
-def _show(found: list[Found]) -> None:
+def _show(found: list[DiscoveredNode]) -> None:
     if coloured() and found:
         say_table(("node", "kind", "device", "state", *_NUMBERS), [_row(node) for node in found])
     else:
@@ -113,14 +113,14 @@ def _next(given: Given) -> None:
     say_next(f"a first cell file of them: axisbus init {bus} -o cell.toml")
 
 
-def _lines(node: Found) -> None:
+def _lines(node: DiscoveredNode) -> None:
     number, kind, name, state, *_ = _row(node)
     say(f"{number:>4}  {kind:<24}  {name:<20}  {state}")
     if numbers := _numbers(node):
         say(f"      {', '.join(f'{title} {value}' for title, value in numbers.items())}")
 
 
-def _row(node: Found) -> tuple[str, ...]:
+def _row(node: DiscoveredNode) -> tuple[str, ...]:
     """Return a node's columns; what it did not tell is empty."""
     state = node.nmt.text if node.nmt is not None else "no heartbeat"
     numbers = _numbers(node)
@@ -128,7 +128,7 @@ def _row(node: Found) -> tuple[str, ...]:
     return (*who, *(numbers.get(title, "") for title in _NUMBERS))
 
 
-def _numbers(node: Found) -> dict[str, str]:
+def _numbers(node: DiscoveredNode) -> dict[str, str]:
     """Return the parts of 1018h that it has told, by their names."""
     who = node.identity
     values = (who.vendor_id, who.product_code, who.revision, who.serial)

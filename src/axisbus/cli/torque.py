@@ -12,7 +12,7 @@ from axisbus.cli.shared.completion import complete_targets
 from axisbus.cli.shared.options import beside_option, parse_targets
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.recordings import record_option
-from axisbus.cli.shared.timed_motion import Turning, for_option
+from axisbus.cli.shared.timed_motion import TimedMotion, for_option
 from axisbus.errors import StateError
 from axisbus.machine.axis import Axis
 
@@ -39,7 +39,7 @@ def command(
     MOVES REAL MOTORS: an axis that nothing holds runs up to the drive's velocity limit. It ends when the time is over, or at
     Ctrl-C; then the axes are stopped and disabled. Torques in N·m; the axis needs rated_torque in CELL.
     """
-    return Turning(
+    return TimedMotion(
         "torque",
         parse_targets(targets, "TORQUE"),
         lambda mover, value: _axis(mover).torque_control(value, slope=slope),

@@ -12,7 +12,7 @@ import click
 from axisbus.cli.shared import no_traffic_help
 from axisbus.cli.shared.buses import opening_of
 from axisbus.cli.shared.common import OK, WRONG, echo
-from axisbus.cli.shared.frames import Asked, Opened, open_frames, source_options
+from axisbus.cli.shared.frames import FrameSource, FrameSourceOptions, open_frames, source_options
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import bus_options
 from axisbus.wording import counted, printable
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from axisbus.trace.filters import Wanted
 
 
-class Look(NamedTuple):
+class TraceFilter(NamedTuple):
     """What is shown, and how."""
 
     wanted: Wanted
@@ -39,7 +39,7 @@ class Look(NamedTuple):
         return self.wanted(one) and (self.unwanted is None or not self.unwanted(one))
 
 
-class Count(NamedTuple):
+class TraceCounts(NamedTuple):
     """What was seen: frames, those shown, those with trouble among them; of all, what was against the protocol, or of another."""
 
     frames: int = 0
@@ -101,10 +101,10 @@ def command(
     from axisbus.trace import filters as wanted
     from axisbus.trace.can_simple import nodes_of
 
-    asked = Asked(source, interface, channel, bitrate, option, cell, eds)
+    asked = FrameSourceOptions(source, interface, channel, bitrate, option, cell, eds)
     axes = asked.axes if filters or without else ()
     unwanted = wanted.parse(without, axes) if without else None
-    look = Look(wanted.parse(filters, axes), unwanted, errors_only, as_json, absolute)
+    look = TraceFilter(wanted.parse(filters, axes), unwanted, errors_only, as_json, absolute)
     simple = nodes_of(can_simple) if can_simple else ()
     with ExitStack() as stack:
         opened = open_frames(stack, asked, seconds)
@@ -115,13 +115,13 @@ def command(
     return WRONG if errors_only and seen.trouble else OK
 
 
-def _show(opened: Opened, look: Look, most: int | None, simple: tuple[int, ...]) -> Count:
+def _show(opened: FrameSource, look: TraceFilter, most: int | None, simple: tuple[int, ...]) -> TraceCounts:
     from axisbus.drives.gim6010.factory_protocols import told
     from axisbus.trace.decoder import Decoder
-    from axisbus.trace.error_counters import Tally
+    from axisbus.trace.error_counters import TraceErrorCounters
 
     decoders: dict[str, Decoder] = {}  # by channel: an answer on one bus belongs to no request on another
-    seen, tally, start = Count(), Tally(), None
+    seen, tally, start = TraceCounts(), TraceErrorCounters(), None
     with suppress(KeyboardInterrupt):  # the usual end of listening
         for frame in opened.frames:
             start = frame.time if start is None and not look.absolute else start
@@ -130,7 +130,7 @@ def _show(opened: Opened, look: Look, most: int | None, simple: tuple[int, ...])
             one = decoders[frame.channel].feed(frame)
             tally.note(one)
             shown = look.shows(one)
-            seen = Count(seen.frames + 1, seen.shown + shown, seen.trouble + (shown and one.trouble))
+            seen = TraceCounts(seen.frames + 1, seen.shown + shown, seen.trouble + (shown and one.trouble))
             if shown:
                 _print(one, look, start or 0.0, frame.channel if len(decoders) > 1 else "")
             if most is not None and seen.shown >= most:
@@ -139,7 +139,7 @@ def _show(opened: Opened, look: Look, most: int | None, simple: tuple[int, ...])
     return seen._replace(against=tally.words(), foreign=tuple(foreign))
 
 
-def _print(one: Decoded, look: Look, start: float, channel: str) -> None:
+def _print(one: Decoded, look: TraceFilter, start: float, channel: str) -> None:
     """Print a frame; ``channel``: empty if the recording has had one alone so far."""
     from axisbus.trace import json_form, text
 
@@ -158,7 +158,7 @@ def _listen_elsewhere(opening: Opening) -> None:
         echo(line, err=True)
 
 
-def _tell(opened: Opened, seen: Count) -> None:
+def _tell(opened: FrameSource, seen: TraceCounts) -> None:
     """Say on standard error what was seen, so that the output holds frames only."""
     text = f"{counted(seen.frames, 'frame')}, {seen.shown} shown, {seen.trouble} of them with trouble"
     if seen.against:

@@ -11,7 +11,7 @@ from axisbus.cli.shared.completion import complete_targets
 from axisbus.cli.shared.options import beside_option, parse_targets
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.recordings import record_option
-from axisbus.cli.shared.timed_motion import Turning, for_option
+from axisbus.cli.shared.timed_motion import TimedMotion, for_option
 
 
 @click.command("velocity")
@@ -37,7 +37,7 @@ def command(
 
     MOVES REAL MOTORS until the time is over, or until Ctrl-C; then they are stopped and disabled. Velocities in unit/s.
     """
-    return Turning(
+    return TimedMotion(
         "velocity",
         parse_targets(targets, "VELOCITY"),
         lambda mover, value: mover.move_velocity(value, acceleration=acceleration),

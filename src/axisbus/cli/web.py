@@ -24,7 +24,7 @@ from axisbus.web import address as served
 from axisbus.web.access.tokens import Role
 
 if TYPE_CHECKING:
-    from axisbus.web.server import Server
+    from axisbus.web.server import PageServer
 
 _LOOK = 0.2  # seconds between two looks at the server and the terminal
 _LAST_WORDS = 5.0  # seconds in which a page may still tell how the machine ended
@@ -80,12 +80,12 @@ def command(
         stack.callback(listening.close)
         # takes a second: only when it is certain that it is needed
         from axisbus.web.log_thread import logging_aside
-        from axisbus.web.server import Server
+        from axisbus.web.server import PageServer
 
         machine = machine_of(cell, command=not look, take=take, beside=beside)
         with machine:
             stack.enter_context(logging_aside())
-            server = Server(machine, place, listening, tls, BesideAxes(machine).lines, looks=look)
+            server = PageServer(machine, place, listening, tls, BesideAxes(machine).lines, looks=look)
             stack.callback(server.end)  # after the machine has been left: nothing waits for a browser then
             server.begin()
             _keep(server, machine, Role.LOOKER if look else Role.OPERATOR)
@@ -103,7 +103,7 @@ def _tls(certificate: Path | None, key: Path | None) -> tuple[Path, Path] | None
     return certificate, key
 
 
-def _keep(server: Server, machine: Machine, role: Role) -> None:
+def _keep(server: PageServer, machine: Machine, role: Role) -> None:
     """Serve until Ctrl-C, or a machine that it has joined has ended; Enter in the terminal prints another link.
 
     Raises:

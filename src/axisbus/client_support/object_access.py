@@ -12,7 +12,7 @@ from __future__ import annotations
 from axisbus.bus.node.verify import is_domain, may_read
 from axisbus.cell.can_simple.modules import no_objects
 from axisbus.configuration import guarded_write
-from axisbus.eds.dictionary import Entry
+from axisbus.eds.dictionary import DictionaryEntry
 from axisbus.eds.model import Variable
 from axisbus.errors import ArgumentError
 from axisbus.machine.machine import Machine
@@ -31,7 +31,7 @@ def node_of(machine: Machine, node_id: int) -> MachineNode:
     return MachineNode(access)
 
 
-def require_readable(node: MachineNode, entry: Entry) -> None:
+def require_readable(node: MachineNode, entry: DictionaryEntry) -> None:
     """Check that an object may be read in passing.
 
     Raises:
@@ -52,7 +52,7 @@ def require_readable(node: MachineNode, entry: Entry) -> None:
         )
 
 
-def require_writable(node: MachineNode, entry: Entry) -> None:
+def require_writable(node: MachineNode, entry: DictionaryEntry) -> None:
     """Check that an object may be written in passing.
 
     Raises:
@@ -70,5 +70,5 @@ def require_writable(node: MachineNode, entry: Entry) -> None:
     node.require_not_cyclic(entry)
 
 
-def _variable(node: MachineNode, entry: Entry) -> Variable | None:
+def _variable(node: MachineNode, entry: DictionaryEntry) -> Variable | None:
     return None if node.eds is None else node.eds.get(entry.index, entry.subindex)

@@ -16,7 +16,7 @@ _REFUSES_SCAN = 2  # bit 1 of ObjFlags (DS 306 4.6.3.3)
 
 
 @dataclass(frozen=True, slots=True)
-class Side:
+class ConfigurationSide:
     """One configuration: its name, what it says of each entry, and why it says nothing of others (device: an SDO abort)."""
 
     name: str
@@ -25,7 +25,7 @@ class Side:
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class ConfigurationDifference:
     """One entry that differs; a value is None where that side has none, ``note`` then says why."""
 
     variable: Variable
@@ -39,7 +39,7 @@ class Comparison:
     """How many entries were compared, and which differ."""
 
     compared: int
-    differences: tuple[Difference, ...]
+    differences: tuple[ConfigurationDifference, ...]
 
 
 def entries(eds: Eds, *, everything: bool = False) -> Iterator[Variable]:
@@ -58,7 +58,7 @@ def entries(eds: Eds, *, everything: bool = False) -> Iterator[Variable]:
                 yield variable
 
 
-def of_file(eds: Eds, node_id: int | None) -> Side:
+def of_file(eds: Eds, node_id: int | None) -> ConfigurationSide:
     """Return what a DCF or EDS says: parameter values, else defaults.
 
     The DCF of a backup has a parameter value for each object that could be read: its defaults say nothing of the device.
@@ -70,7 +70,7 @@ def of_file(eds: Eds, node_id: int | None) -> Side:
             value = variable.initial(node_id)
             if value is not None and not (recorded and variable.parameter_value is None):
                 found[variable.index, variable.subindex] = value
-    return Side(eds.source, found, {})
+    return ConfigurationSide(eds.source, found, {})
 
 
 def _is_backup(eds: Eds) -> bool:
@@ -85,9 +85,9 @@ def typed(variable: Variable, data: bytes) -> Value:
     return data if size is not None and size != len(data) else decode(data, variable.data_type)
 
 
-def compare(variables: list[Variable], left: Side, right: Side) -> Comparison:
+def compare(variables: list[Variable], left: ConfigurationSide, right: ConfigurationSide) -> Comparison:
     """Compare entry by entry; where either side says nothing and is not a device that refuses, there is nothing to compare."""
-    found: list[Difference] = []
+    found: list[ConfigurationDifference] = []
     compared = 0
     for variable in variables:
         key = variable.index, variable.subindex
@@ -97,7 +97,7 @@ def compare(variables: list[Variable], left: Side, right: Side) -> Comparison:
             continue
         compared += 1
         if note or not _equal(mine, other):
-            found.append(Difference(variable, mine, other, note))
+            found.append(ConfigurationDifference(variable, mine, other, note))
     return Comparison(compared, tuple(found))
 
 

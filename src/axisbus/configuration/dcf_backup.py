@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from axisbus.bus.sdo.access import Uploads, try_upload, why_unread
+from axisbus.bus.sdo.access import SdoUploads, try_upload, why_unread
 from axisbus.cia301 import objects as o
 from axisbus.eds import dcf
 from axisbus.eds.device_to_dcf import LeftOut, left, readable, text_of
-from axisbus.eds.io.reader import Reading
+from axisbus.eds.io.reader import EdsParseResult
 from axisbus.eds.model import Variable
 
 Key = tuple[int, int]
@@ -17,15 +17,17 @@ Tell = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Backup:
+class DcfBackup:
     """A DCF of a device: how many values are in it, and which entries of the EDS are not."""
 
-    reading: Reading
+    reading: EdsParseResult
     values: int
     left_out: tuple[LeftOut, ...]
 
 
-def backup(device: Uploads, reading: Reading, settings: dcf.Settings, tell: Tell | None = None) -> Backup:
+def backup(
+    device: SdoUploads, reading: EdsParseResult, settings: dcf.Settings, tell: Tell | None = None
+) -> DcfBackup:
     """Read every object of ``reading`` (an EDS or DCF, whose own values are dropped) and return the DCF; blocks, writes nothing.
 
     An object that cannot be read is left out; ``tell(done, all)`` is called after each.
@@ -50,7 +52,7 @@ def backup(device: Uploads, reading: Reading, settings: dcf.Settings, tell: Tell
         if tell is not None:
             tell(number, len(wanted))
     made = dcf.record(reading, replace(settings, serial=serial), texts)
-    return Backup(made, len(texts), tuple(left_out))
+    return DcfBackup(made, len(texts), tuple(left_out))
 
 
 def file_name(node_id: int, serial: int | None) -> str:
@@ -58,13 +60,13 @@ def file_name(node_id: int, serial: int | None) -> str:
     return f"node-{node_id}.dcf" if not serial else f"node-{node_id}-serial-{serial:X}.dcf"
 
 
-def known_rate(reading: Reading, bitrate: int | None) -> int | None:
+def known_rate(reading: EdsParseResult, bitrate: int | None) -> int | None:
     """Return a bus's bit rate (bit/s) in kbit/s for a DCF; None where nobody knows it, or the EDS does not have it."""
     rate = (bitrate or 0) // 1000
     known = reading.eds.info.get("deviceinfo", {}).get(f"baudrate_{rate}", "1")
     return rate if rate in dcf.BAUD_RATES and known.strip() not in ("0", "0x0") else None
 
 
-def _read(device: Uploads, variable: Variable) -> bytes | LeftOut:
+def _read(device: SdoUploads, variable: Variable) -> bytes | LeftOut:
     found = try_upload(device, variable.index, variable.subindex)
     return found if isinstance(found, bytes) else left(variable, why_unread(found))

@@ -14,7 +14,7 @@ from axisbus.configuration.write_order import pdo_of
 from axisbus.drives.make import Make
 from axisbus.eds import assign
 from axisbus.eds.concise_dcf_values import check_understood
-from axisbus.eds.io.reader import Reading
+from axisbus.eds.io.reader import EdsParseResult
 from axisbus.eds.model import Eds, Variable
 from axisbus.errors import ArgumentError, AxisbusError, EdsError, LimitError
 from axisbus.wording import counted
@@ -30,7 +30,7 @@ _SHOWN = 5
 _MULTIPLEXED = (0xFE, 0xFF)  # of an MPDO, instead of a number of objects
 
 
-class Why(Enum):
+class SkipReason(Enum):
     """Why a value of the file is not brought to the device."""
 
     READ_ONLY = "it can only be read"
@@ -46,7 +46,7 @@ class Why(Enum):
     @property
     def told(self) -> bool:
         """Whether a person wants to hear of it object by object."""
-        return self not in (Why.READ_ONLY, Why.UNUSED)
+        return self not in (SkipReason.READ_ONLY, SkipReason.UNUSED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +63,11 @@ class Item:
 
 
 @dataclass(frozen=True, slots=True)
-class Skipped:
+class SkippedValue:
     """One value that stays in the file; ``more`` says it in detail."""
 
     variable: Variable
-    why: Why
+    why: SkipReason
     more: str = ""
 
     @property
@@ -81,7 +81,7 @@ class Selection:
     """What of a file is for the device, in the file's order, and what is not."""
 
     items: tuple[Item, ...]
-    skipped: tuple[Skipped, ...]
+    skipped: tuple[SkippedValue, ...]
 
 
 def select(
@@ -169,7 +169,7 @@ def require_within_limits(items: Collection[Item], eds: Eds, node_id: int) -> No
         )
 
 
-def require_values(reading: Reading) -> None:
+def require_values(reading: EdsParseResult) -> None:
     """Check that a file is a DCF whose values can be written.
 
     Raises:
@@ -202,23 +202,23 @@ def _require_known(eds: Eds, given: Collection[Key], asked: Key) -> None:
 
 def _skipped(
     eds: Eds, variable: Variable, node_id: int, make: Make, included: bool, excluded: bool
-) -> Skipped | None:
+) -> SkippedValue | None:
     key = variable.index, variable.subindex
     reasons = (
-        (not variable.writable, Why.READ_ONLY, ""),
-        (excluded, Why.EXCLUDED, ""),
-        (order(variable.index) != "", Why.ORDER, order(variable.index)),
+        (not variable.writable, SkipReason.READ_ONLY, ""),
+        (excluded, SkipReason.EXCLUDED, ""),
+        (order(variable.index) != "", SkipReason.ORDER, order(variable.index)),
         (
             make.calibrates(*key) and not included,
-            Why.CALIBRATION,
+            SkipReason.CALIBRATION,
             f"--include {_short(key)} writes it",
         ),
-        (bool(variable.object_flags & _REFUSES_DOWNLOAD), Why.FLAGS, ""),
-        (variable.index == _OWN_SDO_SERVER, Why.CHANNEL, ""),
-        (variable.data_type is DataType.DOMAIN, Why.TYPE, "a DOMAIN is a file of its own"),
-        (_unused(eds, variable, node_id), Why.UNUSED, ""),
+        (bool(variable.object_flags & _REFUSES_DOWNLOAD), SkipReason.FLAGS, ""),
+        (variable.index == _OWN_SDO_SERVER, SkipReason.CHANNEL, ""),
+        (variable.data_type is DataType.DOMAIN, SkipReason.TYPE, "a DOMAIN is a file of its own"),
+        (_unused(eds, variable, node_id), SkipReason.UNUSED, ""),
     )
-    return next((Skipped(variable, why, more) for applies, why, more in reasons if applies), None)
+    return next((SkippedValue(variable, why, more) for applies, why, more in reasons if applies), None)
 
 
 def _short(key: Key) -> str:

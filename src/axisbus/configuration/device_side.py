@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from axisbus.bus.sdo.access import ByObjects, try_upload, why_unread
-from axisbus.configuration.compare import Comparison, Side, compare, entries, of_file, typed
+from axisbus.configuration.compare import Comparison, ConfigurationSide, compare, entries, of_file, typed
 from axisbus.eds.model import Eds, Variable
 
 
@@ -28,7 +28,7 @@ def against(
 
 def of_device(
     node: ByObjects, variables: Sequence[Variable], tell: Callable[[int, int], None] | None = None
-) -> Side:
+) -> ConfigurationSide:
     """Read ``variables`` of a device; blocks for a transfer each. What cannot be read is in ``unread``.
 
     Raises:
@@ -44,4 +44,4 @@ def of_device(
             unread[key] = why_unread(found)
         if tell is not None:
             tell(number, len(variables))
-    return Side(f"node {node.node_id}", values, unread)
+    return ConfigurationSide(f"node {node.node_id}", values, unread)

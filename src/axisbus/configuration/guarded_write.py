@@ -20,7 +20,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.sdo.access import ByObjects
 from axisbus.bus.sdo.value import checked_bytes
 from axisbus.cia301 import cob
@@ -32,7 +32,7 @@ from axisbus.cia402 import state
 from axisbus.cia402.axes import COUNT, first_axis, own_index
 from axisbus.cia402.objects import MOVING
 from axisbus.drives import registry
-from axisbus.eds.dictionary import Entry
+from axisbus.eds.dictionary import DictionaryEntry
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, SdoAbort, StateError
 from axisbus.wording import counted
@@ -74,7 +74,7 @@ class Written:
         return f"{shown(self.before)} -> {shown(wanted)}, {read_back}"
 
 
-def require_writable(eds: Eds | None, node_id: int, entry: Entry, kind: DataType | None) -> None:
+def require_writable(eds: Eds | None, node_id: int, entry: DictionaryEntry, kind: DataType | None) -> None:
     """Check that the node has the object and lets it be written, as far as its EDS tells; ``kind`` is a type given by the user.
 
     Raises:
@@ -96,7 +96,7 @@ def require_writable(eds: Eds | None, node_id: int, entry: Entry, kind: DataType
         )
 
 
-def require_harmless(eds: Eds | None, node_id: int, entry: Entry) -> None:
+def require_harmless(eds: Eds | None, node_id: int, entry: DictionaryEntry) -> None:
     """Check that the object is none by which a drive is energised or moved.
 
     Raises:
@@ -109,7 +109,9 @@ def require_harmless(eds: Eds | None, node_id: int, entry: Entry) -> None:
         )
 
 
-def write(node: Node, entry: Entry, value: Value, kind: DataType | None, *, may_move: bool) -> Written:
+def write(
+    node: CanopenNode, entry: DictionaryEntry, value: Value, kind: DataType | None, *, may_move: bool
+) -> Written:
     """Ask the node whether it may be written, write once, and read back; blocks for some transfers.
 
     ``kind`` is a type given by the user.
@@ -131,7 +133,7 @@ def write(node: Node, entry: Entry, value: Value, kind: DataType | None, *, may_
 
 
 def write_in_machine(
-    node: ByObjects, entry: Entry, value: Value, kind: DataType | None, *, may_move: bool
+    node: ByObjects, entry: DictionaryEntry, value: Value, kind: DataType | None, *, may_move: bool
 ) -> Written:
     """As ``write``, in a machine that runs: what energises or moves a drive is then its commands' alone.
 
@@ -151,7 +153,7 @@ def write_in_machine(
     return _write(node, entry, data, kind or entry.data_type)
 
 
-def _write(node: ByObjects, entry: Entry, data: bytes, known: DataType | None) -> Written:
+def _write(node: ByObjects, entry: DictionaryEntry, data: bytes, known: DataType | None) -> Written:
     before = _read(node, entry)
     _require_size(node, entry, known, before)
     node.sdo.download(entry.index, entry.subindex, data)
@@ -181,7 +183,7 @@ def is_command(index: int) -> bool:
     return index in _COMMANDS or first_axis(index) in MOVING
 
 
-def moves(eds: Eds | None, entry: Entry) -> bool:
+def moves(eds: Eds | None, entry: DictionaryEntry) -> bool:
     """Whether an object is one by which a drive is energised, moved or calibrated."""
     identity = eds.identity if eds is not None else None
     make = registry.find(identity.vendor_id, identity.product_code) if identity is not None else None
@@ -199,7 +201,7 @@ def _require_at_rest(node: ByObjects) -> None:
         )
 
 
-def require_no_other_master(node: Node, *, heartbeats: bool = True) -> None:
+def require_no_other_master(node: CanopenNode, *, heartbeats: bool = True) -> None:
     """Check that nobody else runs the node: what another master sends would overwrite a value at once, or fight with it.
 
     Listens for ``LISTEN`` seconds. Without ``heartbeats`` those that the node watches are no sign: they may be those of its peers.
@@ -217,7 +219,7 @@ def require_no_other_master(node: Node, *, heartbeats: bool = True) -> None:
         )
 
 
-def _traffic(node: Node, *, heartbeats: bool) -> Counter[str]:
+def _traffic(node: CanopenNode, *, heartbeats: bool) -> Counter[str]:
     """Listen for what only a master sends: SYNC, RPDOs to the node, and the heartbeats that the node watches (1016h)."""
     own_sync = (_number(node, c301.COB_ID_SYNC) or 0) & _PRODUCES_SYNC
     titles = {} if own_sync else {cob.SYNC: "SYNC"}
@@ -238,7 +240,7 @@ def _count(heard: Counter[str], title: str, _: bytes, __: float) -> None:
     heard[title] += 1
 
 
-def _watched(node: Node) -> list[int]:
+def _watched(node: CanopenNode) -> list[int]:
     """The nodes whose heartbeat the node watches."""
     count = _number(node, c301.CONSUMER_HEARTBEAT, 0) or 0
     entries = [
@@ -247,7 +249,9 @@ def _watched(node: Node) -> list[int]:
     return [watched for watched in map(watched_node, entries) if watched]
 
 
-def _require_size(node: ByObjects, entry: Entry, kind: DataType | None, before: bytes | None) -> None:
+def _require_size(
+    node: ByObjects, entry: DictionaryEntry, kind: DataType | None, before: bytes | None
+) -> None:
     size = size_in_bytes(kind) if kind is not None else None
     if before is None or size is None or len(before) == size or kind is None:
         return
@@ -258,7 +262,7 @@ def _require_size(node: ByObjects, entry: Entry, kind: DataType | None, before: 
     )
 
 
-def _read(node: ByObjects, entry: Entry) -> bytes | None:
+def _read(node: ByObjects, entry: DictionaryEntry) -> bytes | None:
     try:
         return node.sdo.upload(entry.index, entry.subindex)
     except SdoAbort:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.cia301 import objects as o
 from axisbus.drives.make import Make
 from axisbus.errors import NodeTimeout, SdoAbort, SdoTimeout, StateError
@@ -27,7 +27,7 @@ class Stored:
     seconds: float
 
 
-def can_store(node: Node) -> str:
+def can_store(node: CanopenNode) -> str:
     """Return why 1010h:1 does not store on command, empty where it does; blocks for a transfer.
 
     Raises:
@@ -42,7 +42,7 @@ def can_store(node: Node) -> str:
     return "it stores by itself (1010h:01)" if flags & BY_ITSELF else "1010h:01 says that it does not store"
 
 
-def store(node: Node, make: Make) -> Stored:
+def store(node: CanopenNode, make: Make) -> Stored:
     """Store all parameters and wait until the node answers again; blocks for up to about 30 s.
 
     Raises:
@@ -70,14 +70,14 @@ def store(node: Node, make: Make) -> Stored:
     return Stored(restarted, time.monotonic() - begin)
 
 
-def _restarts(node: Node, boots: int, make: Make) -> bool:
+def _restarts(node: CanopenNode, boots: int, make: Make) -> bool:
     deadline = time.monotonic() + (RESTART_TIME if make.store_restarts else RESTART_SEEN)
     while node.nmt.bootups == boots and time.monotonic() < deadline:
         time.sleep(_SLICE)
     return node.nmt.bootups != boots
 
 
-def _wait_for(node: Node, begin: float) -> None:
+def _wait_for(node: CanopenNode, begin: float) -> None:
     deadline = time.monotonic() + RESTART_TIME
     while not node.answers_sdo():
         if time.monotonic() > deadline:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from axisbus.cell.quantities import Quantity, parse_quantity
+from axisbus.cell.quantities import UnitConversion, parse_quantity
 from axisbus.cell.writes import resolve
 from axisbus.cia301.datatypes import DataType, Value
 from axisbus.cia402.axes import own_index
-from axisbus.eds.dictionary import Dictionary, Entry
+from axisbus.eds.dictionary import Dictionary, DictionaryEntry
 from axisbus.eds.model import Eds, Object
 from axisbus.errors import ArgumentError, UserError
 
@@ -21,7 +21,7 @@ _REAL = (DataType.REAL32, DataType.REAL64)
 _TRUTH = {"true": 1, "false": 0}
 
 
-def find(dictionary: Dictionary, text: str, drive_axis: int = 1) -> list[Entry]:
+def find(dictionary: Dictionary, text: str, drive_axis: int = 1) -> list[DictionaryEntry]:
     """Return the entries that ``text`` means: one by index and sub-index or by name, or all of an ARRAY or RECORD.
 
     ``6041``, ``0x6041``, ``1018:1``, ``Position actual value`` or ``position_actual_value``; ``drive_axis`` shifts the profile's
@@ -65,7 +65,12 @@ def data_type(text: str) -> DataType:
 
 
 def value(
-    text: str, entry: Entry, kind: DataType | None, quantity: Quantity | None = None, *, files: bool = True
+    text: str,
+    entry: DictionaryEntry,
+    kind: DataType | None,
+    quantity: UnitConversion | None = None,
+    *,
+    files: bool = True,
 ) -> Value:
     """Read a value for an object of type ``kind``: ``100``, ``0x1F``, ``90 deg`` (``quantity``), text, or hexadecimal digits.
 
@@ -95,7 +100,7 @@ def _record(eds: Eds, name: str) -> Object | None:
     return entry if entry is not None and entry.is_record else None
 
 
-def _integer(text: str, entry: Entry, kind: DataType, quantity: Quantity | None) -> int:
+def _integer(text: str, entry: DictionaryEntry, kind: DataType, quantity: UnitConversion | None) -> int:
     if text.lower() in _TRUTH and kind is DataType.BOOLEAN:
         return _TRUTH[text.lower()]
     increments = parse_quantity(text, quantity)
@@ -111,14 +116,14 @@ def _integer(text: str, entry: Entry, kind: DataType, quantity: Quantity | None)
         ) from None
 
 
-def _real(text: str, entry: Entry, kind: DataType) -> float:
+def _real(text: str, entry: DictionaryEntry, kind: DataType) -> float:
     try:
         return float(text)
     except ValueError:
         raise ArgumentError(f"{entry}: {text!r} is no number, the object is {kind.name}") from None
 
 
-def _octets(text: str, entry: Entry, kind: DataType, *, files: bool) -> bytes:
+def _octets(text: str, entry: DictionaryEntry, kind: DataType, *, files: bool) -> bytes:
     if files and text.startswith("@"):
         try:
             return Path(text[1:]).read_bytes()

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from axisbus.bus.node.node import Node, NodeIdentity
+from axisbus.bus.node.node import CanopenNode, NodeIdentity
 from axisbus.bus.sdo.access import ByObjects
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import NmtCommand, NmtState
@@ -96,7 +96,7 @@ def _differing(pairs: tuple[tuple[str, int | None, int | None], ...]) -> list[st
     ]
 
 
-def require_at_rest(node: Node) -> None:
+def require_at_rest(node: CanopenNode) -> None:
     """Check that the node may be configured: no drive of it energised, not operational, no other master; blocks about 2 s.
 
     A node that shows its NMT state by nothing (no heartbeat) is commanded to pre-operational, which energises nothing.
@@ -143,7 +143,7 @@ def require_pre_operational(node_id: int, state: NmtState) -> None:
         )
 
 
-def _state(node: Node) -> NmtState | None:
+def _state(node: CanopenNode) -> NmtState | None:
     """Listen for a heartbeat where the node sends any; None where it does not."""
     period = _heartbeat(node)
     deadline = time.monotonic() + max(LISTEN, 2.5 * period)
@@ -152,7 +152,7 @@ def _state(node: Node) -> NmtState | None:
     return node.nmt.state if node.nmt.reports else None
 
 
-def _heartbeat(node: Node) -> float:
+def _heartbeat(node: CanopenNode) -> float:
     try:
         return int.from_bytes(node.sdo.upload(o.PRODUCER_HEARTBEAT), "little") / 1000
     except SdoAbort:

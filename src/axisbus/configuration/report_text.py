@@ -8,10 +8,10 @@ from pathlib import Path
 from axisbus.bus.node.node import NodeIdentity
 from axisbus.cia301.datatypes import Value, decode
 from axisbus.cia402.device_type import device_kind
-from axisbus.configuration.compare import Comparison, Difference
-from axisbus.configuration.dcf_backup import Backup
-from axisbus.configuration.dcf_values import Item, Selection, Skipped, Why
-from axisbus.configuration.restore import Report, ValueEnd
+from axisbus.configuration.compare import Comparison, ConfigurationDifference
+from axisbus.configuration.dcf_backup import DcfBackup
+from axisbus.configuration.dcf_values import Item, Selection, SkippedValue, SkipReason
+from axisbus.configuration.restore import RestoreReport, ValueEnd
 from axisbus.eds.device_to_dcf import LeftOut
 from axisbus.eds.model import Number, Variable
 from axisbus.eds.report import wording
@@ -19,8 +19,8 @@ from axisbus.wording import counted
 
 # Of what there are many, for one reason.
 _TOGETHER = {
-    Why.ORDER: "are orders and no settings (controlword, targets, storing ...)",
-    Why.MACHINE: "the machine that runs has set, or goes by",
+    SkipReason.ORDER: "are orders and no settings (controlword, targets, storing ...)",
+    SkipReason.MACHINE: "the machine that runs has set, or goes by",
 }
 
 
@@ -66,7 +66,7 @@ def _identity(who: NodeIdentity) -> str:
     return ", ".join(known) or "no identity (1018h)"
 
 
-def read(made: Backup) -> str:
+def read(made: DcfBackup) -> str:
     """Return how much a backup has, and has not."""
     return f"{counted(made.values, 'object')} read, {len(made.left_out)} left out"
 
@@ -76,7 +76,7 @@ def short(name: str) -> str:
     return Path(name).name if "/" in name else name
 
 
-def sides(each: Difference) -> tuple[str, str]:
+def sides(each: ConfigurationDifference) -> tuple[str, str]:
     """Return what either side of a difference has."""
     return shown(each.variable, each.left), shown(each.variable, each.right)
 
@@ -94,7 +94,7 @@ def would(differing: Sequence[Item], selection: Selection) -> str:
     )
 
 
-def restored(report: Report) -> str:
+def restored(report: RestoreReport) -> str:
     """Return how much a restore has brought back, and what it has left."""
     silent = sum(not each.why.told for each in report.skipped)
     counts = {outcome: len(report.of(outcome)) for outcome in ValueEnd}
@@ -104,7 +104,7 @@ def restored(report: Report) -> str:
     )
 
 
-def skipped(found: Sequence[Skipped]) -> list[str]:
+def skipped(found: Sequence[SkippedValue]) -> list[str]:
     """Return which values stay in the file, and why, where a person wants to hear of it."""
     lines = []
     for why, title in _TOGETHER.items():

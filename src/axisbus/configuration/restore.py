@@ -17,11 +17,11 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
-from axisbus.bus.sdo.access import Uploads, require_answering, try_upload, why_unread
+from axisbus.bus.sdo.access import SdoUploads, require_answering, try_upload, why_unread
 from axisbus.cia301 import abort
 from axisbus.cia301.datatypes import DataType, size_in_bytes
-from axisbus.configuration.dcf_values import Item, Key, Selection, Skipped
-from axisbus.configuration.write_order import Write, ordered, pdo_back, pdo_of
+from axisbus.configuration.dcf_values import Item, Key, Selection, SkippedValue
+from axisbus.configuration.write_order import OrderedWrite, ordered, pdo_back, pdo_of
 from axisbus.errors import SdoAbort, SdoError
 from axisbus.wording import counted
 
@@ -32,7 +32,7 @@ _MISSING = frozenset((abort.OBJECT_MISSING, abort.SUBINDEX_MISSING))
 Tell = Callable[[str, int, int], None]
 
 
-class Device(Uploads, Protocol):
+class RestoreTarget(SdoUploads, Protocol):
     """The objects of one node as bytes; calls block and raise ``SdoAbort`` where the node refuses, others where it is gone."""
 
     def download(self, index: int, subindex: int, data: bytes) -> None:
@@ -61,11 +61,11 @@ class Result:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class RestoreReport:
     """What came of a file: each value for the device, each value that stays in the file, and how many writes that took."""
 
     results: tuple[Result, ...]
-    skipped: tuple[Skipped, ...]
+    skipped: tuple[SkippedValue, ...]
     writes: int
 
     def of(self, *outcomes: ValueEnd) -> list[Result]:
@@ -84,7 +84,7 @@ class Restore:
     ``report`` may be asked at any time, also after ``run`` was cut off by an exception.
     """
 
-    def __init__(self, device: Device, selection: Selection, tell: Tell | None = None) -> None:
+    def __init__(self, device: RestoreTarget, selection: Selection, tell: Tell | None = None) -> None:
         """``tell(what, done, all)`` is called after each transfer."""
         self._device = device
         self._selection = selection
@@ -113,7 +113,7 @@ class Restore:
             self._before.setdefault(key, data)
         return [self._items[key] for key in self._differing()]
 
-    def run(self) -> Report:
+    def run(self) -> RestoreReport:
         """Write what differs and read everything again; blocks for as long as that takes.
 
         Raises:
@@ -132,10 +132,10 @@ class Restore:
                 break
         return self.report()
 
-    def report(self) -> Report:
+    def report(self) -> RestoreReport:
         """Return what came of each value so far."""
         results = tuple(self._result(key, item) for key, item in self._items.items())
-        return Report(results, self._selection.skipped, self._writes)
+        return RestoreReport(results, self._selection.skipped, self._writes)
 
     # -- what differs -----------------------------------------------------------------------------------------------------
 
@@ -199,7 +199,7 @@ class Restore:
         self._unreadable[key] = found
         return None
 
-    def _write(self, writes: list[Write]) -> None:
+    def _write(self, writes: list[OrderedWrite]) -> None:
         broken: set[int] = set()
         for number, write in enumerate(writes, start=1):
             if write.pdo is None or write.pdo not in broken:
@@ -211,7 +211,7 @@ class Restore:
         for pdo in sorted(broken):
             self._give_back(pdo)
 
-    def _write_one(self, write: Write) -> str:
+    def _write_one(self, write: OrderedWrite) -> str:
         """Write; return why the device refuses it, empty where it does not."""
         if write.key in self._items:
             self._unread.add(write.key)
@@ -227,7 +227,7 @@ class Restore:
             self._refused.pop(write.key, None)
         return ""
 
-    def _fail_pdo(self, write: Write, reason: str) -> None:
+    def _fail_pdo(self, write: OrderedWrite, reason: str) -> None:
         where = f"{write.index:04X}h:{write.subindex:02X}"
         for key in self._wanted:
             if pdo_of(key[0]) == write.pdo and not self._same(key):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.configuration import compare, device_side, guarded_write, object_1010
 from axisbus.drives import registry
 from axisbus.errors import NodeError, StateError
@@ -15,7 +15,7 @@ Tell = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class StoreResult:
     """That a node stored and answers: whether it restarted, the seconds of all, and what was compared across the restart."""
 
     restarted: bool
@@ -23,7 +23,7 @@ class Kept:
     comparison: compare.Comparison
 
 
-def keep(node: Node, tell: Tell | None = None) -> Kept:
+def keep(node: CanopenNode, tell: Tell | None = None) -> StoreResult:
     """Have a node store all its parameters by 1010h:01; blocks for up to about 30 s, and for the reads.
 
     The statusword is read first. Where the node restarts and its EDS is known, what it had before is held against what it has then.
@@ -52,13 +52,13 @@ def keep(node: Node, tell: Tell | None = None) -> Kept:
             remedy="look who is there: axisbus scan",
         )
     if not stored.restarted:  # what it has in RAM proves nothing of its memory
-        return Kept(False, stored.seconds, compare.Comparison(0, ()))
+        return StoreResult(False, stored.seconds, compare.Comparison(0, ()))
     after = device_side.of_device(node, variables, _phase(tell, f"reading node {node.node_id} again"))
     readable = [each for each in variables if (each.index, each.subindex) in before.values]
-    return Kept(True, stored.seconds, compare.compare(readable, before, after))
+    return StoreResult(True, stored.seconds, compare.compare(readable, before, after))
 
 
-def _require_at_rest(node: Node) -> None:
+def _require_at_rest(node: CanopenNode) -> None:
     found = guarded_write.energised(node)
     if found:
         raise StateError(

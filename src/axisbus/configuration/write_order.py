@@ -60,7 +60,7 @@ _OFF: Mapping[int, Callable[[int], int]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Write:
+class OrderedWrite:
     """One write: ``data`` as SDO sends it; ``pdo`` is the communication parameter (14xxh, 18xxh) of the PDO that it belongs to."""
 
     index: int
@@ -74,7 +74,7 @@ class Write:
         return self.index, self.subindex
 
 
-def ordered(wanted: Values, held: Held) -> list[Write]:
+def ordered(wanted: Values, held: Held) -> list[OrderedWrite]:
     """Return the writes after which a device that holds ``held`` has all of ``wanted``; none where it has it already."""
     differing = {key for key, data in wanted.items() if held.get(key) != data}
     if not differing:
@@ -101,7 +101,7 @@ def pdo_of(index: int) -> int | None:
     return None
 
 
-def pdo_back(pdo: int, before: Held, now: Held) -> list[Write]:
+def pdo_back(pdo: int, before: Held, now: Held) -> list[OrderedWrite]:
     """Return the writes that give one PDO back all that it had ``before``, whatever of it has been changed by now."""
     own = {key: data for key, data in before.items() if data is not None and pdo_of(key[0]) == pdo}
     state: dict[Key, bytes | None] = {**own, **{key: now.get(key) for key in own}}
@@ -120,17 +120,17 @@ class _Plan:
 
     # -- 1020h ----------------------------------------------------------------------------------------------------------
 
-    def stamp_away(self) -> Iterator[Write]:
+    def stamp_away(self) -> Iterator[OrderedWrite]:
         for key in self._stamps() if self._beside_stamp() else ():
             if any(self._held.get(key) or b""):
-                yield Write(*key, bytes(len(self._wanted[key])))
+                yield OrderedWrite(*key, bytes(len(self._wanted[key])))
 
-    def stamp(self) -> Iterator[Write]:
+    def stamp(self) -> Iterator[OrderedWrite]:
         taken_away = {write.key for write in self.stamp_away()}
         for key in self._stamps():
             now = bytes(len(self._wanted[key])) if key in taken_away else self._held.get(key)
             if now != self._wanted[key]:
-                yield Write(*key, self._wanted[key])
+                yield OrderedWrite(*key, self._wanted[key])
 
     def _stamps(self) -> list[Key]:
         return sorted(key for key in self._wanted if key[0] == VERIFY)
@@ -140,64 +140,68 @@ class _Plan:
 
     # -- PDOs -----------------------------------------------------------------------------------------------------------
 
-    def pdos_off(self) -> Iterator[Write]:
+    def pdos_off(self) -> Iterator[OrderedWrite]:
         for pdo in self._pdos:
             now = self._number((pdo, o.PDO_COB_ID))
             if now is not None and not now & cob.INVALID and self._settable(pdo, o.PDO_COB_ID):
-                yield Write(pdo, o.PDO_COB_ID, _u32(now | cob.INVALID), pdo)
+                yield OrderedWrite(pdo, o.PDO_COB_ID, _u32(now | cob.INVALID), pdo)
 
-    def pdos(self) -> Iterator[Write]:
+    def pdos(self) -> Iterator[OrderedWrite]:
         for pdo in self._pdos:
             for key in sorted(self._differing):
                 if key[0] == pdo and key[1] != o.PDO_COB_ID:
-                    yield Write(*key, self._wanted[key], pdo)
+                    yield OrderedWrite(*key, self._wanted[key], pdo)
             if any(index == pdo + _TO_MAPPING for index, _ in self._differing):
                 yield from self._mapping(pdo)
 
-    def _mapping(self, pdo: int) -> Iterator[Write]:
+    def _mapping(self, pdo: int) -> Iterator[OrderedWrite]:
         mapping = pdo + _TO_MAPPING
         count = self._wanted.get((mapping, 0))
         if count is None:  # a number that is fixed: entries are changed one by one
             for key in sorted(self._differing):
                 if key[0] == mapping:
-                    yield Write(*key, self._wanted[key], pdo)
+                    yield OrderedWrite(*key, self._wanted[key], pdo)
             return
         mapped = any(self._held.get((mapping, 0)) or b"\1")
         if mapped:
-            yield Write(mapping, 0, bytes(len(count)), pdo)
+            yield OrderedWrite(mapping, 0, bytes(len(count)), pdo)
         used = range(1, int.from_bytes(count, "little") + 1)
         for key in sorted(key for key in self._wanted if key[0] == mapping and key[1] in used):
             data = self._wanted[key]
             # Emptying a mapping may empty its entries too, so all are written behind it.
             if mapped or self._held.get(key) != data:
-                yield Write(*key, data, pdo)
+                yield OrderedWrite(*key, data, pdo)
         if any(count):
-            yield Write(mapping, 0, count, pdo)
+            yield OrderedWrite(mapping, 0, count, pdo)
 
-    def pdos_on(self) -> Iterator[Write]:
+    def pdos_on(self) -> Iterator[OrderedWrite]:
         for pdo in self._pdos:
             key = pdo, o.PDO_COB_ID
             data = self._wanted.get(key)
             now = self._number(key)
             if data is not None and (now is None or data != _u32(now | cob.INVALID)):
-                yield Write(*key, data, pdo)
+                yield OrderedWrite(*key, data, pdo)
 
     def _settable(self, index: int, subindex: int) -> bool:
         return (index, subindex) in self._wanted
 
     # -- SYNC, TIME, EMCY, SDO ------------------------------------------------------------------------------------------
 
-    def channels_off(self) -> Iterator[Write]:
+    def channels_off(self) -> Iterator[OrderedWrite]:
         for index, off in _OFF.items():
             now = self._number((index, 0))
             if (index, 0) in self._differing and now is not None and off(now) != now:
-                yield Write(index, 0, _u32(off(now)))
+                yield OrderedWrite(index, 0, _u32(off(now)))
         if self._stops_sync():
-            yield Write(o.CYCLE_PERIOD, 0, bytes(4))  # 1019h may only change while it is 0 (CiA 301 7.5.2.22)
+            yield OrderedWrite(
+                o.CYCLE_PERIOD, 0, bytes(4)
+            )  # 1019h may only change while it is 0 (CiA 301 7.5.2.22)
         for index in self._sdo_channels():
             for subindex in _SDO_COB_IDS:
                 if self._blocks(index, subindex):
-                    yield Write(index, subindex, _u32((self._number((index, subindex)) or 0) | cob.INVALID))
+                    yield OrderedWrite(
+                        index, subindex, _u32((self._number((index, subindex)) or 0) | cob.INVALID)
+                    )
 
     def _blocks(self, index: int, subindex: int) -> bool:
         """Whether a COB-ID of an SDO channel must be switched off before what differs of the channel may change."""
@@ -208,12 +212,12 @@ class _Plan:
         others = any(index == of and sub not in _SDO_COB_IDS for of, sub in self._differing)
         return others or key in self._differing
 
-    def channels(self) -> Iterator[Write]:
+    def channels(self) -> Iterator[OrderedWrite]:
         for index in (_COB_ID_TIME, o.COB_ID_EMCY, _SYNC_OVERFLOW):
             yield from self._if_differing((index, 0))
         period = self._wanted.get((o.CYCLE_PERIOD, 0), b"")
         if self._stops_sync() and any(period):
-            yield Write(o.CYCLE_PERIOD, 0, period)
+            yield OrderedWrite(o.CYCLE_PERIOD, 0, period)
         elif not self._stops_sync():
             yield from self._if_differing((o.CYCLE_PERIOD, 0))
         yield from self._if_differing((o.COB_ID_SYNC, 0))
@@ -221,7 +225,7 @@ class _Plan:
             keys = sorted((key for key in self._wanted if key[0] == index), key=lambda key: -key[1])
             for key in keys:  # the COB-IDs last
                 if self._switched_off(key) != self._wanted[key]:
-                    yield Write(*key, self._wanted[key])
+                    yield OrderedWrite(*key, self._wanted[key])
 
     def _stops_sync(self) -> bool:
         """Whether 1006h must be 0 for a while."""
@@ -240,25 +244,25 @@ class _Plan:
 
     # -- the rest -------------------------------------------------------------------------------------------------------
 
-    def plain(self) -> Iterator[Write]:
+    def plain(self) -> Iterator[OrderedWrite]:
         special = {*_OFF, *_ERROR_CONTROL, _SYNC_OVERFLOW, o.CYCLE_PERIOD, VERIFY, *_SDO_CHANNELS}
         for key in sorted(self._differing):
             if key[0] not in special and pdo_of(key[0]) is None:
-                yield Write(*key, self._wanted[key])
+                yield OrderedWrite(*key, self._wanted[key])
 
-    def error_control(self) -> Iterator[Write]:
+    def error_control(self) -> Iterator[OrderedWrite]:
         consumers = [key for key in sorted(self._differing) if key[0] == o.CONSUMER_HEARTBEAT]
         for key in consumers if len(consumers) > 1 else ():
             if any(self._held.get(key) or b"\1"):
-                yield Write(*key, bytes(len(self._wanted[key])))
+                yield OrderedWrite(*key, bytes(len(self._wanted[key])))
         for index in _ERROR_CONTROL:
             for key in sorted(self._differing):
                 if key[0] == index:
-                    yield Write(*key, self._wanted[key])
+                    yield OrderedWrite(*key, self._wanted[key])
 
-    def _if_differing(self, key: Key) -> Iterator[Write]:
+    def _if_differing(self, key: Key) -> Iterator[OrderedWrite]:
         if key in self._differing:
-            yield Write(*key, self._wanted[key])
+            yield OrderedWrite(*key, self._wanted[key])
 
     def _number(self, key: Key) -> int | None:
         data = self._held.get(key)

@@ -1,6 +1,6 @@
 """The process that a program starts for its core (``core.process.launch``): a warden, which becomes several.
 
-The argument is a ``Duty`` as JSON.
+The argument is a ``StartupArgs`` as JSON.
 """
 
 from __future__ import annotations

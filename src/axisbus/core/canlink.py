@@ -21,20 +21,20 @@ from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.link.detect_other_master import require_alone
 from axisbus.bus.node.events import NodeEvent, NodeEvents
 from axisbus.bus.node.master_watch import Echoes, MasterWatch, OnCommand
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.parallel import in_parallel
 from axisbus.bus.port import CanPort
 from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeConsumer, TimeProducer
 from axisbus.cell.model import SIMULATED, BusConfig, CellConfig
 from axisbus.cia301.dropped_frames import Drop
-from axisbus.cia301.frame import Carried, Frame
+from axisbus.cia301.frame import BusTraffic, CanFrame
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia401.port import IoPort
-from axisbus.cia401.signal import Point
+from axisbus.cia401.signal import IoPoint
 from axisbus.cia402.port import Port
-from axisbus.core.can_simple.modules import Modules
+from axisbus.core.can_simple.modules import CanSimpleModules
 from axisbus.core.can_simple.simulated_modules import modules, stand_ins_of
 from axisbus.core.can_simple.stop import stop_drives
 from axisbus.core.io.safe import make_safe
@@ -42,10 +42,10 @@ from axisbus.core.master_detection import cast_of, listening_time
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.process.bus_factory import reach
 from axisbus.core.realtime_setup import SPIN
-from axisbus.core.simulated_nodes import StandIn, devices
+from axisbus.core.simulated_nodes import SimulatedNode, devices
 from axisbus.eds.model import Eds
 from axisbus.errors import BusError
-from axisbus.link import Parting, Stopped, Unsafe
+from axisbus.link import NodeShutdown, StopResult, Unsafe
 from axisbus.sim.node.network import StandIns
 
 log = logging.getLogger("axisbus")
@@ -84,7 +84,7 @@ class CanLink:
         self._cycle: CanCycle | None = None
         self._consumer: SyncConsumer | None = None
         with ExitStack() as stack:
-            self.stand_ins: dict[int, StandIn] = {}
+            self.stand_ins: dict[int, SimulatedNode] = {}
             if channel is None:
                 _own(cell, stack)
                 channel, self.stand_ins = open_channel(cell, dictionaries, stack)
@@ -99,17 +99,17 @@ class CanLink:
             self._echoes = Echoes(self._channel)
             stack.callback(self._echoes.end)
             self._nodes = {
-                node_id: stack.enter_context(Node(self._channel, node_id, eds))
+                node_id: stack.enter_context(CanopenNode(self._channel, node_id, eds))
                 for node_id, eds in dictionaries.items()
             }
-            self._modules = Modules(cell, self._channel)
+            self._modules = CanSimpleModules(cell, self._channel)
             stack.callback(self._modules.close)
             self._heartbeat = BootHeartbeat(self._channel, cell.bus.master_id, cell.bus.heartbeat or 0.0)
             stack.callback(self._heartbeat.end)
             self._stack = stack.pop_all()
 
     def boot(self, node_id: int) -> Booted:
-        """As ``Link.boot``; one that is booted while the scan runs is served by its cycle from then on."""
+        """As ``CellConnection.boot``; one that is booted while the scan runs is served by its cycle from then on."""
         if node_id in self._modules:
             return self._modules.boot(node_id, FIND_TIME)
         node, late = self._nodes[node_id], self._cycle is not None
@@ -127,7 +127,7 @@ class CanLink:
         return booted
 
     def begin(self) -> None:
-        """As ``Link.begin``; listens to another device's SYNC and TIME, where the cell says so."""
+        """As ``CellConnection.begin``; listens to another device's SYNC and TIME, where the cell says so."""
         bus = self._cell.bus
         events = {
             node_id: NodeEvents(self._nodes[node_id].nmt)
@@ -162,54 +162,54 @@ class CanLink:
 
     @property
     def cycle(self) -> CanCycle:
-        """As ``Link.cycle``."""
+        """As ``CellConnection.cycle``."""
         assert self._cycle is not None
         return self._cycle
 
     def ports(self, node_id: int) -> Mapping[str, Port]:
-        """As ``Link.ports``."""
+        """As ``CellConnection.ports``."""
         if node_id in self._modules:
             return self._modules.ports(node_id)
         return dict[str, Port](self._comms[node_id].ports)
 
     def io(self, node_id: int) -> IoPort | None:
-        """As ``Link.io``."""
+        """As ``CellConnection.io``."""
         return None if node_id in self._modules else self._comms[node_id].io
 
     def parts(self, node_id: int) -> NodeParts:
-        """As ``Link.parts``."""
+        """As ``CellConnection.parts``."""
         return self._modules.parts(node_id) if node_id in self._modules else self._parts[node_id]
 
     def answers(self, node_id: int) -> bool:
-        """As ``Link.answers``: an SDO upload of 1000h."""
+        """As ``CellConnection.answers``: an SDO upload of 1000h."""
         return self._nodes[node_id].answers_sdo()
 
     def ready(self) -> None:
-        """As ``Link.ready``; raises SyncError where another device is to send SYNC and does not."""
+        """As ``CellConnection.ready``; raises SyncError where another device is to send SYNC and does not."""
         if self._consumer is not None:
             self._consumer.await_steady()
 
-    def rescue(self, names: Collection[str]) -> list[Stopped]:
-        """As ``Link.rescue``, by SDO and to modules at the same time; blocks as ``NodeStop.run`` and ``stop_modules``."""
+    def rescue(self, names: Collection[str]) -> list[StopResult]:
+        """As ``CellConnection.rescue``, by SDO and to modules at the same time; blocks as ``NodeStop.run`` and ``stop_modules``."""
         with self.cycle.keep_stopping():
             return stop_drives(self._cell, self._channel, self._nodes.values(), names)
 
-    def make_safe(self, points: Collection[Point]) -> list[Unsafe]:
-        """As ``Link.make_safe``, by SDO."""
+    def make_safe(self, points: Collection[IoPoint]) -> list[Unsafe]:
+        """As ``CellConnection.make_safe``, by SDO."""
         return make_safe({node_id: node.sdo for node_id, node in self._nodes.items()}, points)
 
-    def leave(self, how: Mapping[int, Parting]) -> None:
-        """As ``Link.leave``."""
+    def leave(self, how: Mapping[int, NodeShutdown]) -> None:
+        """As ``CellConnection.leave``."""
         in_parallel(  # a module has nothing that could be let go: it does not know that we are there
             lambda node_id: _let_go(self._nodes[node_id], self._booted[node_id], how[node_id]), self._booted
         )
 
     def close(self) -> None:
-        """As ``Link.close``."""
+        """As ``CellConnection.close``."""
         self._stack.close()
 
     def bus_time(self, now: float) -> datetime | None:
-        """As ``Link.bus_time``."""
+        """As ``CellConnection.bus_time``."""
         return self._time.at(now)
 
     def incidents(self) -> Sequence[ControllerEvent]:
@@ -217,31 +217,31 @@ class CanLink:
         return tuple(self._channel.controller.events)
 
     def other_masters(self) -> Sequence[NodeEvent]:
-        """As ``Link.other_masters``."""
+        """As ``CellConnection.other_masters``."""
         return self._watch.events
 
     def on_command_of_others(self, call: OnCommand) -> None:
-        """As ``Link.on_command_of_others``; in the receive thread."""
+        """As ``CellConnection.on_command_of_others``; in the receive thread."""
         self._watch.on_command = call
 
     def drops(self) -> Sequence[Drop]:
-        """As ``Link.drops``."""
+        """As ``CellConnection.drops``."""
         return self._channel.drops.found
 
     def sdo_counts(self) -> Sequence[SdoCount]:
-        """As ``Link.sdo_counts``."""
+        """As ``CellConnection.sdo_counts``."""
         return self._channel.sdo_counts.found
 
-    def carried(self) -> Carried:
-        """As ``Link.carried``."""
+    def carried(self) -> BusTraffic:
+        """As ``CellConnection.carried``."""
         return self._channel.carried
 
-    def tap(self, ear: Callable[[Frame], None]) -> None:
-        """As ``Link.tap``."""
+    def tap(self, ear: Callable[[CanFrame], None]) -> None:
+        """As ``CellConnection.tap``."""
         self._channel.tap(ear)
 
-    def untap(self, ear: Callable[[Frame], None]) -> None:
-        """As ``Link.untap``."""
+    def untap(self, ear: Callable[[CanFrame], None]) -> None:
+        """As ``CellConnection.untap``."""
         self._channel.untap(ear)
 
     def _watch_masters(self) -> None:
@@ -298,7 +298,7 @@ def _time_producer(bus: BusConfig, channel: Channel) -> TimeProducer | None:
 
 def open_channel(
     cell: CellConfig, dictionaries: Mapping[int, Eds], stack: ExitStack
-) -> tuple[Channel, dict[int, StandIn]]:
+) -> tuple[Channel, dict[int, SimulatedNode]]:
     """Open the bus of a cell, with ``interface = "sim"`` a private one with stand-ins on it; ``stack`` closes it.
 
     Raises:
@@ -310,19 +310,19 @@ def open_channel(
     name = f"axisbus-sim-{os.getpid()}-{next(_CHANNELS)}"
     made, guests = devices(cell, dictionaries), modules(cell)
     network = stack.enter_context(StandIns(name, list(made.values()), guests=list(guests.values())))
-    stand_ins = {node_id: StandIn(device, network.lock) for node_id, device in made.items()}
+    stand_ins = {node_id: SimulatedNode(device, network.lock) for node_id, device in made.items()}
     stand_ins |= stand_ins_of(guests, network.lock)
     channel = stack.enter_context(Channel.open("virtual", name))
     channel.behind = network.behind
     return channel, stand_ins
 
 
-def _let_go(node: Node, booted: Booted, how: Parting) -> None:
+def _let_go(node: CanopenNode, booted: Booted, how: NodeShutdown) -> None:
     """Our heartbeat will end now: leave the node so that this faults nobody, or stops whoever may still move."""
-    if how is Parting.ARMED:
+    if how is NodeShutdown.ARMED:
         return
     with suppress(BusError):  # a node that is gone cannot be let go
         if booted.watch is not None:
             booted.watch.restore()
-        if booted.report.ok and how is Parting.REST:
+        if booted.report.ok and how is NodeShutdown.REST:
             node.command(NmtCommand.ENTER_PRE_OPERATIONAL, timeout=0.5)

@@ -11,7 +11,7 @@ from axisbus.session import CommandEvent, CommandSeen
 _KEPT = 256
 
 
-class Ledger:
+class CommandLog:
     """Holds them by their numbers, oldest first. Every method may be called in any thread; none waits for another."""
 
     def __init__(self, clock: Callable[[], float]) -> None:

@@ -22,7 +22,7 @@ from weakref import WeakSet, WeakValueDictionary
 
 from axisbus.errors import Stopped
 from axisbus.motion import commands as c
-from axisbus.motion.command_status import Status, Ticket
+from axisbus.motion.command_status import CommandStatus, Status
 from axisbus.motion.group.commands import ForEach, GroupCommand
 from axisbus.motion.io.commands import SetOutputs
 from axisbus.session import AnyCommand, Target
@@ -30,7 +30,7 @@ from axisbus.session import AnyCommand, Target
 AT_ONCE = 32  # commands in one cycle: about half a millisecond
 MOST = 1024  # commands that wait
 _STOPS = frozenset({c.Halt, c.Stop, c.QuickStop, c.Disable})
-_IDEMPOTENT = _STOPS | {c.Enable, c.Reset, c.Release}
+_IDEMPOTENT = _STOPS | {c.EnableCommand, c.ResetCommand, c.Release}
 
 
 class Waiting:
@@ -38,7 +38,7 @@ class Waiting:
 
     __slots__ = ("__weakref__", "axes", "command", "is_stop", "taken", "target", "ticket")
 
-    def __init__(self, target: Target, command: AnyCommand, ticket: Ticket) -> None:
+    def __init__(self, target: Target, command: AnyCommand, ticket: CommandStatus) -> None:
         self.target = target
         self.command = command
         self.ticket = ticket
@@ -58,7 +58,7 @@ class Waiting:
         return all(type(one) in _IDEMPOTENT or _is_jog(one) for one in _single(self.command))
 
 
-class Inbox:
+class CommandQueue:
     """Holds what waits, in order: ``_given`` by any thread, ``_left`` by the scan from the cycle before."""
 
     def __init__(self) -> None:

@@ -12,13 +12,13 @@ from axisbus.boot.result import Booted
 from axisbus.bus.node.events import BAD, NodeEvent
 from axisbus.cell.gantry.parameters import gantries_of
 from axisbus.cell.model import CellConfig
-from axisbus.cia401.port import Known
-from axisbus.cia402.ip_as_csp import seen_by_motion
+from axisbus.cia401.port import SignalValidity
+from axisbus.cia402.ip_as_csp import as_csp_capable
 from axisbus.cia402.port import Port, Waiter
 from axisbus.core.inprocess import InProcess
-from axisbus.core.io.io_scan import Board
-from axisbus.core.io.setup import add_io, make_sure, not_safe, unconfirmed
-from axisbus.core.late_boot import Pickup
+from axisbus.core.io.io_scan import IoScan
+from axisbus.core.io.setup import add_io, confirm_safe_outputs, not_safe, unconfirmed
+from axisbus.core.late_boot import LateBoot
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.node_shutdown import lost_without_axes, scan_failure
 from axisbus.core.realtime_setup import IN_A_THREAD
@@ -28,13 +28,13 @@ from axisbus.core.scanthread import ScanThread
 from axisbus.core.virtual.axes import virtual_axes
 from axisbus.core.waiting import PumpWaiter, ThreadWaiter
 from axisbus.errors import AxisbusError, SecondMasterError
-from axisbus.link import Stopped, Unsafe
+from axisbus.link import StopResult, Unsafe
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.stop.policy import GroupFault, LostNode
-from axisbus.session import Session
+from axisbus.session import MachineSession
 
 if TYPE_CHECKING:
-    from axisbus.core.simulated_nodes import StandIn
+    from axisbus.core.simulated_nodes import SimulatedNode
 
 _CLOSE_MARGIN = 2.0  # seconds
 _FIRST_VALUES = (
@@ -51,11 +51,11 @@ def _nothing() -> None:
     """Do nothing."""
 
 
-class Owner(Protocol):
+class CoreInterface(Protocol):
     """The owner of one bus: made with its nodes booted, then ``begin``, and ``leave`` at the end."""
 
     @property
-    def session(self) -> Session:
+    def session(self) -> MachineSession:
         """A program's way to the axes."""
 
     @property
@@ -67,7 +67,7 @@ class Owner(Protocol):
         """What direct access to each node is made of."""
 
     @property
-    def stand_ins(self) -> Mapping[int, StandIn]:
+    def stand_ins(self) -> Mapping[int, SimulatedNode]:
         """The drives, where they are simulated and within reach."""
 
     @property
@@ -118,10 +118,10 @@ def _needs_rescue(core: AxisCore) -> bool:
 class Rescue:
     """The stop of the axes without the scan, done once: as soon as the scan has failed, or else when its result is wanted."""
 
-    def __init__(self, stop: Callable[[], list[Stopped]]) -> None:
+    def __init__(self, stop: Callable[[], list[StopResult]]) -> None:
         """``stop`` stops the axes and returns how each was left; it blocks."""
         self._stop = stop
-        self._stopped: list[Stopped] | None = None
+        self._stopped: list[StopResult] | None = None
         self._lock = threading.Lock()
 
     def begin(self) -> None:
@@ -129,7 +129,7 @@ class Rescue:
         with suppress(RuntimeError):
             threading.Thread(target=self.result, name="axisbus rescue", daemon=True).start()
 
-    def result(self) -> list[Stopped]:
+    def result(self) -> list[StopResult]:
         """Return how each axis was left; blocks until the stop has ended."""
         with self._lock:
             if self._stopped is None:
@@ -156,11 +156,11 @@ class Core:
         self.runtime = runtime
         self._joined: Joined = lambda _: None
         self._after_cycle: Callable[[], None] = _nothing
-        board = Board()
+        board = IoScan()
         for node_id in runtime.nodes:
             self._take_io(board, node_id)
         virtual = virtual_axes(cell, board)
-        ports = seen_by_motion(runtime.ports)
+        ports = as_csp_capable(runtime.ports)
         cores = {
             name: AxisCore(parameters, ports[name].capabilities)
             for name, parameters in runtime.parameters.items()
@@ -177,7 +177,7 @@ class Core:
             board,
             gantries_of(cell),
         )
-        self._pickup = Pickup(runtime.late, self._join)
+        self._pickup = LateBoot(runtime.late, self._join)
         self._pump = None if realtime else PumpWaiter(self.scan, self._between_cycles)
         self._threads = ThreadWaiter()
         self._waiter: Waiter = self._threads if self._pump is None else self._pump
@@ -214,7 +214,7 @@ class Core:
         return self.runtime.nodes
 
     @property
-    def stand_ins(self) -> Mapping[int, StandIn]:
+    def stand_ins(self) -> Mapping[int, SimulatedNode]:
         """The drives, where they are simulated here."""
         return self.runtime.stand_ins
 
@@ -244,7 +244,7 @@ class Core:
 
         Blocks until all stand, at most the times of the stop ladders.
         """
-        rescued, unsafe = list[Stopped](), list[Unsafe]()
+        rescued, unsafe = list[StopResult](), list[Unsafe]()
         try:
             self._stop_axes(reason)
         finally:
@@ -266,7 +266,7 @@ class Core:
     def _has_values(self) -> bool:
         scan = self.scan
         heard = [name in scan.snapshots and scan.snapshots[name].statusword is not None for name in scan.axes]
-        known = [reading.known is not Known.NOT_YET for reading in scan.io.readings.values()]
+        known = [reading.known is not SignalValidity.NOT_YET for reading in scan.io.readings.values()]
         return scan.ended or (all(heard) and all(known) and bool(known or not scan.io))
 
     def _stop_axes(self, reason: str) -> None:
@@ -287,7 +287,7 @@ class Core:
         if interruption is not None:
             raise interruption
 
-    def _make_sure(self) -> tuple[list[Stopped], list[Unsafe]]:
+    def _make_sure(self) -> tuple[list[StopResult], list[Unsafe]]:
         """End the scan, and see outputs safe, after the axes; where the scan has failed, these are stopped without it first.
 
         Where it lives, outputs are looked at while our heartbeat goes on: a module that does not answer must fault nobody else.
@@ -295,15 +295,15 @@ class Core:
         alive, unsafe = self.scan.failure is None, list[Unsafe]()
         try:
             if alive:
-                unsafe = make_sure(self.scan.io, self.runtime.link)
+                unsafe = confirm_safe_outputs(self.scan.io, self.runtime.link)
         finally:
             self._end_scan()
         if self.scan.failure is None:
             return [], unsafe
         rescued = self._rescue.result()
-        return rescued, unsafe if alive else make_sure(self.scan.io, self.runtime.link)
+        return rescued, unsafe if alive else confirm_safe_outputs(self.scan.io, self.runtime.link)
 
-    def _stop_without_scan(self) -> list[Stopped]:
+    def _stop_without_scan(self) -> list[StopResult]:
         cores = self.scan.axes.values()
         return self.runtime.link.rescue([core.parameters.name for core in cores if _needs_rescue(core)])
 
@@ -326,7 +326,7 @@ class Core:
         if not booted.report.ok:
             return
         self._take_io(self.scan.io, node_id)
-        scan, names, ports = self.scan, list(self.scan.axes), seen_by_motion(ports)
+        scan, names, ports = self.scan, list(self.scan.axes), as_csp_capable(ports)
         for name, parameters in booted.parameters.items():
             names.append(name)
             core = AxisCore(parameters, ports[name].capabilities)
@@ -334,7 +334,7 @@ class Core:
         self._waiter.wait(lambda: scan.ended or all(name in scan.snapshots for name in names), _JOIN_TIME)
         self._joined(booted)
 
-    def _take_io(self, board: Board, node_id: int) -> None:
+    def _take_io(self, board: IoScan, node_id: int) -> None:
         add_io(board, self.cell, self.runtime.link, node_id, self.runtime.nodes[node_id].eds)
 
     def _watch_node(self, node_id: int) -> None:

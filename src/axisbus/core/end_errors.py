@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from axisbus.core.command_queue import AT_ONCE, MOST
-from axisbus.errors import AxisbusError, ScanError, StateError, Stopped, in_a_line
+from axisbus.errors import AxisbusError, ScanError, StateError, Stopped, one_line
 from axisbus.motion.stop.diagnosis import join_remedies
 
 _OPEN_AGAIN = "mend the cause, and open the machine again"
@@ -49,7 +49,7 @@ def ended(what: str, failure: BaseException | None, quick_stop_sent: bool = Fals
         return ScanError(f"{what} was ended: the machine was closed", remedy="open it again to go on")
     error = ScanError(
         f"{what} was ended: the scan of the bus has failed",
-        observed=in_a_line(failure, alarm=False),
+        observed=one_line(failure, alarm=False),
         remedy=join_remedies(_SENT if quick_stop_sent else _NOT_SENT, remedy_of(failure)),
     )
     error.__cause__ = failure  # whose traceback is then shown as well

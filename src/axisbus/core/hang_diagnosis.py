@@ -17,7 +17,7 @@ _OURS = str(Path(__file__).parents[1])
 _LIBRARY = str(Path(threading.__file__).parent)
 
 
-class Place(Enum):
+class BlockedLocation(Enum):
     """Where a thread is."""
 
     DRIVER = "in the adapter's driver"
@@ -25,23 +25,27 @@ class Place(Enum):
     OURS = "in axisbus"
 
 
-class Whereabouts(NamedTuple):
+class HangDiagnosis(NamedTuple):
     """Where a thread is; ``text`` names function, file and line."""
 
-    place: Place
+    place: BlockedLocation
     text: str
 
 
-def whereabouts(ident: int | None) -> Whereabouts | None:
+def whereabouts(ident: int | None) -> HangDiagnosis | None:
     """Return where the thread ``ident`` is now; None where it is not there any more."""
     top = sys._current_frames().get(ident or 0)
     if top is None:
         return None
     frames = list(_outwards(top))
     if any(frame.f_code is _GIVES_TO_DRIVER for frame in frames):
-        return Whereabouts(Place.DRIVER, _text(top))
+        return HangDiagnosis(BlockedLocation.DRIVER, _text(top))
     called = [frame for frame in frames if not _in_ours(frame) and not _in_library(frame)]
-    return Whereabouts(Place.PROGRAM, _text(called[0])) if called else Whereabouts(Place.OURS, _text(top))
+    return (
+        HangDiagnosis(BlockedLocation.PROGRAM, _text(called[0]))
+        if called
+        else HangDiagnosis(BlockedLocation.OURS, _text(top))
+    )
 
 
 def _outwards(frame: FrameType | None) -> Iterator[FrameType]:

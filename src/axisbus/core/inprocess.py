@@ -9,30 +9,33 @@ from datetime import datetime
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent
 from axisbus.cia301.dropped_frames import Drop
-from axisbus.cia301.frame import Carried, Frame
+from axisbus.cia301.frame import BusTraffic, CanFrame
 from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia402.port import Waiter
-from axisbus.core.command_log import Ledger
+from axisbus.core.command_log import CommandLog
 from axisbus.core.runtime import Runtime
 from axisbus.core.scan import Scan
-from axisbus.motion.command_status import Ticket
-from axisbus.motion.commands import Answer
-from axisbus.motion.io.reading import Reading
+from axisbus.motion.command_status import CommandStatus
+from axisbus.motion.commands import ControllerOutput
+from axisbus.motion.io.reading import IoReading
 from axisbus.motion.point_stream.commands import AddPoints
 from axisbus.motion.snapshot import Snapshot
 from axisbus.session import (
     AnyCommand,
     AxisFacts,
+    ClientProgram,
     CommandEvent,
     CommandSeen,
     HearFrames,
     LatenessReport,
     Observer,
-    Program,
     Target,
 )
 
-_PARTS = (AddPoints, Answer)  # of commands that are under way: no commands of their own, and too many to keep
+_PARTS = (
+    AddPoints,
+    ControllerOutput,
+)  # of commands that are under way: no commands of their own, and too many to keep
 
 
 class InProcess:
@@ -44,8 +47,8 @@ class InProcess:
         self._runtime = runtime
         self._waiter = waiter
         self._listeners: tuple[Callable[[CommandEvent], None], ...] = ()
-        self._taps: dict[HearFrames, Callable[[Frame], None]] = {}
-        self._ledger = Ledger(lambda: scan.cycle.now())
+        self._taps: dict[HearFrames, Callable[[CanFrame], None]] = {}
+        self._ledger = CommandLog(lambda: scan.cycle.now())
 
     @property
     def axes(self) -> Mapping[str, AxisFacts]:
@@ -58,8 +61,8 @@ class InProcess:
         return self._scan.snapshots
 
     @property
-    def readings(self) -> Mapping[str, Reading]:
-        """As ``Session.readings``."""
+    def readings(self) -> Mapping[str, IoReading]:
+        """As ``MachineSession.readings``."""
         return self._scan.io.readings
 
     @property
@@ -89,58 +92,58 @@ class InProcess:
 
     @property
     def left(self) -> tuple[float, str] | None:
-        """As ``Session.left``."""
+        """As ``MachineSession.left``."""
         reason = self._scan.leaving_because
         return None if reason is None else (self._scan.leaving_since, reason)
 
     @property
     def node_events(self) -> list[NodeEvent]:
-        """As ``Session.node_events``."""
+        """As ``MachineSession.node_events``."""
         logs = [parts.events for parts in self._runtime.nodes.values() if parts.events is not None]
         return [event for log in logs for event in log.events] + list(self._runtime.link.other_masters())
 
     @property
     def bus_events(self) -> list[ControllerEvent]:
-        """As ``Session.bus_events``."""
+        """As ``MachineSession.bus_events``."""
         return list(self._runtime.link.incidents())
 
     @property
     def commands(self) -> list[CommandSeen]:
-        """As ``Session.commands``."""
+        """As ``MachineSession.commands``."""
         return self._ledger.seen
 
     @property
     def drops(self) -> tuple[Drop, ...]:
-        """As ``Session.drops``."""
+        """As ``MachineSession.drops``."""
         return tuple(self._runtime.link.drops())
 
     @property
     def sdo_counts(self) -> tuple[SdoCount, ...]:
-        """As ``Session.sdo_counts``."""
+        """As ``MachineSession.sdo_counts``."""
         return tuple(self._runtime.link.sdo_counts())
 
     @property
     def bus_time(self) -> datetime | None:
-        """As ``Session.bus_time``."""
+        """As ``MachineSession.bus_time``."""
         return self._runtime.link.bus_time(time.monotonic())
 
     @property
-    def carried(self) -> Carried | None:
-        """As ``Session.carried``."""
+    def carried(self) -> BusTraffic | None:
+        """As ``MachineSession.carried``."""
         return self._runtime.link.carried()
 
     @property
-    def programs(self) -> tuple[Program, ...]:
-        """As ``Session.programs``."""
+    def programs(self) -> tuple[ClientProgram, ...]:
+        """As ``MachineSession.programs``."""
         return ()
 
     @property
     def has_command(self) -> bool:
-        """As ``Session.has_command``."""
+        """As ``MachineSession.has_command``."""
         return True
 
     def take_command(self) -> None:
-        """As ``Session.take_command``."""
+        """As ``MachineSession.take_command``."""
 
     @property
     def lateness(self) -> LatenessReport:
@@ -156,7 +159,7 @@ class InProcess:
         """As ``Session.submit``."""
         if not isinstance(command, _PARTS):
             self._ledger.give(number, name)  # before it may end
-        kept = self._scan.submit(target, command, Ticket(name, self._tell, number)).number
+        kept = self._scan.submit(target, command, CommandStatus(name, self._tell, number)).number
         if kept != number:
             self._ledger.retract(number)
         return kept
@@ -190,10 +193,10 @@ class InProcess:
         self._scan.observers.remove(observer)
 
     def tap(self, hear: HearFrames, can_ids: Collection[int] = ()) -> None:
-        """As ``Session.tap``; in whatever thread has the frame."""
+        """As ``MachineSession.tap``; in whatever thread has the frame."""
         wanted = frozenset(can_ids)
 
-        def ear(frame: Frame) -> None:
+        def ear(frame: CanFrame) -> None:
             if not wanted or frame.can_id in wanted:
                 hear((frame,))
 
@@ -201,12 +204,12 @@ class InProcess:
         self._runtime.link.tap(ear)
 
     def untap(self, hear: HearFrames) -> None:
-        """As ``Session.untap``."""
+        """As ``MachineSession.untap``."""
         ear = self._taps.pop(hear, None)
         if ear is not None:
             self._runtime.link.untap(ear)
 
-    def _tell(self, ticket: Ticket) -> None:
+    def _tell(self, ticket: CommandStatus) -> None:
         event = CommandEvent(ticket.number, ticket.status, ticket.error, ticket.note, ticket.capture)
         self._ledger.hear(event)
         for hear in self._listeners:

@@ -18,7 +18,7 @@ _LEAVE_TIME = 6.0  # seconds that a boot-up under way may take at the end
 
 
 @dataclass(frozen=True, slots=True)
-class Late:
+class LateNode:
     """A node that may still come: ``answers`` asks whether it is there, ``boot`` boots it and returns what came of it.
 
     Both block for their SDO transfers.
@@ -29,11 +29,11 @@ class Late:
     boot: Callable[[], tuple[Booted, Mapping[str, Port]]]
 
 
-class Pickup:
+class LateBoot:
     """Waits for late nodes, in a thread of its own or in virtual time; holds state: those that are still awaited."""
 
     def __init__(
-        self, nodes: Mapping[int, Late], join: Callable[[int, Booted, Mapping[str, Port]], None]
+        self, nodes: Mapping[int, LateNode], join: Callable[[int, Booted, Mapping[str, Port]], None]
     ) -> None:
         """``join`` takes a node that was booted, well or not; it is called in the thread that asks."""
         self._nodes = dict(nodes)
@@ -77,7 +77,7 @@ class Pickup:
                 return
             self._try(node)
 
-    def _try(self, node: Late) -> None:
+    def _try(self, node: LateNode) -> None:
         """Boot a node that answers; one that falls silent again is awaited further."""
         try:
             if not node.answers():

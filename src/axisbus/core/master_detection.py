@@ -8,7 +8,7 @@ from axisbus.cell import pdo_tables
 from axisbus.cell.can_simple.modules import modules_of
 from axisbus.cell.model import BusConfig, CellConfig
 from axisbus.cia301 import cob
-from axisbus.cia301.master_detection import Cast
+from axisbus.cia301.master_detection import ExpectedMasters
 from axisbus.drives.gim6010.can_simple.coexistence import commands_to, sent_by
 from axisbus.eds.model import Eds
 
@@ -29,7 +29,7 @@ def listening_time(bus: BusConfig) -> float:
 
 def cast_of(
     cell: CellConfig, dictionaries: Mapping[int, Eds], rpdos: Mapping[int, int] | None = None
-) -> Cast:
+) -> ExpectedMasters:
     """Return who is who on a cell's bus: its devices are no masters, nor is the SYNC one that it says another device sends.
 
     ``rpdos``: where the nodes that are booted take RPDOs, by COB-ID.
@@ -50,4 +50,4 @@ def cast_of(
     masters = frozenset({_MASTER, bus.master_id}) - nodes
     times = frozenset() if bus.time is None else frozenset({bus.time_cob_id})
     produced = bus.sync_cob_id if bus.sync and not bus.hears_sync else None
-    return Cast(nodes, masters, syncs, sent - {0}, commands, rpdos or {}, times, produced)
+    return ExpectedMasters(nodes, masters, syncs, sent - {0}, commands, rpdos or {}, times, produced)

@@ -7,13 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from axisbus.boot.objects import Objects
+from axisbus.boot.objects import NodeObjects
 from axisbus.bus.node.events import NodeEvent
-from axisbus.bus.pdo.plan import Plan
+from axisbus.bus.pdo.plan import PdoPlan
 from axisbus.eds.model import Eds
 
 
-class Told(Protocol):
+class NodeEventSource(Protocol):
     """What error control tells of a node: ``bus.node.events.NodeEvents``, here or in another process."""
 
     @property
@@ -34,9 +34,9 @@ class NodeParts:
 
     node_id: int
     eds: Eds
-    objects: Objects
+    objects: NodeObjects
     node: Any
-    plans: tuple[Plan, ...] = ()
-    events: Told | None = None
+    plans: tuple[PdoPlan, ...] = ()
+    events: NodeEventSource | None = None
     clock: Callable[[], float] = time.monotonic
     has_objects: bool = True

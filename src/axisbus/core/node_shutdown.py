@@ -8,8 +8,8 @@ from axisbus.boot.result import Booted
 from axisbus.bus.node.events import NodeEvent
 from axisbus.core.end_errors import remedy_of
 from axisbus.cpu_starvation import REMEDY
-from axisbus.errors import NodeError, ScanError, in_a_line
-from axisbus.link import Parting, Stopped, Unsafe, alarm
+from axisbus.errors import NodeError, ScanError, one_line
+from axisbus.link import NodeShutdown, StopResult, Unsafe, alarm
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.stop.diagnosis import join_remedies
 
@@ -17,24 +17,24 @@ from axisbus.motion.stop.diagnosis import join_remedies
 def partings(
     booted: Mapping[int, Booted],
     cores: Mapping[str, AxisCore],
-    rescued: Iterable[Stopped],
+    rescued: Iterable[StopResult],
     unsafe: Iterable[Unsafe] = (),
-) -> dict[int, Parting]:
+) -> dict[int, NodeShutdown]:
     """Return how each node is to be left.
 
     ``cores`` are the axes by name (none where the machine was only booted); ``rescued``: what a stop without the scan came to,
     which then counts instead of what the cores saw last; ``unsafe``: outputs that only their module itself can still make safe.
     """
-    armed = {each.node: Parting.ARMED for each in unsafe}
+    armed = {each.node: NodeShutdown.ARMED for each in unsafe}
     seen = {stopped.axis: stopped.ok for stopped in rescued}
     return {node_id: armed.get(node_id) or _parting(node, cores, seen) for node_id, node in booted.items()}
 
 
-def _parting(node: Booted, cores: Mapping[str, AxisCore], seen: Mapping[str, bool]) -> Parting:
+def _parting(node: Booted, cores: Mapping[str, AxisCore], seen: Mapping[str, bool]) -> NodeShutdown:
     ours = [cores[name] for name in node.parameters if name in cores and cores[name].touched]
     if not all(seen.get(core.parameters.name, core.rests) for core in ours):
-        return Parting.ARMED
-    return Parting.AS_FOUND if node.found_enabled and not ours else Parting.REST
+        return NodeShutdown.ARMED
+    return NodeShutdown.AS_FOUND if node.found_enabled and not ours else NodeShutdown.REST
 
 
 def lost_without_axes(event: NodeEvent, starved: str) -> NodeError:
@@ -52,10 +52,10 @@ def lost_without_axes(event: NodeEvent, starved: str) -> NodeError:
     )
 
 
-def scan_failure(failure: BaseException, rescued: Collection[Stopped]) -> ScanError:
+def scan_failure(failure: BaseException, rescued: Collection[StopResult]) -> ScanError:
     """Return what closing tells of a scan that had failed."""
     texts = [
-        in_a_line(failure),
+        one_line(failure),
         *(f"then, without it: {each.axis}: {each.text}" for each in rescued),
     ]
     return ScanError(

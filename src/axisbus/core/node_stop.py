@@ -24,23 +24,23 @@ from contextlib import suppress
 
 from axisbus.bus.cycle import send_bounded
 from axisbus.bus.node import nmt
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.parallel import in_parallel
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.parameters import standstill_speed, stop_times
 from axisbus.cell.scales import units_of
 from axisbus.cia301 import cob
-from axisbus.cia301.dropped_frames import Fault
+from axisbus.cia301.dropped_frames import DropReason
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia402 import objects as o
 from axisbus.cia402.axes import own_index
-from axisbus.cia402.controlword import Command
-from axisbus.cia402.state import ENERGISED, State, decode
+from axisbus.cia402.controlword import PowerCommand
+from axisbus.cia402.state import ENERGISED, PowerState, decode
 from axisbus.errors import AdapterError, BusError, BusOff, SdoAbort
-from axisbus.link import Stopped
+from axisbus.link import StopResult
 from axisbus.motion.parameters import DemandUse, pull_window
-from axisbus.motion.stop.settled_value import Still
+from axisbus.motion.stop.settled_value import SettledValue
 from axisbus.units import wrap
 
 _STANDS_FOR = 0.1
@@ -51,7 +51,7 @@ _POLL = 0.02
 _DOWNLOAD_2_BYTES = 0x2B  # SDO, expedited (CiA 301 7.2.4.3.3)
 
 
-def stop_nodes(cell: CellConfig, nodes: Iterable[Node], names: Collection[str]) -> list[Stopped]:
+def stop_nodes(cell: CellConfig, nodes: Iterable[CanopenNode], names: Collection[str]) -> list[StopResult]:
     """Stop the axes of these names, all nodes at a time, and return how each was left; blocks as ``NodeStop.run``."""
     nodes = list(nodes)
     axes = [[axis for axis in cell.axes_of(node.node_id) if axis.name in names] for node in nodes]
@@ -62,7 +62,7 @@ def stop_nodes(cell: CellConfig, nodes: Iterable[Node], names: Collection[str]) 
 class NodeStop:
     """One node on its way to a stop; holds whether its PDOs were cut off, and what was heard of each of its axes."""
 
-    def __init__(self, node: Node, axes: Sequence[AxisConfig]) -> None:
+    def __init__(self, node: CanopenNode, axes: Sequence[AxisConfig]) -> None:
         """``axes`` are those of the node to be stopped."""
         self._node = node
         self._axes = [_AxisStop(axis) for axis in axes]
@@ -71,7 +71,7 @@ class NodeStop:
         self._channel_failed = False
         self._strays: int | None = None  # answers that nothing was waiting for, before the looks began
 
-    def run(self) -> list[Stopped]:
+    def run(self) -> list[StopResult]:
         """Stop the axes; blocks until they stand, at most about 6 s. What fails is in the result, and is not raised."""
         for axis in self._axes:
             axis.found_off = _is_off(self._state(axis, _FIRST_LOOK))
@@ -102,13 +102,13 @@ class NodeStop:
         if self._strays is None:  # those before are answers to orders for which nothing was waiting
             self._strays = self._count_strays()
 
-    def _step(self, axis: _AxisStop) -> Stopped | None:
+    def _step(self, axis: _AxisStop) -> StopResult | None:
         """Look at one axis, repeat the order where it is needed, and return how it was left once that is known."""
         now, state = time.monotonic(), self._state(axis)
-        if axis.disable_at <= now and state in ENERGISED and axis.word is not Command.DISABLE_VOLTAGE:
-            axis.word = Command.DISABLE_VOLTAGE
+        if axis.disable_at <= now and state in ENERGISED and axis.word is not PowerCommand.DISABLE_VOLTAGE:
+            axis.word = PowerCommand.DISABLE_VOLTAGE
             self._order(axis)
-        elif state is State.OPERATION_ENABLED:
+        elif state is PowerState.OPERATION_ENABLED:
             self._enabled_again(axis)
         position = self._read(axis, o.POSITION_ACTUAL, 4, signed=True)
         stands = axis.look.note(position, time.monotonic())
@@ -116,12 +116,14 @@ class NodeStop:
             return None
         if _is_off(state):
             return self._off(axis, state, position, stands)
-        if state is not State.QUICK_STOP_ACTIVE or not stands:
+        if state is not PowerState.QUICK_STOP_ACTIVE or not stands:
             return None
         pulled = axis.look.pulls(self._read(axis, o.POSITION_DEMAND, 4, signed=True))
         return None if pulled else self._seen(axis, "stands, held in quick stop")
 
-    def _off(self, axis: _AxisStop, state: State, position: int | None, stands: bool) -> Stopped | None:
+    def _off(
+        self, axis: _AxisStop, state: PowerState, position: int | None, stands: bool
+    ) -> StopResult | None:
         """Off is not yet stopped: the motor may turn on without power, as long as 6064h does not say that it stands."""
         said = "was not energised" if axis.found_off else "stopped, power is off"
         axis.off_since = axis.off_since or time.monotonic()
@@ -133,22 +135,22 @@ class NodeStop:
             return self._seen(axis, f"{said} ({state.value})")
         if time.monotonic() - axis.off_since > _COASTS:
             text = f"its power is off ({state.value}), and it still moves{axis.look.text}"
-            return Stopped(axis.config.name, False, f"NOT CONFIRMED as stopped: {text}")
+            return StopResult(axis.config.name, False, f"NOT CONFIRMED as stopped: {text}")
         return None
 
-    def _seen(self, axis: _AxisStop, text: str) -> Stopped | None:
+    def _seen(self, axis: _AxisStop, text: str) -> StopResult | None:
         """The axis was seen stopped, unless a second device may have given the answers."""
         if self._strays is None:
             return None  # nothing is known yet of how many answer
         if self._count_strays() > self._strays:
             why = f"each question is answered twice, so two devices have node-ID {self._node.node_id}"
-            return Stopped(axis.config.name, False, f"NOT CONFIRMED as stopped: {why}")
-        return Stopped(axis.config.name, True, text)
+            return StopResult(axis.config.name, False, f"NOT CONFIRMED as stopped: {why}")
+        return StopResult(axis.config.name, True, text)
 
-    def _not_confirmed(self, axis: _AxisStop) -> Stopped:
+    def _not_confirmed(self, axis: _AxisStop) -> StopResult:
         seen = f"after {_LONGEST:g} s (state {axis.state.value}{axis.look.text}): use the emergency stop"
         why = self._silent or seen
-        return Stopped(axis.config.name, False, f"NOT CONFIRMED as stopped: {why}")
+        return StopResult(axis.config.name, False, f"NOT CONFIRMED as stopped: {why}")
 
     def _count_strays(self) -> int:
         """Answers that nothing was waiting for; those that came late are none."""
@@ -156,7 +158,7 @@ class NodeStop:
             return 0
         found = self._node.channel.drops.found
         return sum(
-            drop.count for drop in found if drop.fault is Fault.SDO and drop.node == self._node.node_id
+            drop.count for drop in found if drop.fault is DropReason.SDO and drop.node == self._node.node_id
         )
 
     def _counts(self) -> list[SdoCount]:
@@ -191,9 +193,9 @@ class NodeStop:
         # In any state of the channel: an adapter that is deaf may send.
         send_bounded(self._node.channel, [(cob.SDO_RX + self._node.node_id, data)])
 
-    def _state(self, axis: _AxisStop, timeout: float | None = None) -> State:
+    def _state(self, axis: _AxisStop, timeout: float | None = None) -> PowerState:
         word = self._read(axis, o.STATUSWORD, 2, timeout=timeout)
-        axis.state = State.UNKNOWN if word is None else decode(word)
+        axis.state = PowerState.UNKNOWN if word is None else decode(word)
         return axis.state
 
     def _read(
@@ -215,8 +217,8 @@ class NodeStop:
         return own_index(index, axis.config.drive_axis)
 
 
-def _is_off(state: State) -> bool:
-    return state not in ENERGISED and state is not State.UNKNOWN
+def _is_off(state: PowerState) -> bool:
+    return state not in ENERGISED and state is not PowerState.UNKNOWN
 
 
 class _AxisStop:
@@ -225,13 +227,13 @@ class _AxisStop:
     def __init__(self, config: AxisConfig) -> None:
         self.config = config
         self.look = _Look(config)
-        self.word = Command.QUICK_STOP
+        self.word = PowerCommand.QUICK_STOP
         may_drop = config.holds_load is None
         self.disable_at = time.monotonic() + stop_times(config).quick_stop if may_drop else float("inf")
         self.found_off = False  # before it got an order
         self.off_since: float | None = None
-        self.state = State.UNKNOWN
-        self.result: Stopped | None = None
+        self.state = PowerState.UNKNOWN
+        self.result: StopResult | None = None
 
 
 class _Look:
@@ -240,7 +242,7 @@ class _Look:
     def __init__(self, axis: AxisConfig) -> None:
         units = units_of(axis)
         speed, factor = standstill_speed(axis, units) or 0.0, abs(units.position.factor)
-        self._still = Still(max(2.0, speed * _STANDS_FOR), _STANDS_FOR)
+        self._still = SettledValue(max(2.0, speed * _STANDS_FOR), _STANDS_FOR)
         fastest = (axis.max_velocity or axis.defaults.velocity or 0.0) * factor
         self._pull = pull_window(
             None if axis.standstill_window is None else axis.standstill_window * factor,

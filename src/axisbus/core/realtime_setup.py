@@ -202,7 +202,7 @@ class IdleCollector:
         self._took[generation] = time.monotonic() - began
 
 
-class Tuning:
+class RealtimeSetup:
     """Counts who needs it; holds the switch interval that was there before the first."""
 
     def __init__(self) -> None:
@@ -241,5 +241,5 @@ class Tuning:
         gc.unfreeze()
 
 
-TUNING = Tuning()
+TUNING = RealtimeSetup()
 disown_in_children(TUNING)

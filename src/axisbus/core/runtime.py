@@ -12,18 +12,18 @@ from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.parallel import in_parallel
 from axisbus.cia402.port import Port
-from axisbus.core.late_boot import Late
+from axisbus.core.late_boot import LateNode
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.node_shutdown import partings
-from axisbus.core.simulated_nodes import StandIn
+from axisbus.core.simulated_nodes import SimulatedNode
 from axisbus.errors import AxisbusError
-from axisbus.link import Link, Stopped, Unsafe
+from axisbus.link import CellConnection, StopResult, Unsafe
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.parameters import AxisParameters
 from axisbus.wording import counted
 
 T = TypeVar("T")
-CellLink = Link[Booted, NodeParts, ControllerEvent, NodeEvent]
+CellLink = CellConnection[Booted, NodeParts, ControllerEvent, NodeEvent]
 
 
 class Runtime:
@@ -36,7 +36,7 @@ class Runtime:
         self,
         link: CellLink,
         nodes: Iterable[int],
-        stand_ins: Mapping[int, StandIn],
+        stand_ins: Mapping[int, SimulatedNode],
         on_report: Callable[[Booted], None] | None = None,
     ) -> None:
         """Boot ``nodes``; blocks for as long as that takes. ``on_report`` is called with each that is through, where it was booted.
@@ -54,7 +54,7 @@ class Runtime:
             raise
         self.nodes = {node_id: link.parts(node_id) for node_id in self.booted}
         self.late = {
-            node_id: Late(node_id, partial(link.answers, node_id), partial(self._boot_late, node_id))
+            node_id: LateNode(node_id, partial(link.answers, node_id), partial(self._boot_late, node_id))
             for node_id, one in self.booted.items()
             if one.report.absent
         }
@@ -84,7 +84,7 @@ class Runtime:
     def leave(
         self,
         cores: Mapping[str, AxisCore] | None = None,
-        rescued: Iterable[Stopped] = (),
+        rescued: Iterable[StopResult] = (),
         unsafe: Iterable[Unsafe] = (),
     ) -> None:
         """Leave the nodes as is right for each, and release everything, whatever fails on the way; as ``parting.partings``."""

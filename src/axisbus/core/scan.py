@@ -28,18 +28,18 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from typing import Protocol
 
-from axisbus.cia402.port import Cycle, Port
-from axisbus.core.command_queue import Inbox, Waiting
+from axisbus.cia402.port import BusCycle, Port
+from axisbus.core.command_queue import CommandQueue, Waiting
 from axisbus.core.end_errors import ended, interrupted, refused_while_leaving, too_many
 from axisbus.core.fork_errors import inherited
-from axisbus.core.io.io_scan import Board
+from axisbus.core.io.io_scan import IoScan
 from axisbus.core.lateness import Lateness, cause_of, hanging
 from axisbus.core.realtime_setup import COLLECTOR
 from axisbus.cpu_starvation import DRIVES, Starvation
-from axisbus.errors import AxisbusError, SecondMasterError, in_a_line
+from axisbus.errors import AxisbusError, SecondMasterError, one_line
 from axisbus.motion.axis.accept import accept, require_override
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.command_status import Status, Ticket, unattended
+from axisbus.motion.command_status import CommandStatus, Status, unattended
 from axisbus.motion.commands import PolicyStop, Shutdown
 from axisbus.motion.gantry.core import GantryCore
 from axisbus.motion.gantry.interlock import Pairs
@@ -52,7 +52,7 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.stop.hold_to_run import HoldToRun
 from axisbus.motion.stop.interrupt_halt import Halting
 from axisbus.motion.stop.policy import FaultPolicy, GroupFault, LostNode
-from axisbus.motion.stop.shutdown_stop import Leaving
+from axisbus.motion.stop.shutdown_stop import ShutdownStop
 from axisbus.motion.user_code_errors import broken
 from axisbus.session import AnyCommand, Observer, Target
 
@@ -69,14 +69,14 @@ class Scan:
 
     def __init__(
         self,
-        cycle: Cycle,
+        cycle: BusCycle,
         ports: Mapping[str, Port],
         axes: Mapping[str, AxisCore],
         period: float,
         groups: Mapping[str, Sequence[str]] | None = None,
         on_lost_node: LostNode = LostNode.GROUP,
         on_fault: Mapping[str, GroupFault] | None = None,
-        io: Board | None = None,
+        io: IoScan | None = None,
         gantries: Mapping[str, GantryParameters] | None = None,
     ) -> None:
         """``ports`` and ``axes`` have the same names; ``period`` in seconds; ``io``: the inputs and outputs beside them.
@@ -92,7 +92,7 @@ class Scan:
             name: self._group_core(members) for name, members in (groups or {}).items()
         }
         self.groups.update(self._gantry_cores())
-        self.io = Board() if io is None else io
+        self.io = IoScan() if io is None else io
         self.lateness = Lateness()
         self.starvation = Starvation()
         self.snapshots: dict[str, Snapshot] = {}
@@ -109,7 +109,7 @@ class Scan:
         self._policy = self._make_policy()
         self._override = 1.0  # of the cell
         self._joining: deque[tuple[str, Port, AxisCore]] = deque()
-        self._inbox = Inbox()
+        self._inbox = CommandQueue()
         self._next: float | None = None
         self._before = math.inf  # when the cycle before began
         self._collected = COLLECTOR.seconds  # seconds that the collector had run when the cycle before began
@@ -124,7 +124,7 @@ class Scan:
         self._intrusions: deque[tuple[SecondMasterError, Sequence[str]]] = deque()
         self._stops_wanted = 0
         self._stops_begun = 0
-        self._leaving = Leaving()
+        self._leaving = ShutdownStop()
         self._given_up = False
         self._quitting = False
         self._quick_stop_sent = False  # by the end of a scan that has failed
@@ -135,7 +135,7 @@ class Scan:
 
     # -- for other threads -------------------------------------------------------------------------------------------
 
-    def submit(self, target: Target, command: AnyCommand, ticket: Ticket) -> Ticket:
+    def submit(self, target: Target, command: AnyCommand, ticket: CommandStatus) -> CommandStatus:
         """Let a command for an axis or group wait for the next cycles; does not block.
 
         Return its ticket: that of the same command where it waits already (see ``inbox``).
@@ -257,7 +257,7 @@ class Scan:
         """
         if self._inherited:
             return "this process was forked from the one that has the machine: nothing is received here"
-        return None if self.failure is None else f"the scan of the bus has failed: {in_a_line(self.failure)}"
+        return None if self.failure is None else f"the scan of the bus has failed: {one_line(self.failure)}"
 
     def disown(self) -> None:
         """Be of no use any more: this is a forked child, where nothing runs the scan."""
@@ -377,7 +377,7 @@ class Scan:
         """Seconds between two cycles after which an axis is stopped."""
         return min((core.supervision.longest_gap for core in self.axes.values()), default=math.inf)
 
-    def _wait(self, cycle: Cycle) -> float:
+    def _wait(self, cycle: BusCycle) -> float:
         """Wait for the next point of the grid; skip and count those that have passed, or lie less than half a period ahead.
         Two cycles close together would be a burst: two SYNCs within a fraction of the time that the drives interpolate over.
         """
@@ -496,7 +496,7 @@ class Scan:
         if self.waiter is not None:
             self.waiter.notify()
 
-    def _set_override(self, factor: float, ticket: Ticket) -> None:
+    def _set_override(self, factor: float, ticket: CommandStatus) -> None:
         """Multiply the velocities of all axes; where one of them cannot take it, none does."""
         try:
             for core in self.axes.values():

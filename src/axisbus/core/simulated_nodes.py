@@ -17,7 +17,7 @@ from axisbus.sim.node.lss import NO_NODE_ID
 _KEY = "unconfigured"
 
 
-class StandIn:
+class SimulatedNode:
     """One simulated node; only there where the cell is simulated. Its methods may be called from any thread."""
 
     def __init__(self, device: Device, lock: AbstractContextManager[object]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 
-from axisbus.core.hang_diagnosis import Place, Whereabouts, whereabouts
+from axisbus.core.hang_diagnosis import BlockedLocation, HangDiagnosis, whereabouts
 from axisbus.core.scan import Scan
 from axisbus.cpu_starvation import REMEDY
 from axisbus.errors import ScanError
@@ -67,7 +67,7 @@ class Supervisor:
         self._scan.fail(_failure(place, silent, missing))
 
 
-def _failure(place: Whereabouts | None, silent: float, missing: float) -> ScanError:
+def _failure(place: HangDiagnosis | None, silent: float, missing: float) -> ScanError:
     """Return why there was no cycle for ``silent`` seconds, in ``missing`` of which this program did not run at all."""
     seen = f"no cycle for {silent:.2f} s"
     if place is None:
@@ -75,10 +75,10 @@ def _failure(place: Whereabouts | None, silent: float, missing: float) -> ScanEr
     if missing > silent / 2:
         message = f"this program did not run for {missing:.2f} s, and the scan of the bus did no cycle"
         return ScanError(message, observed=seen, remedy=f"{REMEDY}; then open the machine again")
-    if place.place is Place.DRIVER:
+    if place.place is BlockedLocation.DRIVER:
         return ScanError("the scan of the bus hangs", observed=seen, remedy=_REMEDY)
     seen += f"; its thread is in {place.text}, not in the adapter's driver"
-    if place.place is Place.PROGRAM:
+    if place.place is BlockedLocation.PROGRAM:
         message = "the scan of the bus is held up by code of the program's own that it has called"
         return ScanError(message, observed=seen, remedy=_CALLBACK)
     return ScanError(

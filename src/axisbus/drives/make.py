@@ -15,7 +15,7 @@ def no_explanation(code: int, details: Details) -> list[str]:  # noqa: ARG001  t
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class MeasuredObject:
     """A value that a drive tells: its object, and by what it is to be multiplied; ``of`` is an object that it is a part of."""
 
     index: int
@@ -25,9 +25,9 @@ class Measured:
 
 
 # What CiA 402-2 itself defines; temperatures are the makers' own.
-STANDARD_MEASURED: Mapping[str, Measured] = {
-    "voltage": Measured(0x6079, 0, 0.001),  # mV
-    "current": Measured(0x6078, 0, 0.001 * 0.001, of=0x6075),  # ‰ of rated current, which is in mA
+STANDARD_MEASURED: Mapping[str, MeasuredObject] = {
+    "voltage": MeasuredObject(0x6079, 0, 0.001),  # mV
+    "current": MeasuredObject(0x6078, 0, 0.001 * 0.001, of=0x6075),  # ‰ of rated current, which is in mA
 }
 
 
@@ -53,7 +53,7 @@ class Make:
     store_restarts: bool = False
     calibration_objects: tuple[tuple[int, int | None], ...] = ()
     scale_proposal: str = ""
-    measured: Mapping[str, Measured] = field(default_factory=dict)
+    measured: Mapping[str, MeasuredObject] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     def matches(self, vendor_id: int | None, product_code: int | None) -> bool:

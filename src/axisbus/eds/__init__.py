@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from axisbus.eds.checking import check
     from axisbus.eds.io.canopen_text import canopen_text
     from axisbus.eds.io.reader import load, loads
-    from axisbus.eds.model import Eds, Finding, Number, Object, ObjectType, Severity, Variable
+    from axisbus.eds.model import Eds, EdsFinding, Number, Object, ObjectType, Severity, Variable
     from axisbus.eds.report.compare import diff
-    from axisbus.eds.report.difference import Difference
+    from axisbus.eds.report.difference import EdsDifference
 
 _HOME = {
-    "Difference": "axisbus.eds.report.difference",
+    "EdsDifference": "axisbus.eds.report.difference",
     "Eds": "axisbus.eds.model",
-    "Finding": "axisbus.eds.model",
+    "EdsFinding": "axisbus.eds.model",
     "Number": "axisbus.eds.model",
     "Object": "axisbus.eds.model",
     "ObjectType": "axisbus.eds.model",
@@ -34,9 +34,9 @@ _HOME = {
 }
 
 __all__ = [
-    "Difference",
     "Eds",
-    "Finding",
+    "EdsDifference",
+    "EdsFinding",
     "Number",
     "Object",
     "ObjectType",

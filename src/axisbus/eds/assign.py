@@ -86,7 +86,7 @@ def text_for(variable: Variable, given: str, node_id: int | None = None) -> str:
     clear = _CLEAR | {_TWOS_COMPLEMENT} if "0x" in given.lower() else _CLEAR
     odd = [problem for problem in problems if problem.rule not in clear]
     if value is None or odd:
-        raise _refused(variable, given, odd[0] if odd else values.Problem("V001", "it is empty"))
+        raise _refused(variable, given, odd[0] if odd else values.ValueProblem("V001", "it is empty"))
     check_limits(variable, value, node_id)
     bare = given.strip() == "$NODEID"  # some readers want a number behind it
     return written(value, variable.data_type) if problems or bare else given.strip()
@@ -126,7 +126,7 @@ def _plain(value: Default | Limit, node_id: int | None) -> float | None:
     return value if isinstance(value, (int, float)) else None
 
 
-def _refused(variable: Variable, given: str, problem: values.Problem) -> ArgumentError:
+def _refused(variable: Variable, given: str, problem: values.ValueProblem) -> ArgumentError:
     kind = LimitError if problem.rule in ("V005", "V009", _TWOS_COMPLEMENT) else ArgumentError
     type_name = variable.data_type.name
     octets = variable.data_type in _OCTETS

@@ -7,14 +7,17 @@ from pathlib import Path
 
 from axisbus.eds.io import reader
 from axisbus.eds.io.lazy_objects import FileObjects
-from axisbus.eds.io.reader import Reading
-from axisbus.eds.model import Eds, Finding
+from axisbus.eds.io.reader import EdsParseResult
+from axisbus.eds.model import Eds, EdsFinding
 from axisbus.errors import ArgumentError
 
 
 def check(
-    what: Eds | Reading | str | Path, *, select: str | Iterable[str] = (), ignore: str | Iterable[str] = ()
-) -> tuple[Finding, ...]:
+    what: Eds | EdsParseResult | str | Path,
+    *,
+    select: str | Iterable[str] = (),
+    ignore: str | Iterable[str] = (),
+) -> tuple[EdsFinding, ...]:
     """Return everything that is wrong or odd in a file, in the order of its lines.
 
     ``what`` is a path, or what ``load``, ``loads`` or ``reader.read`` returned. ``select`` and ``ignore`` take ids of rules
@@ -35,13 +38,13 @@ def check(
     return engine.check(reading(what), rule_selection.chooser(select, ignore))
 
 
-def reading(what: Eds | Reading | str | Path) -> Reading:
+def reading(what: Eds | EdsParseResult | str | Path) -> EdsParseResult:
     """Return what a file says with its text: of a path, or of what was read already; raises like ``check``."""
-    if isinstance(what, Reading):
+    if isinstance(what, EdsParseResult):
         return what
     eds = what if isinstance(what, Eds) else reader.load(what)
     if not isinstance(eds.objects, FileObjects):
         raise ArgumentError(
             "this dictionary has no text to check", remedy="write it, and check what load() returns"
         )
-    return Reading(eds.objects.document, eds.objects.parts, eds)
+    return EdsParseResult(eds.objects.document, eds.objects.parts, eds)

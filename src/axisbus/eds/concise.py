@@ -17,7 +17,7 @@ _COUNT = struct.Struct("<I")
 _HEAD = struct.Struct("<HBI")
 
 
-class Write(NamedTuple):
+class ConciseWrite(NamedTuple):
     """One write to a device: ``data`` as SDO sends it, little endian."""
 
     index: int  # type: ignore[assignment]  # hides tuple.index, which nobody wants here
@@ -25,7 +25,7 @@ class Write(NamedTuple):
     data: bytes
 
 
-def encode(writes: Iterable[Write]) -> bytes:
+def encode(writes: Iterable[ConciseWrite]) -> bytes:
     """Return the stream of these writes, in their order."""
     every = tuple(writes)
     parts = [_COUNT.pack(len(every))]
@@ -38,7 +38,7 @@ class Taken(NamedTuple):
     """A stream taken apart: the number that it gives, the writes that are whole, and the octets left over."""
 
     said: int
-    writes: tuple[Write, ...]
+    writes: tuple[ConciseWrite, ...]
     rest: int
 
 
@@ -54,16 +54,16 @@ def take_apart(data: bytes) -> Taken:
     return Taken(count, tuple(writes), len(data) - at)
 
 
-def _whole(data: bytes, at: int) -> Write | None:
+def _whole(data: bytes, at: int) -> ConciseWrite | None:
     """Return the entry at an octet, None where it is cut off."""
     start = at + _HEAD.size
     if start > len(data):
         return None
     index, subindex, size = _HEAD.unpack_from(data, at)
-    return Write(index, subindex, data[start : start + size]) if start + size <= len(data) else None
+    return ConciseWrite(index, subindex, data[start : start + size]) if start + size <= len(data) else None
 
 
-def decode(data: bytes, source: str = "") -> tuple[Write, ...]:
+def decode(data: bytes, source: str = "") -> tuple[ConciseWrite, ...]:
     """Return the writes of a stream, in their order; ``source`` is the name that messages show.
 
     Raises:
@@ -72,7 +72,7 @@ def decode(data: bytes, source: str = "") -> tuple[Write, ...]:
     if len(data) < _COUNT.size:
         raise _broken(source, f"it has {counted(len(data), 'octet')}, the number of entries alone takes 4")
     (count,) = _COUNT.unpack_from(data)
-    writes: list[Write] = []
+    writes: list[ConciseWrite] = []
     at = _COUNT.size
     while at < len(data) and len(writes) < count:
         write = _entry(data, at, source, len(writes) + 1)
@@ -87,7 +87,7 @@ def decode(data: bytes, source: str = "") -> tuple[Write, ...]:
     return tuple(writes)
 
 
-def _entry(data: bytes, at: int, source: str, number: int) -> Write:
+def _entry(data: bytes, at: int, source: str, number: int) -> ConciseWrite:
     write = _whole(data, at)
     if write is not None:
         return write

@@ -14,9 +14,9 @@ from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import decode, encode, size_in_bytes
 from axisbus.cia402.objects import order
 from axisbus.eds import assign, dcf
-from axisbus.eds.concise import Write
+from axisbus.eds.concise import ConciseWrite
 from axisbus.eds.io.new_file import written
-from axisbus.eds.io.reader import Reading
+from axisbus.eds.io.reader import EdsParseResult
 from axisbus.eds.io.text import Section
 from axisbus.eds.io.values import Default
 from axisbus.eds.model import Eds, Number, Variable
@@ -41,11 +41,11 @@ class Configuration(NamedTuple):
     Left out are entries that cannot be written, that ObjFlags keeps from a download, and objects that act when written.
     """
 
-    writes: tuple[Write, ...]
+    writes: tuple[ConciseWrite, ...]
     left_out: tuple[Variable, ...]
 
 
-def configuration(reading: Reading, node_id: int | None = None) -> Configuration:
+def configuration(reading: EdsParseResult, node_id: int | None = None) -> Configuration:
     """Return what a concise DCF of a DCF holds: the values that differ from the defaults, for ``node_id`` (else the file's own).
 
     Of a PDO that is touched, all that is needed to change it is written: disabled first, its whole mapping, enabled last.
@@ -67,7 +67,7 @@ def configuration(reading: Reading, node_id: int | None = None) -> Configuration
     return Configuration(tuple(_ordered(eds, chosen, node)), tuple(left_out))
 
 
-def check_understood(reading: Reading) -> None:
+def check_understood(reading: EdsParseResult) -> None:
     """Raise EdsError where the file gives a parameter value that is none of its entry's type."""
     for section, key, index, subindex in _given(reading):
         variable = reading.eds.get(index, subindex)
@@ -82,7 +82,7 @@ def check_understood(reading: Reading) -> None:
             )
 
 
-def _given(reading: Reading) -> Iterator[tuple[Section, str, int, int]]:
+def _given(reading: EdsParseResult) -> Iterator[tuple[Section, str, int, int]]:
     """Yield section, key, index and sub-index wherever the file may give a parameter value."""
     parts = reading.parts
     for index, head in parts.heads.items():
@@ -114,17 +114,17 @@ def _data(eds: Eds, variable: Variable, value: Default, node: int | None) -> byt
     return encode(value, variable.data_type, where)
 
 
-def _ordered(eds: Eds, chosen: Mapping[_Key, bytes], node: int | None) -> Iterator[Write]:
+def _ordered(eds: Eds, chosen: Mapping[_Key, bytes], node: int | None) -> Iterator[ConciseWrite]:
     """Yield the writes: everything else, then PDO by PDO, then 1020h."""
     touched = {first for index, _ in chosen if (first := _communication_of(index)) is not None}
     for (index, subindex), data in sorted(chosen.items()):
         if _communication_of(index) is None and index != VERIFY:
-            yield Write(index, subindex, data)
+            yield ConciseWrite(index, subindex, data)
     for index in sorted(touched):
         yield from _Pdo(eds, index, chosen, node).writes()
     for (index, subindex), data in sorted(chosen.items()):
         if index == VERIFY:
-            yield Write(index, subindex, data)
+            yield ConciseWrite(index, subindex, data)
 
 
 def _communication_of(index: int) -> int | None:
@@ -145,34 +145,36 @@ class _Pdo:
         self._chosen = chosen
         self._node = node
 
-    def writes(self) -> Iterator[Write]:
+    def writes(self) -> Iterator[ConciseWrite]:
         """Yield all that changes the PDO, in the order that CiA 301 7.5.2.36 and 7.5.2.38 ask for."""
         cob = self._writable(self._communication, o.PDO_COB_ID)
         final = 0 if cob is None else int.from_bytes(self._value(cob), "little")
         if cob is not None:
-            yield Write(cob.index, cob.subindex, (final | _INVALID).to_bytes(4, "little"))
+            yield ConciseWrite(cob.index, cob.subindex, (final | _INVALID).to_bytes(4, "little"))
         for (index, subindex), data in sorted(self._chosen.items()):
             if index == self._communication and subindex != o.PDO_COB_ID:
-                yield Write(index, subindex, data)
+                yield ConciseWrite(index, subindex, data)
         if any(index == self._mapping for index, _ in self._chosen):
             yield from self._mapped()
         if cob is not None and not final & _INVALID:
-            yield Write(cob.index, cob.subindex, final.to_bytes(4, "little"))
+            yield ConciseWrite(cob.index, cob.subindex, final.to_bytes(4, "little"))
 
-    def _mapped(self) -> Iterator[Write]:
+    def _mapped(self) -> Iterator[ConciseWrite]:
         count = self._writable(self._mapping, 0)
         if count is None:  # entries that can be changed one by one, though their number is fixed
             yield from (
-                Write(*key, data) for key, data in sorted(self._chosen.items()) if key[0] == self._mapping
+                ConciseWrite(*key, data)
+                for key, data in sorted(self._chosen.items())
+                if key[0] == self._mapping
             )
             return
         number = self._value(count)
-        yield Write(self._mapping, 0, bytes(len(number)))
+        yield ConciseWrite(self._mapping, 0, bytes(len(number)))
         for subindex in range(1, int.from_bytes(number, "little") + 1):
             entry = assign.at(self._eds, self._mapping, subindex)
             if entry.writable:
-                yield Write(self._mapping, subindex, self._value(entry))
-        yield Write(self._mapping, 0, number)
+                yield ConciseWrite(self._mapping, subindex, self._value(entry))
+        yield ConciseWrite(self._mapping, 0, number)
 
     def _writable(self, index: int, subindex: int) -> Variable | None:
         variable = self._eds.get(index, subindex)
@@ -187,7 +189,7 @@ class _Pdo:
         return _data(self._eds, variable, value, self._node)
 
 
-def parameters(eds: Eds, writes: Iterable[Write]) -> list[tuple[Variable, str]]:
+def parameters(eds: Eds, writes: Iterable[ConciseWrite]) -> list[tuple[Variable, str]]:
     """Return what a concise DCF makes of the entries of a file, each as an EDS writes it; of several writes the last counts.
 
     Raises:

@@ -8,9 +8,9 @@ from itertools import pairwise
 
 from axisbus.eds import assign
 from axisbus.eds.io import compact, edit, reader, values
-from axisbus.eds.io.edit import Change
-from axisbus.eds.io.reader import Reading
-from axisbus.eds.io.text import Document, Section
+from axisbus.eds.io.edit import LineEdit
+from axisbus.eds.io.reader import EdsParseResult
+from axisbus.eds.io.text import EdsText, Section
 from axisbus.eds.model import Eds, Number, Variable
 from axisbus.errors import ArgumentError, EdsError
 
@@ -40,7 +40,9 @@ class Settings:
     last_eds: str | None = None
 
 
-def make(reading: Reading, settings: Settings, parameters: Iterable[tuple[Variable, str]] = ()) -> Reading:
+def make(
+    reading: EdsParseResult, settings: Settings, parameters: Iterable[tuple[Variable, str]] = ()
+) -> EdsParseResult:
     """Return the DCF of a node: ``reading`` (an EDS or DCF) with the settings, and with each text as the entry's ParameterValue.
 
     All other lines stay as they are. The texts are those that ``assign.text_for`` takes; the entries are of this reading.
@@ -58,7 +60,9 @@ def make(reading: Reading, settings: Settings, parameters: Iterable[tuple[Variab
     return _filled(reading, settings, chosen)
 
 
-def record(reading: Reading, settings: Settings, texts: Mapping[tuple[int, int], str]) -> Reading:
+def record(
+    reading: EdsParseResult, settings: Settings, texts: Mapping[tuple[int, int], str]
+) -> EdsParseResult:
     """Return the DCF of a node that answered with these values, by index and sub-index, each as an EDS writes it.
 
     Unlike ``make`` it asks neither access nor limits: what a device holds is what it holds.
@@ -70,7 +74,9 @@ def record(reading: Reading, settings: Settings, texts: Mapping[tuple[int, int],
     return _filled(reading, settings, texts)
 
 
-def _filled(reading: Reading, settings: Settings, chosen: Mapping[tuple[int, int], str]) -> Reading:
+def _filled(
+    reading: EdsParseResult, settings: Settings, chosen: Mapping[tuple[int, int], str]
+) -> EdsParseResult:
     in_sections = {key: text for key, text in chosen.items() if _section(reading, *key) is not None}
     changes = [
         edit.set_value(reading.document, section, "ParameterValue", text)
@@ -88,7 +94,7 @@ def _filled(reading: Reading, settings: Settings, chosen: Mapping[tuple[int, int
     return reader.read_document(document, reading.eds.source)
 
 
-def _check(reading: Reading, settings: Settings) -> None:
+def _check(reading: EdsParseResult, settings: Settings) -> None:
     for what, value, low, high in (
         ("a node ID", settings.node_id, 1, 127),
         ("a network number", settings.net_number or 0, 0, _MAX_U32),
@@ -117,7 +123,7 @@ def _list(numbers: Iterable[int]) -> str:
     return ", ".join(str(number) for number in numbers)
 
 
-def _section(reading: Reading, index: int, subindex: int) -> Section | None:
+def _section(reading: EdsParseResult, index: int, subindex: int) -> Section | None:
     """Return the section that describes an entry by itself, None where it is implied."""
     listed = reading.parts.beside.get((index, "value"))
     if listed is not None and str(subindex) in listed.entries:
@@ -128,14 +134,16 @@ def _section(reading: Reading, index: int, subindex: int) -> Section | None:
     return section
 
 
-def has_place(reading: Reading, index: int, subindex: int) -> bool:
+def has_place(reading: EdsParseResult, index: int, subindex: int) -> bool:
     """Whether a file can give an entry a value of its own; not where the entry is only implied, as by CompactPDO."""
     head = reading.parts.heads.get(index)
     compacted = head is not None and "compactsubobj" in head.entries
     return compacted or _section(reading, index, subindex) is not None
 
 
-def _lists(reading: Reading, document: Document, listed: Mapping[int, Mapping[str, str]]) -> Iterator[Change]:
+def _lists(
+    reading: EdsParseResult, document: EdsText, listed: Mapping[int, Mapping[str, str]]
+) -> Iterator[LineEdit]:
     """Yield the changes that put values into ``[xxxxValue]``, the place of compact sub-indices (DS 306 5).
 
     The sections are gone through once, however many values there are.
@@ -154,7 +162,7 @@ def _lists(reading: Reading, document: Document, listed: Mapping[int, Mapping[st
             yield from edit.set_values(document, section, {**texts, "NrOfEntries": str(count)})
 
 
-def _no_place(reading: Reading, index: int, subindex: int) -> EdsError:
+def _no_place(reading: EdsParseResult, index: int, subindex: int) -> EdsError:
     return EdsError(
         f"the file has no place for a value of {index:04X}h:{subindex:02X}",
         file=reading.eds.source,
@@ -163,19 +171,19 @@ def _no_place(reading: Reading, index: int, subindex: int) -> EdsError:
     )
 
 
-def _next(document: Document, section: Section) -> Section | None:
+def _next(document: EdsText, section: Section) -> Section | None:
     later = [each for each in document.sections.values() if each.line >= section.end]
     return min(later, key=lambda each: each.line, default=None)
 
 
-def _file_info(document: Document, settings: Settings) -> Iterator[Change]:
+def _file_info(document: EdsText, settings: Settings) -> Iterator[LineEdit]:
     section = document.sections.get("fileinfo")
     for key, name in (("FileName", settings.file_name), ("LastEDS", settings.last_eds)):
         if section is not None and name is not None and name.isascii():
             yield edit.set_value(document, section, key, name)
 
 
-def _commissioned(document: Document, settings: Settings) -> Document:
+def _commissioned(document: EdsText, settings: Settings) -> EdsText:
     entries = _entries(settings)
     misspelt = document.sections.get(_MISSPELT)
     section = document.sections.get(_SECTION.lower())
@@ -204,7 +212,7 @@ def _entries(settings: Settings) -> Mapping[str, str]:
     return {key: str(value) for key, value in given.items() if value is not None}
 
 
-def to_eds(reading: Reading, file_name: str | None = None) -> Reading:
+def to_eds(reading: EdsParseResult, file_name: str | None = None) -> EdsParseResult:
     """Return the EDS behind a DCF: without node, values, denotations and files; all other lines stay as they are.
 
     ``file_name`` is the name of the EDS, for [FileInfo].

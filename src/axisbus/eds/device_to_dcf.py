@@ -12,7 +12,7 @@ from axisbus.cia301.datatypes import DataType, decode, encode, size_in_bytes
 from axisbus.eds import dcf
 from axisbus.eds.io import values
 from axisbus.eds.io.new_file import written
-from axisbus.eds.io.reader import Reading
+from axisbus.eds.io.reader import EdsParseResult
 from axisbus.eds.model import Number, Variable
 from axisbus.errors import AxisbusError
 from axisbus.wording import counted
@@ -40,7 +40,7 @@ class LeftOut:
     reason: str
 
 
-def readable(reading: Reading) -> tuple[list[Variable], list[LeftOut]]:
+def readable(reading: EdsParseResult) -> tuple[list[Variable], list[LeftOut]]:
     """Return the entries to be read for a backup, and those that are left out."""
     wanted, left_out = [], []
     for entry in reading.eds:
@@ -58,7 +58,7 @@ def left(variable: Variable, reason: str) -> LeftOut:
     return LeftOut(variable.index, variable.subindex, variable.name, reason)
 
 
-def _reason(reading: Reading, variable: Variable) -> str:
+def _reason(reading: EdsParseResult, variable: Variable) -> str:
     if not variable.readable:
         return "it can only be written"
     if variable.object_flags & _REFUSES_SCAN:

@@ -22,7 +22,7 @@ _ADDRESS = re.compile(
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class DictionaryEntry:
     """One object as the master sees it; ``data_type`` is None where neither file nor standard gives it; limits likewise."""
 
     index: int
@@ -48,17 +48,17 @@ class Dictionary:
         """Whether the EDS has the entry; None where there is no EDS to ask."""
         return None if self.eds is None else self.eds.get(index, subindex) is not None
 
-    def entry(self, index: int, subindex: int = 0) -> Entry:
+    def entry(self, index: int, subindex: int = 0) -> DictionaryEntry:
         """Return what is known of an entry, also where that is nothing."""
         variable = self.eds.get(index, subindex) if self.eds is not None else None
         name, standard_type = standard(index, subindex)
         if variable is None:
-            return Entry(index, subindex, name, standard_type)
+            return DictionaryEntry(index, subindex, name, standard_type)
         data_type = merged_type(variable.data_type, standard_type)
         low, high = _limits(variable, data_type, self._node_id)
-        return Entry(index, subindex, variable.name or name, data_type, low, high)
+        return DictionaryEntry(index, subindex, variable.name or name, data_type, low, high)
 
-    def resolve(self, key: int | str, subindex: int = 0) -> Entry:
+    def resolve(self, key: int | str, subindex: int = 0) -> DictionaryEntry:
         """Return the entry meant by an index (0 to FFFFh) or a text.
 
         A text is a name of the EDS or of the standard (``"Profile velocity"``), or hexadecimal digits with an optional sub-index,

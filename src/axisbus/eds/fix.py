@@ -17,11 +17,11 @@ from dataclasses import dataclass
 from itertools import accumulate
 
 from axisbus.eds.fixes import counts, dummy_usage, encoding, non_ascii, spelling, text, values
-from axisbus.eds.fixes.base import Bench, Mend, Mended
+from axisbus.eds.fixes.base import Fix, FixContext, Mend
 from axisbus.eds.io import edit, reader
-from axisbus.eds.io.edit import Change
-from axisbus.eds.io.reader import Reading
-from axisbus.eds.io.text import Document
+from axisbus.eds.io.edit import LineEdit
+from axisbus.eds.io.reader import EdsParseResult
+from axisbus.eds.io.text import EdsText
 
 STAGES: tuple[Mapping[str, Mend], ...] = (
     {**text.MENDS, **spelling.MENDS, **values.MENDS, **dummy_usage.NAMES, **non_ascii.MENDS},
@@ -42,19 +42,19 @@ class Fixed:
     ``origins`` holds 0 for a line that is new or changed.
     """
 
-    reading: Reading
-    mended: tuple[Mended, ...]
+    reading: EdsParseResult
+    mended: tuple[Fix, ...]
     origins: tuple[int, ...]
 
 
-def fix(reading: Reading) -> Fixed:
+def fix(reading: EdsParseResult) -> Fixed:
     """Return the reading with everything mended that safely can be; pure, the given one stays as it is.
 
     Raises:
         EdsError: nothing is left that describes an object, which no file that was read should come to.
     """
     reading, done = _whole(reading)
-    bench = Bench(reading)
+    bench = FixContext(reading)
     stages = (
         STAGES[:1] if _ends_early(reading) else STAGES
     )  # where the rest is missing, the counts are not wrong
@@ -69,27 +69,27 @@ def fix(reading: Reading) -> Fixed:
     return Fixed(bench.reading, tuple(sorted(done, key=lambda mended: mended.line)), origins)
 
 
-def _ends_early(reading: Reading) -> bool:
+def _ends_early(reading: EdsParseResult) -> bool:
     from axisbus.eds.rules import context, truncated_file  # the rules take as long to import as all the rest
 
-    return truncated_file.ending(context.Sheet(reading)) is not None
+    return truncated_file.ending(context.RuleContext(reading)) is not None
 
 
-def _whole(reading: Reading) -> tuple[Reading, list[Mended]]:
+def _whole(reading: EdsParseResult) -> tuple[EdsParseResult, list[Fix]]:
     """Mend the encoding and the line ends."""
     done = []
     for rule, (mend, what) in encoding.WHOLE.items():
         document = mend(reading.document)
         if document is not None:
             reading = reader.read_document(document, reading.eds.source)
-            done.append(Mended(rule, 1, what, ()))
+            done.append(Fix(rule, 1, what, ()))
     return reading, done
 
 
 def _stage(
-    bench: Bench, stage: Mapping[str, Mend], origins: tuple[int, ...]
-) -> tuple[Bench, list[Mended], tuple[int, ...]]:
-    done: list[Mended] = []
+    bench: FixContext, stage: Mapping[str, Mend], origins: tuple[int, ...]
+) -> tuple[FixContext, list[Fix], tuple[int, ...]]:
+    done: list[Fix] = []
     for _ in range(_MAX_ROUNDS):
         chosen = _chosen(bench, stage.values())
         if not chosen:
@@ -99,11 +99,11 @@ def _stage(
         done += [mended._replace(line=known[mended.line]) for mended in chosen]
         document = edit.apply(bench.document, changes)
         origins = _moved(origins, changes, document)
-        bench = Bench(reader.read_document(document, bench.reading.eds.source))
+        bench = FixContext(reader.read_document(document, bench.reading.eds.source))
     return bench, done, origins
 
 
-def _chosen(bench: Bench, mends: Iterable[Mend]) -> list[Mended]:
+def _chosen(bench: FixContext, mends: Iterable[Mend]) -> list[Fix]:
     """Return what the mends want, without what touches a line that an earlier one touches."""
     taken: set[int] = set()
     chosen = []
@@ -116,7 +116,7 @@ def _chosen(bench: Bench, mends: Iterable[Mend]) -> list[Mended]:
     return chosen
 
 
-def _moved(origins: tuple[int, ...], changes: Iterable[Change], document: Document) -> tuple[int, ...]:
+def _moved(origins: tuple[int, ...], changes: Iterable[LineEdit], document: EdsText) -> tuple[int, ...]:
     """Return the original's line of each line after changes were made."""
     made: list[int] = []
     done = 0

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from axisbus.eds.fix import Fixed
-from axisbus.eds.io.text import Document
+from axisbus.eds.io.text import EdsText
 
 CONTEXT = 3  # unchanged lines shown around a change
 
@@ -20,7 +20,7 @@ class _Edit(NamedTuple):
     new_end: int
 
 
-def unified(before: Document, fixed: Fixed, name: str) -> Iterator[str]:
+def unified(before: EdsText, fixed: Fixed, name: str) -> Iterator[str]:
     """Yield the lines of a unified diff without line ends; nothing where no line changed."""
     old = [line.removesuffix("\r") for line in before.lines]
     new = [line.removesuffix("\r") for line in fixed.reading.document.lines]

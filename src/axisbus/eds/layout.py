@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from axisbus.cia301 import cob, objects
 from axisbus.cia301.datatypes import DataType
-from axisbus.cia301.pdo import MAX_BITS, MappedObject, Pdo, dummy_type
+from axisbus.cia301.pdo import MAX_BITS, MappedObject, PdoConfiguration, dummy_type
 from axisbus.eds.dictionary import merged_type, standard
 from axisbus.eds.model import Eds, Number, Variable
 from axisbus.wording import counted
@@ -16,7 +16,7 @@ _MULTIPLEXED = {0xFE: "SAM-MPDO", 0xFF: "DAM-MPDO"}  # sub-index 0 of a multiple
 
 
 @dataclass(frozen=True, slots=True)
-class Slot:
+class PdoSlot:
     """One mapped object: ``first_bit`` counts from 0, the least significant of byte 0; ``data_type`` is None where unknown.
 
     ``variable`` is None for a dummy, and for an object that the file does not describe; ``record`` tells whether the object has
@@ -67,7 +67,7 @@ class Slot:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class PdoLayout:
     """One PDO as the file has it, for one node or (``node_id`` None) as a formula; ``number`` counts from 1.
 
     ``cob_id`` is the entry with its flags (None: the file gives none, or a formula and no node ID). ``transmission_type``,
@@ -81,7 +81,7 @@ class Layout:
     transmission_type: int | None
     inhibit_time: int | None
     event_timer: int | None
-    slots: tuple[Slot, ...]
+    slots: tuple[PdoSlot, ...]
     notes: tuple[str, ...]
 
     @property
@@ -128,7 +128,7 @@ class Layout:
         return (self.bits + 7) // 8
 
 
-def layouts(eds: Eds, node_id: int | None) -> tuple[Layout, ...]:
+def layouts(eds: Eds, node_id: int | None) -> tuple[PdoLayout, ...]:
     """Return all PDOs that the file describes, RPDOs first; ``node_id`` (1 to 127) resolves ``$NODEID``."""
     return tuple(
         _layout(eds, node_id, receive, index)
@@ -138,11 +138,11 @@ def layouts(eds: Eds, node_id: int | None) -> tuple[Layout, ...]:
     )
 
 
-def of_pdo(eds: Eds, pdo: Pdo, *, receive: bool) -> Layout:
+def of_pdo(eds: Eds, pdo: PdoConfiguration, *, receive: bool) -> PdoLayout:
     """Return a PDO as a drive holds it; ``eds`` has the names of what it maps."""
     flags = (0 if pdo.valid else cob.INVALID) | (cob.EXTENDED if pdo.cob_id > cob.ID_MASK_11 else 0)
     slots = tuple(_slots(eds, list(pdo.mapping)))
-    return Layout(
+    return PdoLayout(
         receive,
         pdo.number,
         pdo.cob_id | flags,
@@ -161,14 +161,14 @@ def describe_mapped(eds: Eds, entry: int) -> str:
     return f"{mapped} {_slot(eds, mapped, 0).name}".rstrip() if entry else ""
 
 
-def _layout(eds: Eds, node_id: int | None, receive: bool, index: int) -> Layout:
+def _layout(eds: Eds, node_id: int | None, receive: bool, index: int) -> PdoLayout:
     first = objects.RPDO_COMMUNICATION if receive else objects.TPDO_COMMUNICATION
     mapping = (objects.RPDO_MAPPING if receive else objects.TPDO_MAPPING) + index - first
     formula = _number(eds, index, objects.PDO_COB_ID)
     unresolved = formula is None or (formula.plus_node_id and node_id is None)
     entries, notes = _entries(eds, mapping, node_id)
     slots = tuple(_slots(eds, entries))
-    return Layout(
+    return PdoLayout(
         receive,
         index - first + 1,
         None if formula is None or unresolved else formula.resolve(node_id),
@@ -211,7 +211,7 @@ def _count_notes(index: int, count: int | None, found: list[int]) -> list[str]:
     return notes
 
 
-def _slots(eds: Eds, entries: list[MappedObject]) -> Iterator[Slot]:
+def _slots(eds: Eds, entries: list[MappedObject]) -> Iterator[PdoSlot]:
     at = 0
     for mapped in entries:
         slot = _slot(eds, mapped, at)
@@ -219,14 +219,14 @@ def _slots(eds: Eds, entries: list[MappedObject]) -> Iterator[Slot]:
         yield slot
 
 
-def _slot(eds: Eds, mapped: MappedObject, at: int) -> Slot:
+def _slot(eds: Eds, mapped: MappedObject, at: int) -> PdoSlot:
     if mapped.is_dummy:
-        return Slot(mapped, at, "(space)", dummy_type(mapped), None)
+        return PdoSlot(mapped, at, "(space)", dummy_type(mapped), None)
     variable = eds.get(mapped.index, mapped.subindex)
     name, data_type = standard(mapped.index, mapped.subindex)
     if variable is None:
-        return Slot(mapped, at, name, data_type, None)
-    return Slot(
+        return PdoSlot(mapped, at, name, data_type, None)
+    return PdoSlot(
         mapped,
         at,
         _name(eds, variable),
@@ -246,7 +246,7 @@ def _name(eds: Eds, variable: Variable) -> str:
     return f"{owner.name} {variable.subindex}" if shared or not name else name
 
 
-def _oddities(eds: Eds, slots: tuple[Slot, ...]) -> Iterator[str]:
+def _oddities(eds: Eds, slots: tuple[PdoSlot, ...]) -> Iterator[str]:
     for slot in slots:
         if slot.variable is None and not slot.mapped.is_dummy:
             yield f"{slot.mapped} is mapped, but the file does not describe it"

@@ -50,7 +50,7 @@ _RANKS = {severity: rank for rank, severity in enumerate(Severity)}
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class EdsFinding:
     """One thing that is wrong or odd: ``line`` and ``column`` count from 1 (0: the whole file)."""
 
     rule: str
@@ -320,7 +320,7 @@ class Eds:
     modules: Mapping[int, Module] = field(default_factory=dict)
     connected: tuple[int, ...] = ()
     dynamic_channels: tuple[DynamicChannel, ...] = ()
-    _diagnose: Callable[[], tuple[Finding, ...]] = field(default=tuple, compare=False, repr=False)
+    _diagnose: Callable[[], tuple[EdsFinding, ...]] = field(default=tuple, compare=False, repr=False)
     _names: dict[str, tuple[int, int]] = field(default_factory=dict, compare=False, repr=False)
     _texts: dict[str, str] = field(default_factory=dict, compare=False, repr=False)  # made once on first use
 
@@ -331,7 +331,7 @@ class Eds:
         return html(self)
 
     @property
-    def findings(self) -> tuple[Finding, ...]:
+    def findings(self) -> tuple[EdsFinding, ...]:
         """What reading found odd, in the order of the lines; the first look goes through the whole file."""
         return self._diagnose()
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from axisbus.eds.io.lazy_objects import FileObjects
 from axisbus.eds.io.new_file import compose
-from axisbus.eds.io.reader import Reading
-from axisbus.eds.io.text import Document
+from axisbus.eds.io.reader import EdsParseResult
+from axisbus.eds.io.text import EdsText
 from axisbus.eds.model import Eds
 
 
-def dumps(source: Document | Reading | Eds) -> bytes:
+def dumps(source: EdsText | EdsParseResult | Eds) -> bytes:
     """Return the bytes of an EDS or DCF.
 
     A document, a reading, and an ``Eds`` as ``load`` returned it give the bytes they were read from; a document that
@@ -24,5 +24,5 @@ def dumps(source: Document | Reading | Eds) -> bytes:
         if not isinstance(objects, FileObjects) or source.info is not objects.parts.info:
             return compose(source).encode("ascii")
         source = objects.document
-    document = source.document if isinstance(source, Reading) else source
+    document = source.document if isinstance(source, EdsParseResult) else source
     return document.bom + document.newline.join(document.lines).encode(document.encoding)

@@ -11,8 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from axisbus.errors import ArgumentError, StaleError
-from axisbus.fleet.messages import AxisState as Told
-from axisbus.fleet.messages import Value
+from axisbus.fleet.messages import AxisStateMessage, Value
 from axisbus.machine.handle import Handle
 from axisbus.motion.states import AxisState
 
@@ -123,7 +122,7 @@ class FleetAxis:
             raise self._stale(what, "the cell does not know it: never received there, or too old")
         return value
 
-    def _told(self, what: str) -> Told:
+    def _told(self, what: str) -> AxisStateMessage:
         seen = self._cell.seen(self.name)
         if seen is None:
             raise self._stale(what, self._cell.silence or "nothing was heard of it")

@@ -9,12 +9,12 @@ import msgspec
 
 from axisbus.errors import ArgumentError, StateError, UnknownNameError
 from axisbus.fleet.axis import FleetAxis
-from axisbus.fleet.cell_state import Seen
+from axisbus.fleet.cell_state import LastAxisState
 from axisbus.fleet.command_retry import error_of
-from axisbus.fleet.command_sender import Sending
+from axisbus.fleet.command_sender import CommandSender
 from axisbus.fleet.decode import read
-from axisbus.fleet.keys import CellKeys
-from axisbus.fleet.lease_session import Command, Leases, no_answer
+from axisbus.fleet.keys import ZenohCellKeys
+from axisbus.fleet.lease_session import CellControl, Leases, no_answer
 from axisbus.fleet.messages import (
     PROTOCOL,
     AxisInfo,
@@ -27,8 +27,8 @@ from axisbus.fleet.messages import (
     RecordingInfo,
     Value,
 )
-from axisbus.fleet.subscriptions import Hearing
-from axisbus.fleet.zenoh_client import Asking
+from axisbus.fleet.subscriptions import FleetSubscriptions
+from axisbus.fleet.zenoh_client import ZenohClient
 from axisbus.ipc.errors import ErrorFields
 from axisbus.machine.handle import Handle
 
@@ -39,9 +39,9 @@ _Message = TypeVar("_Message")
 class Ways(NamedTuple):
     """How a fleet reaches its cells."""
 
-    asking: Asking
-    hearing: Hearing
-    sending: Sending
+    asking: ZenohClient
+    hearing: FleetSubscriptions
+    sending: CommandSender
     leases: Leases
 
 
@@ -53,7 +53,7 @@ class FleetCell:
     def __init__(self, name: str, ways: Ways) -> None:
         self.name = name
         self._ways = ways
-        self._keys = CellKeys(ways.hearing.plant, name)
+        self._keys = ZenohCellKeys(ways.hearing.plant, name)
         self._axes: dict[str, FleetAxis] = {}
 
     def __repr__(self) -> str:
@@ -153,7 +153,7 @@ class FleetCell:
         """Those of the events that are of errors and warnings, the oldest first, with cause and remedy where they are known."""
         return [event for event in self.events if event.kind == "incident" or event.severity != "info"]
 
-    def seen(self, axis: str) -> Seen | None:
+    def seen(self, axis: str) -> LastAxisState | None:
         """Return what an axis told last, with its age and whether it holds now; None where nothing was heard of it."""
         return self._ways.hearing.look(self.name, lambda watch, now: watch.seen(axis, now))
 
@@ -163,7 +163,7 @@ class FleetCell:
 
     # -- who commands it, and stops --------------------------------------------------------------------------------------
 
-    def command(self, *, over: bool = False) -> Command[FleetCell]:
+    def command(self, *, over: bool = False) -> CellControl[FleetCell]:
         """Have the command of the cell, for a ``with`` block: entering it takes the cell's lease, leaving it gives that back.
 
         The lease is renewed in a thread. Where that stops, for this program is killed, stopped or cut off, the cell halts what
@@ -174,7 +174,7 @@ class FleetCell:
             OwnershipError: another program has it (on entering).
             StateError: the cell gives no answer, or this program has its command already (on entering).
         """
-        return Command(self, self.name, self._ways.leases, over)
+        return CellControl(self, self.name, self._ways.leases, over)
 
     def holder(self) -> str | None:
         """Return who has the command, for people, None where nobody has; blocks for at most 2 s.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from axisbus.fleet.events import EventLog
-from axisbus.fleet.messages import PROTOCOL, AxisInfo, AxisState, CellInfo, Event
+from axisbus.fleet.messages import PROTOCOL, AxisInfo, AxisStateMessage, CellInfo, Event
 from axisbus.version import __version__
 
 FRESH = 1.0  # seconds: what is older is not known any more
@@ -16,17 +16,17 @@ _OVER = 100  # runs of which it is kept that they are over
 _MISSED = 2.0  # seconds in which the token of a bridge that was killed is gone for sure
 
 
-class Seen(NamedTuple):
+class LastAxisState(NamedTuple):
     """What an axis told last; ``age``: how old it is now (s), None where nothing is known; ``fresh``: whether it holds now."""
 
-    state: AxisState
+    state: AxisStateMessage
     age: float | None
     fresh: bool
 
 
 @dataclass(frozen=True, slots=True)
 class _Heard:
-    state: AxisState
+    state: AxisStateMessage
     at: float
 
 
@@ -74,7 +74,7 @@ class CellWatch:
         self.clock_difference = info.clock - wall
         return True
 
-    def take_state(self, axis: str, state: AxisState, now: float, wall: float) -> bool:
+    def take_state(self, axis: str, state: AxisStateMessage, now: float, wall: float) -> bool:
         """Take in what an axis does; return whether it is newer than what is here."""
         if not self._of_now(state.bridge):
             return False
@@ -129,14 +129,14 @@ class CellWatch:
         axes = () if self.info is None else self.info.axes
         return next((each for each in axes if each.name == axis), None)
 
-    def seen(self, axis: str, now: float) -> Seen | None:
+    def seen(self, axis: str, now: float) -> LastAxisState | None:
         """Return what an axis told last, None where it told nothing in this run of its bridge."""
         heard = self._states.get(axis)
         if heard is None:
             return None
         age = None if heard.state.age is None else heard.state.age + (now - heard.at)
         known = age is not None and age <= FRESH and heard.state.state != UNKNOWN
-        return Seen(heard.state, age, self.alive and known)
+        return LastAxisState(heard.state, age, self.alive and known)
 
     def rivals(self, now: float) -> bool:
         """Whether two bridges have this name, for longer than one that was killed is missed in."""

@@ -38,7 +38,7 @@ class Again(NamedTuple):
     after: float
 
 
-class End(NamedTuple):
+class CommandEnd(NamedTuple):
     """The command has ended, as far as can be known."""
 
     status: Status
@@ -47,7 +47,7 @@ class End(NamedTuple):
 
 
 @dataclass
-class Order:
+class CommandRetry:
     """One command under way. ``once``: it must not come late, so it is never asked again."""
 
     name: str
@@ -60,26 +60,28 @@ class Order:
     def __post_init__(self) -> None:
         self._heard = self.begun
 
-    def answered(self, answer: CommandAnswer, now: float) -> Again | End:
+    def answered(self, answer: CommandAnswer, now: float) -> Again | CommandEnd:
         """Return what follows an answer."""
         if answer.status == "done":
-            return End(Status.DONE, None, answer.note)
+            return CommandEnd(Status.DONE, None, answer.note)
         if answer.status == "error":
             error = error_of(answer.error, self.name)
-            return End(end_as(error), error, answer.note)
+            return CommandEnd(end_as(error), error, answer.note)
         if self.once:
-            return End(Status.DONE, None, answer.note)  # it was taken: to ask again would be to press again
+            return CommandEnd(
+                Status.DONE, None, answer.note
+            )  # it was taken: to ask again would be to press again
         self.active, self._heard = True, now
         return Again(_GOES_ON)
 
-    def unanswered(self, seen: Situation) -> Again | End:
+    def unanswered(self, seen: Situation) -> Again | CommandEnd:
         """Return what follows a query that nobody has answered."""
         why = self._given_up(seen)
-        return Again(_AGAIN) if why is None else End(Status.ERROR, self._unknown(why))
+        return Again(_AGAIN) if why is None else CommandEnd(Status.ERROR, self._unknown(why))
 
-    def closed(self) -> End:
+    def closed(self) -> CommandEnd:
         """Return how it ends here where its program asks nothing any more."""
-        return End(Status.ERROR, self._unknown("this program has closed its fleet while it ran"))
+        return CommandEnd(Status.ERROR, self._unknown("this program has closed its fleet while it ran"))
 
     def _given_up(self, seen: Situation) -> str | None:
         """Return why it is not asked again, None where it is."""

@@ -14,13 +14,13 @@ import msgspec
 
 from axisbus.core.waiting import ThreadWaiter
 from axisbus.errors import AxisbusError, StateError
-from axisbus.fleet.command_retry import Again, End, Order
+from axisbus.fleet.command_retry import Again, CommandEnd, CommandRetry
 from axisbus.fleet.decode import read
-from axisbus.fleet.event_loop import Worker
-from axisbus.fleet.keys import CellKeys
+from axisbus.fleet.event_loop import EventLoopThread
+from axisbus.fleet.keys import ZenohCellKeys
 from axisbus.fleet.messages import TOO_LATE, CommandAnswer, CommandAsk, Value
-from axisbus.fleet.subscriptions import Hearing
-from axisbus.fleet.zenoh_client import Asking
+from axisbus.fleet.subscriptions import FleetSubscriptions
+from axisbus.fleet.zenoh_client import ZenohClient
 from axisbus.machine.handle import Handle
 from axisbus.motion.command_status import Status
 from axisbus.session import CommandEvent
@@ -33,10 +33,10 @@ _PROMPT = (
 _STOPS = 64  # of which it is kept what they were of
 
 
-class Sending:
+class CommandSender:
     """Gives commands to cells; holds those that are under way. Any thread may use it."""
 
-    def __init__(self, hearing: Hearing, asking: Asking, worker: Worker) -> None:
+    def __init__(self, hearing: FleetSubscriptions, asking: ZenohClient, worker: EventLoopThread) -> None:
         self.client = uuid.uuid4().hex
         self.waiter = ThreadWaiter()
         self.waiter.scan_thread = worker.thread  # a callback that waited there would wait for itself
@@ -78,12 +78,12 @@ class Sending:
         handle = Handle(name, self.waiter)
         seen = self._hearing.situation(cell, True)
         if not stops and not seen.alive:
-            self._end(handle, End(Status.ERROR, _not_there(name)))
+            self._end(handle, CommandEnd(Status.ERROR, _not_there(name)))
             return handle
-        order = Order(name, seen.now, seen.run, once=once, needs_lease=not stops)
+        order = CommandRetry(name, seen.now, seen.run, once=once, needs_lease=not stops)
         with self._lock:
             ask = CommandAsk(self.client, next(self._ids), self._tokens.get(cell, ""), axes, dict(values))
-            sent = _Sent(cell, CellKeys(self._hearing.plant, cell).command(verb), ask, order, handle)
+            sent = _Sent(cell, ZenohCellKeys(self._hearing.plant, cell).command(verb), ask, order, handle)
             self._under_way.add(sent)
             if stops:
                 self._stops.setdefault(cell, deque(maxlen=_STOPS)).append((ask.id, axes))
@@ -136,14 +136,14 @@ class Sending:
             sent.ask = msgspec.structs.replace(sent.ask, id=next(self._ids), token=token)
             self._ask(sent)
 
-    def _go_on(self, sent: _Sent, what: Again | End) -> None:
+    def _go_on(self, sent: _Sent, what: Again | CommandEnd) -> None:
         if isinstance(what, Again):
             self._worker.later(what.after, partial(self._ask, sent))
             return
         self._under_way.discard(sent)
         self._end(sent.handle, what)
 
-    def _end(self, handle: Handle, end: End) -> None:
+    def _end(self, handle: Handle, end: CommandEnd) -> None:
         handle.hear(CommandEvent(0, end.status, end.error, end.note))
         self.waiter.notify()
 
@@ -158,7 +158,7 @@ class Sending:
 class _Sent:
     """One command under way: what is asked, by which key, and who waits for its end."""
 
-    def __init__(self, cell: str, key: str, ask: CommandAsk, order: Order, handle: Handle) -> None:
+    def __init__(self, cell: str, key: str, ask: CommandAsk, order: CommandRetry, handle: Handle) -> None:
         self.cell, self.key, self.ask, self.order, self.handle = cell, key, ask, order, handle
 
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 log = logging.getLogger("axisbus")
 
 
-class Worker:
+class EventLoopThread:
     """Calls what it is given, one after the other, in a thread of its own; any thread may give."""
 
     def __init__(self, name: str) -> None:

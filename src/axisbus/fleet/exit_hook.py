@@ -13,7 +13,7 @@ from collections.abc import Callable
 log = logging.getLogger("axisbus")
 
 
-class Ending:
+class ExitHook:
     """Holds what is to be called once, as the main thread ends."""
 
     def __init__(self) -> None:
@@ -46,4 +46,4 @@ class Ending:
                 log.exception("a fleet could not be closed")
 
 
-ENDING = Ending()
+ENDING = ExitHook()

@@ -13,15 +13,15 @@ from types import TracebackType
 from axisbus.errors import StateError
 from axisbus.fleet import network
 from axisbus.fleet.cell import FleetCell, Ways
-from axisbus.fleet.command_sender import Sending
+from axisbus.fleet.command_sender import CommandSender
 from axisbus.fleet.endpoint_status import unreached
-from axisbus.fleet.event_loop import Worker
+from axisbus.fleet.event_loop import EventLoopThread
 from axisbus.fleet.exit_hook import ENDING
-from axisbus.fleet.keys import CellKeys, named
+from axisbus.fleet.keys import ZenohCellKeys, named
 from axisbus.fleet.lease_session import Leases
-from axisbus.fleet.network import Network
-from axisbus.fleet.subscriptions import Hearing
-from axisbus.fleet.zenoh_client import Asking
+from axisbus.fleet.network import ZenohNetwork
+from axisbus.fleet.subscriptions import FleetSubscriptions
+from axisbus.fleet.zenoh_client import ZenohClient
 from axisbus.machine.handle import Handle
 
 _LOOK = 1.0  # seconds for which opening waits for the cells that are there
@@ -61,12 +61,12 @@ class Fleet:
         """
         self.plant = named("the plant", plant)
         file = None if config is None else Path(config)
-        way = Network(tuple(connect), tuple(listen), scouting, file)
-        self._asking = Asking(network.opened(way))
+        way = ZenohNetwork(tuple(connect), tuple(listen), scouting, file)
+        self._asking = ZenohClient(network.opened(way))
         self._connect = network.far_ends(way)
-        self._worker = Worker("axisbus fleet")
-        self._hearing = Hearing(plant, self._asking, self._worker)
-        self._sending = Sending(self._hearing, self._asking, self._worker)
+        self._worker = EventLoopThread("axisbus fleet")
+        self._hearing = FleetSubscriptions(plant, self._asking, self._worker)
+        self._sending = CommandSender(self._hearing, self._asking, self._worker)
         self._leases = Leases(who or _who(), self._hearing, self._asking, self._worker, self._sending)
         self._cells: dict[str, FleetCell] = {}
         self._forget = ENDING.add(self.close)
@@ -175,7 +175,7 @@ class Fleet:
     def _first_look(self, seconds: float, comes: bool) -> None:
         """Wait until the cells that are there have told what they are; ``comes``: more may come by themselves."""
         end = time.monotonic() + seconds
-        every = CellKeys.of_all(self.plant).alive
+        every = ZenohCellKeys.of_all(self.plant).alive
         while (left := end - time.monotonic()) > 0:
             found = [key.split("/")[2] for key in self._asking.tokens(every, left)]
             if not comes and not self.unreached and found and self._hearing.settled(found):

@@ -32,14 +32,14 @@ def named(what: str, name: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class CellKeys:
+class ZenohCellKeys:
     """The keys of one cell of a plant; both names as ``named`` returns them, or ``*`` for all (``of_all``)."""
 
     plant: str
     cell: str
 
     @classmethod
-    def of_all(cls, plant: str) -> CellKeys:
+    def of_all(cls, plant: str) -> ZenohCellKeys:
         """The keys of every cell of a plant, to ask or hear them all."""
         return cls(plant, _ANY)
 
@@ -63,7 +63,7 @@ class CellKeys:
         return f"{self.base}/info"
 
     def state(self, axis: str) -> str:
-        """What an axis does (``messages.AxisState``), published; an answer to a query is the newest. ``*`` is every axis."""
+        """What an axis does (``messages.AxisStateMessage``), published; an answer to a query is the newest. ``*`` is every axis."""
         return f"{self.base}/{axis}/state"
 
     @property

@@ -13,15 +13,15 @@ import msgspec
 from axisbus.errors import AxisbusError, OwnershipError, StateError
 from axisbus.fleet.command_retry import error_of
 from axisbus.fleet.decode import read
-from axisbus.fleet.event_loop import Worker
-from axisbus.fleet.keys import CellKeys
+from axisbus.fleet.event_loop import EventLoopThread
+from axisbus.fleet.keys import ZenohCellKeys
 from axisbus.fleet.lease import LeaseKeeper
 from axisbus.fleet.messages import LeaseAnswer, LeaseAsk
-from axisbus.fleet.zenoh_client import Asking
+from axisbus.fleet.zenoh_client import ZenohClient
 
 if TYPE_CHECKING:
-    from axisbus.fleet.command_sender import Sending
-    from axisbus.fleet.subscriptions import Hearing
+    from axisbus.fleet.command_sender import CommandSender
+    from axisbus.fleet.subscriptions import FleetSubscriptions
 
 _TIMEOUT = 2.0  # seconds for an answer
 _HANDS = 5.0  # seconds in which a lease has changed hands: what moves halts first
@@ -35,7 +35,14 @@ _Cell = TypeVar("_Cell")
 class Leases:
     """Asks cells about their leases, and renews those that this program holds."""
 
-    def __init__(self, who: str, hearing: Hearing, asking: Asking, worker: Worker, sending: Sending) -> None:
+    def __init__(
+        self,
+        who: str,
+        hearing: FleetSubscriptions,
+        asking: ZenohClient,
+        worker: EventLoopThread,
+        sending: CommandSender,
+    ) -> None:
         """``who``: what this program is called, for people."""
         self._who, self._hearing, self._sending = who, hearing, sending
         self._asking, self._worker = asking, worker
@@ -145,14 +152,14 @@ class Leases:
         return answer
 
     def _key(self, cell: str) -> str:
-        return CellKeys(self._hearing.plant, cell).lease
+        return ZenohCellKeys(self._hearing.plant, cell).lease
 
     def _lease_ask(self, verb: str, token: str = "", over: bool = False) -> bytes:
         ask = LeaseAsk(verb, self._sending.client, self._who, token, over)  # type: ignore[arg-type]  # one of its words
         return msgspec.json.encode(ask)
 
 
-class Command(Generic[_Cell]):
+class CellControl(Generic[_Cell]):
     """The command of one cell, for a ``with`` block, which gives the cell."""
 
     def __init__(self, cell: _Cell, name: str, leases: Leases, over: bool) -> None:

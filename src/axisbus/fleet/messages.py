@@ -23,7 +23,7 @@ from typing import Literal
 import msgspec
 
 from axisbus.ipc.errors import ErrorFields
-from axisbus.ipc.register_types import make_known
+from axisbus.ipc.register_types import register_message_types
 
 TOO_LATE = "comes too late: nothing was done"  # by which a client knows the refusal of an id that others have overtaken
 PROTOCOL = 1  # counted up where an older fleet or bridge would misunderstand
@@ -56,7 +56,7 @@ class CellInfo(msgspec.Struct, frozen=True):
     computer: str = ""
 
 
-class AxisState(msgspec.Struct, frozen=True):
+class AxisStateMessage(msgspec.Struct, frozen=True):
     """What an axis does. ``age``: seconds since the image was made, None where nothing is known; a value that is too old is None.
 
     ``position_age``: since the drive's position was received, where it was. ``state`` is PLCopen's, ``drive`` that of CiA 402;
@@ -200,4 +200,4 @@ class HistoryAnswer(msgspec.Struct, frozen=True):
 KINDS: tuple[type[msgspec.Struct], ...] = tuple(
     kind for kind in list(globals().values()) if isinstance(kind, type) and issubclass(kind, msgspec.Struct)
 )
-make_known(*KINDS)
+register_message_types(*KINDS)

@@ -28,7 +28,7 @@ _EXAMPLE = f"write it as tcp/192.168.0.10:{PORT}, or tls/cell-one.example:{PORT}
 
 
 @dataclass(frozen=True, slots=True)
-class Network:
+class ZenohNetwork:
     """How a network is joined: endpoints to ``connect`` to and to ``listen`` on, and a ``config`` file of Zenoh (JSON5).
 
     ``scouting``: others may also be found by multicast and by gossip. ``receives``: bytes of a message that is taken. What the file
@@ -51,7 +51,7 @@ def require_zenoh() -> None:
     require("zenoh", "a Zenoh network needs eclipse-zenoh", "zenoh")
 
 
-def require_reachable(network: Network) -> None:
+def require_reachable(network: ZenohNetwork) -> None:
     """Check that somebody could be reached at all, and that the endpoints are some.
 
     Raises:
@@ -67,7 +67,7 @@ def require_reachable(network: Network) -> None:
         )
 
 
-def opened(network: Network) -> zenoh.Session:
+def opened(network: ZenohNetwork) -> zenoh.Session:
     """Open a session; blocks for a moment. Where nobody is at an endpoint to connect to, it is tried again and again meanwhile.
 
     Raises:
@@ -93,7 +93,7 @@ def opened(network: Network) -> zenoh.Session:
     return session
 
 
-def far_ends(network: Network) -> tuple[str, ...]:
+def far_ends(network: ZenohNetwork) -> tuple[str, ...]:
     """Return the endpoints that a session connects to each of, by what is given or by its file.
 
     A client by its file is content with one of those in it: then they are none.
@@ -119,7 +119,7 @@ def connected(session: zenoh.Session, seconds: float) -> bool:
     return True
 
 
-def _config(network: Network) -> zenoh.Config:
+def _config(network: ZenohNetwork) -> zenoh.Config:
     import zenoh
 
     try:
@@ -142,7 +142,7 @@ def _config(network: Network) -> zenoh.Config:
     return config
 
 
-def _given(network: Network) -> Mapping[str, Any]:
+def _given(network: ZenohNetwork) -> Mapping[str, Any]:
     """Return what was asked for on purpose."""
     found: dict[str, Any] = {}
     if network.connect:
@@ -156,7 +156,7 @@ def _given(network: Network) -> Mapping[str, Any]:
     return found
 
 
-def _settings(network: Network) -> Mapping[str, Any]:
+def _settings(network: ZenohNetwork) -> Mapping[str, Any]:
     """Return what is so where a file does not say otherwise."""
     return {
         "mode": "peer",

@@ -13,10 +13,10 @@ import msgspec
 from axisbus.fleet.cell_state import CellWatch
 from axisbus.fleet.command_retry import Situation
 from axisbus.fleet.decode import read
-from axisbus.fleet.event_loop import Worker
-from axisbus.fleet.keys import CellKeys, is_name
-from axisbus.fleet.messages import AxisState, CellInfo, Event, EventsAnswer, EventsAsk
-from axisbus.fleet.zenoh_client import Asking
+from axisbus.fleet.event_loop import EventLoopThread
+from axisbus.fleet.keys import ZenohCellKeys, is_name
+from axisbus.fleet.messages import AxisStateMessage, CellInfo, Event, EventsAnswer, EventsAsk
+from axisbus.fleet.zenoh_client import ZenohClient
 
 _ROUND = 0.25  # seconds between two looks for what is missing
 _CELLS = 1000  # that a plant may have
@@ -25,7 +25,7 @@ _CELL, _AXIS, _BRIDGE = 2, 3, 4  # parts of a key
 _Message = TypeVar("_Message")
 
 
-class Lacking(NamedTuple):
+class MissingEvents(NamedTuple):
     """What is not known of a cell yet: what it is, what axes do, and events."""
 
     info: bool
@@ -33,13 +33,13 @@ class Lacking(NamedTuple):
     events: EventsAsk | None
 
 
-NOTHING = Lacking(False, (), None)
+NOTHING = MissingEvents(False, (), None)
 
 
-class Hearing:
+class FleetSubscriptions:
     """Holds what is known of each cell of a plant; any thread may ask it."""
 
-    def __init__(self, plant: str, asking: Asking, worker: Worker) -> None:
+    def __init__(self, plant: str, asking: ZenohClient, worker: EventLoopThread) -> None:
         self.plant = plant
         self.junk = 0  # messages that are none
         self.on_gone: Callable[[str], None] = lambda _cell: None
@@ -51,7 +51,7 @@ class Hearing:
 
     def begin(self) -> None:
         """Hear from now on; what is there already is told as well."""
-        every = CellKeys.of_all(self.plant)
+        every = ZenohCellKeys.of_all(self.plant)
         self._asking.hear(every.events, self._event)
         self._asking.hear(every.state("*"), self._state)
         self._asking.follow(every.presence("*"), self._presence)
@@ -107,7 +107,7 @@ class Hearing:
             self._watch(parts[_CELL]).presence(parts[_BRIDGE], there, time.monotonic())
 
     def _state(self, key: str, payload: bytes) -> None:
-        parts, state = key.split("/"), self._read(payload, AxisState)
+        parts, state = key.split("/"), self._read(payload, AxisStateMessage)
         if state is None:
             return
         with self._lock:
@@ -159,7 +159,7 @@ class Hearing:
         if lacks == NOTHING:
             return
         self._asked[cell] = now
-        keys, over = CellKeys(self.plant, cell), partial(self._answered, cell, lacks)
+        keys, over = ZenohCellKeys(self.plant, cell), partial(self._answered, cell, lacks)
         if lacks.info:
             self._asking.ask_all(keys.info, b"", _TIMEOUT, self._info, over)
         elif lacks.axes:
@@ -169,10 +169,12 @@ class Hearing:
             heard = partial(self._events, cell, lacks.events)
             self._asking.ask_all(keys.events, msgspec.json.encode(lacks.events), _TIMEOUT, heard, over)
 
-    def _lacks(self, cell: str) -> Lacking:
-        return self.look(cell, lambda watch, _: Lacking(not watch.informed, watch.unheard, watch.log.missing))
+    def _lacks(self, cell: str) -> MissingEvents:
+        return self.look(
+            cell, lambda watch, _: MissingEvents(not watch.informed, watch.unheard, watch.log.missing)
+        )
 
-    def _answered(self, cell: str, lacked: Lacking) -> None:
+    def _answered(self, cell: str, lacked: MissingEvents) -> None:
         """A question has ended: what is missing still is asked for at once where it has helped, else only after a while."""
         if self._lacks(cell) != lacked:
             self._asked.pop(cell, None)

@@ -13,7 +13,7 @@ Heard = Callable[[str, bytes], None]
 _LONGER = 0.5  # seconds beyond its time-out after which a query has ended, whatever the network says
 
 
-class Asking:
+class ZenohClient:
     """Queries and subscriptions of one session. What it is given to call runs in threads of zenoh: it must be quick."""
 
     def __init__(self, session: Any) -> None:

@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 
 from axisbus.boot.report import NodeReport
 from axisbus.bus.link.controller import ControllerEvent
-from axisbus.bus.link.errorframe import WHAT_TO_CHECK, Condition
+from axisbus.bus.link.errorframe import WHAT_TO_CHECK, CanErrorState
 from axisbus.bus.node.events import BAD, NodeEvent
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.incident import TOGETHER, Incident
@@ -20,7 +20,7 @@ from axisbus.drives.registry import make_of
 from axisbus.errors import AxisbusError, seen_of
 from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
-from axisbus.machine.signal_shutdown import Leaving
+from axisbus.machine.signal_shutdown import ShutdownRequest
 from axisbus.motion.command_status import Status
 from axisbus.session import CommandSeen
 
@@ -30,7 +30,7 @@ _HALT = ".halt"  # without brackets: of the core's own, where the command change
 _SETTLED = 2 * TOGETHER  # seconds after which all that belongs to an incident has come
 
 
-class Kind(Enum):
+class MachineEventKind(Enum):
     """What has happened."""
 
     COMMAND = "a command was given, or has ended"
@@ -46,7 +46,7 @@ class Kind(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Happening:
+class MachineEvent:
     """Something that has happened: ``stamp`` in seconds of the machine's clock.
 
     ``about`` names a node, an axis or a group, and is empty for the machine and its bus; ``axes`` are those that it concerns, as
@@ -54,7 +54,7 @@ class Happening:
     """
 
     stamp: float
-    kind: Kind
+    kind: MachineEventKind
     severity: Severity
     text: str
     about: str = ""
@@ -66,10 +66,10 @@ class Happening:
 class _Found(NamedTuple):
     stamp: float
     key: Hashable  # of what is told once
-    told: Callable[[], Happening]  # its words, which only what is new needs
+    told: Callable[[], MachineEvent]  # its words, which only what is new needs
 
 
-class Happenings:
+class MachineEventSource:
     """Looks at one machine after the other, again and again; holds what it has told, and the error of each axis.
 
     What has happened is known by its time too, so that nothing of one machine is taken for something of the next.
@@ -85,7 +85,7 @@ class Happenings:
         self._told: set[Hashable] = set()
         self._errors: dict[str, str] = {}
 
-    def look(self, machine: Machine, now: float) -> list[Happening]:
+    def look(self, machine: Machine, now: float) -> list[MachineEvent]:
         """Return what is new at ``now`` (seconds of the machine's clock), the oldest first; blocks for some answers of the core.
 
         Raises:
@@ -109,7 +109,7 @@ class Happenings:
         for node_id, names in axes.items():
             yield from _of_node(machine.node(node_id), names, now)
 
-    def _of_axes(self, machine: Machine) -> Iterator[Happening]:
+    def _of_axes(self, machine: Machine) -> Iterator[MachineEvent]:
         """Tell which axes have come into ErrorStop, or have another error, and which are out of it."""
         for axis in machine:
             snapshot = axis.snapshot
@@ -119,16 +119,18 @@ class Happenings:
                 yield _fault(axis.name, error, snapshot.now)
             elif before and error is None:
                 text = "it has no error any more"
-                yield Happening(snapshot.now, Kind.WELL, "info", text, axis.name, (axis.name,))
+                yield MachineEvent(snapshot.now, MachineEventKind.WELL, "info", text, axis.name, (axis.name,))
 
 
 def _axes_of(report: NodeReport) -> tuple[str, ...]:
     return tuple(axis.name for axis in report.axes)
 
 
-def _fault(name: str, error: AxisbusError, now: float) -> Happening:
+def _fault(name: str, error: AxisbusError, now: float) -> MachineEvent:
     cause = tuple(seen_of(error).splitlines())
-    return Happening(now, Kind.FAULT, "error", error.message, name, (name,), cause, error.remedy)
+    return MachineEvent(
+        now, MachineEventKind.FAULT, "error", error.message, name, (name,), cause, error.remedy
+    )
 
 
 # -- commands, the bus, error control, the way out -----------------------------------------------------------------------
@@ -142,39 +144,41 @@ def _of_command(seen: CommandSeen) -> Iterator[_Found]:
         yield _Found(seen.ended, (seen.name, seen.given, "end"), partial(_ended, seen, seen.ended))
 
 
-def _given(seen: CommandSeen) -> Happening:
-    return Happening(seen.given, Kind.COMMAND, "info", f"{seen.name}: given", _who(seen))
+def _given(seen: CommandSeen) -> MachineEvent:
+    return MachineEvent(seen.given, MachineEventKind.COMMAND, "info", f"{seen.name}: given", _who(seen))
 
 
-def _ended(seen: CommandSeen, stamp: float) -> Happening:
+def _ended(seen: CommandSeen, stamp: float) -> MachineEvent:
     severity: Severity = "error" if seen.status is Status.ERROR else "info"
     cause = (seen.error,) if seen.error else ()
     text = f"{seen.name}: {seen.status.value}"
-    return Happening(stamp, Kind.COMMAND, severity, text, _who(seen), cause=cause)
+    return MachineEvent(stamp, MachineEventKind.COMMAND, severity, text, _who(seen), cause=cause)
 
 
 def _who(seen: CommandSeen) -> str:
     return seen.name.partition(".")[0]
 
 
-def _bus(event: ControllerEvent) -> Happening:
-    if event.condition is Condition.ACTIVE:
-        return Happening(event.stamp, Kind.BUS, "info", str(event))
-    severity: Severity = "error" if event.condition is Condition.OFF else "warning"
-    return Happening(event.stamp, Kind.BUS, severity, str(event), remedy=f"check {WHAT_TO_CHECK}")
+def _bus(event: ControllerEvent) -> MachineEvent:
+    if event.condition is CanErrorState.ACTIVE:
+        return MachineEvent(event.stamp, MachineEventKind.BUS, "info", str(event))
+    severity: Severity = "error" if event.condition is CanErrorState.OFF else "warning"
+    return MachineEvent(
+        event.stamp, MachineEventKind.BUS, severity, str(event), remedy=f"check {WHAT_TO_CHECK}"
+    )
 
 
-def _of_event(event: NodeEvent | Leaving, axes: dict[int, tuple[str, ...]]) -> _Found:
-    if isinstance(event, Leaving):
-        left = Happening(event.stamp, Kind.LEFT, "warning", str(event))
+def _of_event(event: NodeEvent | ShutdownRequest, axes: dict[int, tuple[str, ...]]) -> _Found:
+    if isinstance(event, ShutdownRequest):
+        left = MachineEvent(event.stamp, MachineEventKind.LEFT, "warning", str(event))
         return _Found(event.stamp, event, lambda: left)
     key = event.node, event.kind, event.stamp
     return _Found(event.stamp, key, partial(_node, event, axes.get(event.node, ())))
 
 
-def _node(event: NodeEvent, axes: tuple[str, ...]) -> Happening:
+def _node(event: NodeEvent, axes: tuple[str, ...]) -> MachineEvent:
     severity: Severity = "error" if event.kind in BAD else "info"
-    return Happening(event.stamp, Kind.NODE, severity, str(event), f"node {event.node}", axes)
+    return MachineEvent(event.stamp, MachineEventKind.NODE, severity, str(event), f"node {event.node}", axes)
 
 
 # -- emergency messages ------------------------------------------------------------------------------------------------
@@ -189,26 +193,26 @@ def _of_node(node: NodeAccess, axes: tuple[str, ...], now: float) -> Iterator[_F
             yield _Found(stamp, key, partial(_incident, node, axes, incident, kind, stamp))
 
 
-def _emcy(node: NodeAccess, axes: tuple[str, ...], emcy: Emcy) -> Happening:
+def _emcy(node: NodeAccess, axes: tuple[str, ...], emcy: Emcy) -> MachineEvent:
     severity: Severity = "info" if emcy.is_reset else "warning"
     text = f"EMCY {emcy_words(emcy, make_of(node.eds, node.node_id))}"
-    return Happening(emcy.stamp, Kind.EMCY, severity, text, f"node {node.node_id}", axes)
+    return MachineEvent(emcy.stamp, MachineEventKind.EMCY, severity, text, f"node {node.node_id}", axes)
 
 
-def _stages(incident: Incident, now: float) -> Iterator[tuple[Kind, float]]:
-    yield Kind.INCIDENT, incident.began
+def _stages(incident: Incident, now: float) -> Iterator[tuple[MachineEventKind, float]]:
+    yield MachineEventKind.INCIDENT, incident.began
     if now - incident.began > _SETTLED:
-        yield Kind.SETTLED, incident.began
+        yield MachineEventKind.SETTLED, incident.began
     if incident.ended is not None:
-        yield Kind.OVER, incident.ended
+        yield MachineEventKind.OVER, incident.ended
 
 
 def _incident(
-    node: NodeAccess, axes: tuple[str, ...], incident: Incident, kind: Kind, stamp: float
-) -> Happening:
+    node: NodeAccess, axes: tuple[str, ...], incident: Incident, kind: MachineEventKind, stamp: float
+) -> MachineEvent:
     first, *lines = node.incident_words(incident)
     stands, about = first.rpartition(",")[0], f"node {node.node_id}"
-    if kind is Kind.OVER:
-        return Happening(stamp, kind, "info", stands, about, axes)
-    text = stands if kind is Kind.SETTLED else f"incident {incident.number} has begun"
-    return Happening(stamp, kind, "error", text, about, axes, tuple(line.strip() for line in lines))
+    if kind is MachineEventKind.OVER:
+        return MachineEvent(stamp, kind, "info", stands, about, axes)
+    text = stands if kind is MachineEventKind.SETTLED else f"incident {incident.number} has begun"
+    return MachineEvent(stamp, kind, "error", text, about, axes, tuple(line.strip() for line in lines))

@@ -15,7 +15,7 @@ _WAIT = 0.5  # seconds between two looks for a machine
 _TOLD = 0.05  # seconds in which a machine has told whoever has joined it how it is
 
 
-class Following:
+class MachineFollower:
     """Joins one machine of a cell after the other; holds what it said last. ``run`` blocks."""
 
     def __init__(self, cell: Path, say: Callable[[str], None]) -> None:

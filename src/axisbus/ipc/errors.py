@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 
 from axisbus import errors
-from axisbus.ipc.register_types import make_known
+from axisbus.ipc.register_types import register_message_types
 
 Plain = str | int | float | bool | tuple[Any, ...] | None
 
@@ -25,7 +25,7 @@ class ErrorFields(msgspec.Struct, array_like=True, frozen=True):
     cause: str = ""
 
 
-make_known(ErrorFields)
+register_message_types(ErrorFields)
 
 
 class Elsewhere(Exception):

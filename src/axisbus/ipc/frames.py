@@ -6,7 +6,7 @@ import struct
 from collections import deque
 from collections.abc import Collection, Iterator
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 
 _FRAME = struct.Struct("<dIBB8s")  # time, identifier, flags, length, data
 _EXTENDED, _REMOTE = 1, 2
@@ -18,7 +18,7 @@ class FrameQueue:
 
     def __init__(self) -> None:
         self._wanted: frozenset[int] = frozenset()
-        self._waiting: deque[Frame] = deque()
+        self._waiting: deque[CanFrame] = deque()
         self.lost = 0  # frames that were left out, of all that were wanted
         self._told_lost = 0
 
@@ -26,7 +26,7 @@ class FrameQueue:
         """Take frames with these identifiers only; with any, where there are none."""
         self._wanted = frozenset(can_ids)
 
-    def hear(self, frame: Frame) -> None:
+    def hear(self, frame: CanFrame) -> None:
         """Let a frame wait; does not block, and drops it where too many do."""
         if self._wanted and frame.can_id not in self._wanted:
             return
@@ -43,12 +43,12 @@ class FrameQueue:
         return b"".join(map(_packed, found)), new
 
 
-def _packed(frame: Frame) -> bytes:
+def _packed(frame: CanFrame) -> bytes:
     flags = (_EXTENDED if frame.extended else 0) | (_REMOTE if frame.remote else 0)
     return _FRAME.pack(frame.time, frame.can_id, flags, len(frame.data), frame.data)
 
 
-def unpacked(data: bytes) -> Iterator[Frame]:
+def unpacked(data: bytes) -> Iterator[CanFrame]:
     """Yield the frames that these bytes are."""
     for time, can_id, flags, length, content in _FRAME.iter_unpack(data):
-        yield Frame(time, can_id, content[:length], bool(flags & _EXTENDED), bool(flags & _REMOTE))
+        yield CanFrame(time, can_id, content[:length], bool(flags & _EXTENDED), bool(flags & _REMOTE))

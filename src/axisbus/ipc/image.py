@@ -16,7 +16,7 @@ import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.errors import AxisbusError
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
@@ -27,7 +27,7 @@ _NUMBER = struct.Struct("<Q")
 _BEGIN = struct.Struct("<Qd")  # of a slot: its number, and when the cycle began
 _AXIS = struct.Struct("<ddddqqqqqqqqQIHBB")
 _HEAD = 64  # bytes: the newest number, and room
-_STATES, _POWERS = tuple(AxisState), tuple(State)
+_STATES, _POWERS = tuple(AxisState), tuple(PowerState)
 _STATE_AT = {state: number for number, state in enumerate(_STATES)}
 _POWER_AT = {power: number for number, power in enumerate(_POWERS)}
 _THERE, _HOMED, _OPERATIONAL, _DEMAND_LEADS = 0x100, 0x200, 0x400, 0x800
@@ -91,14 +91,14 @@ class ImageReader:
         self._places = {name: _BEGIN.size + place * _AXIS.size for place, name in enumerate(names)}
         self._slot = _slot(len(names))
         self._error_of = error_of
-        self._last = Image(b"", {}, error_of)
+        self._last = CellImage(b"", {}, error_of)
 
     @property
     def number(self) -> int:
         """How many images have been written."""
         return number_of(self._memory)
 
-    def read(self) -> Image:
+    def read(self) -> CellImage:
         """Return the newest image; where the writer is too fast for that, time and again, the one that was read before."""
         for _ in range(_TRIES):
             number = self.number
@@ -115,12 +115,12 @@ class ImageReader:
                 break
         return self._last
 
-    def image(self, data: bytes) -> Image:
+    def image(self, data: bytes) -> CellImage:
         """Return the image that these bytes are."""
-        return Image(data, self._places, self._error_of)
+        return CellImage(data, self._places, self._error_of)
 
 
-class Image(Mapping[str, Snapshot]):
+class CellImage(Mapping[str, Snapshot]):
     """The axes of one cycle by name, as they were then; each is made when it is looked at."""
 
     __slots__ = ("_data", "_error_of", "_places")

@@ -12,16 +12,16 @@ import mmap
 import struct
 from collections.abc import Mapping, Sequence
 
-from axisbus.cia401.port import Known
+from axisbus.cia401.port import SignalValidity
 from axisbus.ipc import image, rescue_memory
-from axisbus.motion.io.reading import Reading
+from axisbus.motion.io.reading import IoReading
 
 _SLOTS = 8
 _TRIES = 100
 _NUMBER = struct.Struct("<Q")
 _POINT = struct.Struct("<dqdBB6x")  # time of the cycle, value, stamp, flags, why it is not known
 _THERE, _HAS_VALUE, _SET = 1, 2, 4
-_KNOWN = tuple(Known)
+_KNOWN = tuple(SignalValidity)
 _AT = {known: number for number, known in enumerate(_KNOWN)}
 
 
@@ -49,9 +49,9 @@ class IoImage:
         self._names = tuple(names)
         self._slot = _slot(len(names))
         self._number = 0
-        self._last: dict[str, Reading] = {}
+        self._last: dict[str, IoReading] = {}
 
-    def write(self, readings: Mapping[str, Reading]) -> None:
+    def write(self, readings: Mapping[str, IoReading]) -> None:
         """Write what is known after a cycle."""
         if not self._names:
             return
@@ -66,7 +66,7 @@ class IoImage:
         _NUMBER.pack_into(self._memory, at, number)
         _NUMBER.pack_into(self._memory, self._at, number)
 
-    def read(self) -> dict[str, Reading]:
+    def read(self) -> dict[str, IoReading]:
         """Return the newest readings; where the writer is too fast for that, time and again, those that were read before."""
         for _ in range(_TRIES if self._names else 0):
             number: int = _NUMBER.unpack_from(self._memory, self._at)[0]
@@ -83,17 +83,17 @@ class IoImage:
     def _place(self, number: int) -> int:
         return self._at + _NUMBER.size + number % _SLOTS * self._slot
 
-    def _readings(self, data: bytes) -> dict[str, Reading]:
+    def _readings(self, data: bytes) -> dict[str, IoReading]:
         found = {}
         for place, name in enumerate(self._names):
             now, value, stamp, flags, known = _POINT.unpack_from(data, _NUMBER.size + place * _POINT.size)
             if flags & _THERE:
                 has = value if flags & _HAS_VALUE else None
-                found[name] = Reading(now, _KNOWN[known], has, stamp, bool(flags & _SET))
+                found[name] = IoReading(now, _KNOWN[known], has, stamp, bool(flags & _SET))
         return found
 
 
-def _put(memory: mmap.mmap, place: int, reading: Reading | None) -> None:
+def _put(memory: mmap.mmap, place: int, reading: IoReading | None) -> None:
     if reading is None:
         _POINT.pack_into(memory, place, 0.0, 0, 0.0, 0, 0)
         return

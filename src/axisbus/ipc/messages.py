@@ -1,7 +1,7 @@
 """The messages between a program and its core, as frozen values; a ``Codec`` turns each into bytes.
 
-A core answers ``Open`` with ``Opened`` or ``NotOpened`` and ``Ask`` with ``Answer``, each by its number; what else it sends is told
-by itself. Everything that a program sends after ``Leave`` but ``RequestStop`` is passed over.
+A core answers ``OpenCell`` with ``CellOpened`` or ``NotOpened`` and ``CoreQuery`` with ``CoreReply``, each by its number; what else
+it sends is told by itself. Everything that a program sends after ``Leave`` but ``RequestStop`` is passed over.
 """
 
 from __future__ import annotations
@@ -12,26 +12,34 @@ from typing import Any
 from axisbus.boot.report import NodeReport
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent
-from axisbus.bus.pdo.plan import Plan
+from axisbus.bus.pdo.plan import PdoPlan
 from axisbus.bus.pdo.tpdo_timeout import PdoEvent
 from axisbus.cia301.dropped_frames import Drop
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.errorfield import ErrorEntry
-from axisbus.cia301.frame import Carried
+from axisbus.cia301.frame import BusTraffic
 from axisbus.cia301.incident import Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.cia301.sdo import Way
+from axisbus.cia301.sdo import SdoTransferType
 from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.errors import AxisbusError
 from axisbus.ipc.values import Codec
-from axisbus.link import Stopped, Unsafe
+from axisbus.link import StopResult, Unsafe
 from axisbus.motion.moves.remote_trajectory import StreamHead
 from axisbus.motion.parameters import AxisParameters
-from axisbus.session import AnyCommand, AxisFacts, CommandEvent, CommandSeen, LatenessReport, Program, Target
+from axisbus.session import (
+    AnyCommand,
+    AxisFacts,
+    ClientProgram,
+    CommandEvent,
+    CommandSeen,
+    LatenessReport,
+    Target,
+)
 
 
 @dataclass(frozen=True, slots=True)
-class Open:
+class OpenCell:
     """Open the cell of a file; ``version`` is that of the program's axisbus. The first message, and once.
 
     ``shared``: this program commands nothing; whoever is joined to it may. ``in_cells``: Ctrl-C ends one of its cells, and not it.
@@ -63,12 +71,12 @@ class NodeFacts:
 
     report: NodeReport
     parameters: dict[str, AxisParameters]
-    plans: tuple[Plan, ...]
+    plans: tuple[PdoPlan, ...]
     watched: bool
 
 
 @dataclass(frozen=True, slots=True)
-class Opened:
+class CellOpened:
     """The machine runs: its nodes, and its axes; ``degree`` says how surely its cycles come in time, ``process`` where (its ID).
 
     ``commanded_by``: who has the command, for people.
@@ -110,7 +118,7 @@ class WantSamples:
 
 
 @dataclass(frozen=True, slots=True)
-class Samples:
+class TrajectorySamples:
     """Samples of a trajectory, from number ``first`` on."""
 
     stream: int
@@ -158,7 +166,7 @@ class RequestHalt:
 
 
 @dataclass(frozen=True, slots=True)
-class HoldToRun:
+class HoldToRunMessage:
     """``Session.hold_to_run``."""
 
     seconds: float | None
@@ -167,7 +175,7 @@ class HoldToRun:
 
 @dataclass(frozen=True, slots=True)
 class Observe:
-    """Whether images of all cycles are wanted (``Cycles``)."""
+    """Whether images of all cycles are wanted (``CycleImages``)."""
 
     wanted: bool
 
@@ -181,7 +189,7 @@ class Tap:
 
 
 @dataclass(frozen=True, slots=True)
-class Ask:
+class CoreQuery:
     """Ask for something that takes its time, such as an SDO transfer; ``node`` 0: of the core itself."""
 
     number: int
@@ -191,7 +199,7 @@ class Ask:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class CoreReply:
     """What was asked for, or the error that it came to."""
 
     number: int
@@ -215,7 +223,7 @@ class Left:
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class CommandEvents:
     """How commands go on, of one cycle."""
 
     events: tuple[CommandEvent, ...]
@@ -230,7 +238,7 @@ class ErrorTold:
 
 
 @dataclass(frozen=True, slots=True)
-class Joined:
+class NodeJoined:
     """An optional node has come later, with these axes."""
 
     node: int
@@ -246,7 +254,7 @@ class NodeTold:
 
 
 @dataclass(frozen=True, slots=True)
-class Cycles:
+class CycleImages:
     """Images of cycles that followed each other, each with its time; ``lost`` were left out before, as nobody took them."""
 
     images: tuple[tuple[float, bytes], ...]
@@ -262,7 +270,7 @@ class Frames:
 
 
 @dataclass(frozen=True, slots=True)
-class Condition:
+class CoreCondition:
     """How the core is: see ``Session`` for each."""
 
     dead: str | None = None
@@ -279,7 +287,7 @@ class Rescued:
     """
 
     why: str
-    stopped: tuple[Stopped, ...]
+    stopped: tuple[StopResult, ...]
     unsafe: tuple[Unsafe, ...] = ()
     safe: tuple[str, ...] = ()
 
@@ -294,32 +302,32 @@ class Logged:
 
 
 Message = (
-    Open
+    OpenCell
     | Attach
-    | Opened
+    | CellOpened
     | NotOpened
     | Submit
     | WantSamples
-    | Samples
+    | TrajectorySamples
     | NoSamples
     | StreamOver
     | AddGroup
     | RequestStop
     | RequestHalt
-    | HoldToRun
+    | HoldToRunMessage
     | Observe
     | Tap
-    | Ask
-    | Answer
+    | CoreQuery
+    | CoreReply
     | Leave
     | Left
-    | Told
+    | CommandEvents
     | ErrorTold
-    | Joined
+    | NodeJoined
     | NodeTold
-    | Cycles
+    | CycleImages
     | Frames
-    | Condition
+    | CoreCondition
     | Logged
     | Rescued
 )
@@ -327,8 +335,8 @@ Message = (
 _ASKED = (
     LatenessReport,
     CommandSeen,
-    Program,
-    Carried,
+    ClientProgram,
+    BusTraffic,
     NodeEvent,
     ControllerEvent,
     Drop,
@@ -339,7 +347,7 @@ _ASKED = (
     ErrorEntry,
     NmtState,
     NmtCommand,
-    Way,
+    SdoTransferType,
     StreamHead,
 )
 CODEC = Codec([Message, *_ASKED])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 
-def make_known(*kinds: type[msgspec.Struct]) -> None:
+def register_message_types(*kinds: type[msgspec.Struct]) -> None:
     """Let msgspec look at what is in these kinds now, where they are imported: by one thread, and once.
 
     It would look at the first message of each otherwise, and two threads that read a first one at the same time end the

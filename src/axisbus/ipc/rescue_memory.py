@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
-from axisbus.cia402.controlword import Command
+from axisbus.cia402.controlword import PowerCommand
 
 _HEAD = struct.Struct("<BxHxxxx")  # stage, count of entries
 _COUNT, _COUNT_AT = struct.Struct("<H"), 2
@@ -31,7 +31,7 @@ NO_WORD = 0xFF  # the shift where an RPDO holds no controlword
 _NO_FRAME = 0xFFFF_FFFF  # of an axis whose controlword no RPDO carries
 
 
-class Stage(IntEnum):
+class CoreStage(IntEnum):
     """How far a core is."""
 
     OPENING = 0
@@ -40,7 +40,7 @@ class Stage(IntEnum):
     LEFT = 3
 
 
-class Held(NamedTuple):
+class RescueRpdo(NamedTuple):
     """An RPDO that holds a controlword, or offsets of feed-forward: of which axis (by number), and what a stop changes in it.
 
     ``shift``: how many bits before the controlword are others'. ``zero``: the bits of offsets, which become 0.
@@ -52,7 +52,7 @@ class Held(NamedTuple):
     zero: int = 0
 
 
-class Found(NamedTuple):
+class RescueTargets(NamedTuple):
     """What there is to stop: the axes (by number) that were commanded, and the frames of their quick stop."""
 
     axes: tuple[int, ...]
@@ -74,7 +74,7 @@ class LifelineWriter:
         self._frames: dict[int, int] = {}  # of the entry of a COB-ID
         self._count = 0
 
-    def enter(self, held: Sequence[Held]) -> None:
+    def enter(self, held: Sequence[RescueRpdo]) -> None:
         """Enter RPDOs, before anything is sent by them."""
         for one in held:
             place = self._at + _HEAD.size + self._count * _ENTRY.size
@@ -84,7 +84,7 @@ class LifelineWriter:
             self._count += 1
         _COUNT.pack_into(self._memory, self._at + _COUNT_AT, self._count)
 
-    def stage(self, stage: Stage) -> None:
+    def stage(self, stage: CoreStage) -> None:
         """Say how far the core is."""
         self._memory[self._at] = stage
 
@@ -105,12 +105,12 @@ class LifelineWriter:
             self._memory[place + _FLAGS_AT] |= _TOUCHED
 
 
-def stage_of(memory: mmap.mmap, at: int) -> Stage:
+def stage_of(memory: mmap.mmap, at: int) -> CoreStage:
     """Return how far the core is, or was."""
-    return Stage(memory[at])
+    return CoreStage(memory[at])
 
 
-def found(memory: mmap.mmap, at: int) -> Found:
+def found(memory: mmap.mmap, at: int) -> RescueTargets:
     """Return what there is to stop."""
     _, count = _HEAD.unpack_from(memory, at)
     entries = [_ENTRY.unpack_from(memory, at + _HEAD.size + number * _ENTRY.size) for number in range(count)]
@@ -120,12 +120,12 @@ def found(memory: mmap.mmap, at: int) -> Found:
         for cob_id, shift, length, flags, _, zero, data in entries
         if flags & _SENT
     ]
-    return Found(tuple(axes), tuple(frames))
+    return RescueTargets(tuple(axes), tuple(frames))
 
 
 def _quick_stop(data: bytes, shift: int, zero: int) -> bytes:
     """Return the frame with the controlword of a quick stop, and without offsets."""
     raw = int.from_bytes(data, "little") & ~zero
     if shift != NO_WORD:
-        raw = raw & ~(_WORD << shift) | Command.QUICK_STOP.word << shift
+        raw = raw & ~(_WORD << shift) | PowerCommand.QUICK_STOP.word << shift
     return raw.to_bytes(len(data), "little")

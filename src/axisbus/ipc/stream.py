@@ -27,7 +27,7 @@ _LARGEST = 1 << 28  # bytes; what says more is no message
 _READ = 1 << 16
 
 
-class Stream:
+class MessageStream:
     """One end of a connection; holds what waits to be sent. ``send`` is for any thread, ``messages`` for one."""
 
     def __init__(

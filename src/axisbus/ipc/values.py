@@ -4,7 +4,8 @@ Theory of operation
 -------------------
 Whatever is no plain number, text or bytes is a list that begins with what it is. The classes that may cross are those in the type
 hints of the roots that a ``Codec`` is given: what is not among them is refused on either side, and nothing is executed by reading
-but the constructors of those. Both ends are of the same version of this package (``messages.Open``), so fields need no versions.
+but the constructors of those. Both ends are of the same version of this package (``messages.OpenCell``), so fields need no
+versions.
 
 A function in a field does not cross: the other end has the field's default.
 """

@@ -8,24 +8,24 @@ from contextlib import contextmanager
 
 from axisbus.cia402 import homing
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.port import Source
-from axisbus.cia402.state import State
+from axisbus.cia402.port import ValueTransport
+from axisbus.cia402.state import PowerState
 from axisbus.errors import ArgumentError, AxisbusError, StaleError, StateError
 from axisbus.machine.cam import Cam
-from axisbus.machine.command_dispatch import Commanding
+from axisbus.machine.command_dispatch import CommandDispatcher
 from axisbus.machine.coupling import Coupling
 from axisbus.machine.handle import Handle
 from axisbus.machine.probing import ProbeHandle, input_number, probe_command, require_objects
-from axisbus.machine.request import Request, buffering_of, flag_of, override_of, shown
+from axisbus.machine.request import AxisCall, buffering_of, flag_of, override_of, shown
 from axisbus.machine.streaming.controller import Controller, Function
-from axisbus.machine.streaming.controller_options import Ramps, answering_of
+from axisbus.machine.streaming.controller_options import ControllerRamps, answering_of
 from axisbus.motion import commands as c
 from axisbus.motion.group.commands import Couple, ProbeMove
 from axisbus.motion.moves.activity import age_text
 from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.numbers import told
 from axisbus.motion.override.factor import FASTER
-from axisbus.motion.parameters import AxisParameters, Limits
+from axisbus.motion.parameters import AxisLimits, AxisParameters
 from axisbus.motion.point_stream.curve_fit import Allowed, allowed_of
 from axisbus.motion.position_limits import NOISE, room_of_way
 from axisbus.motion.snapshot import Snapshot
@@ -55,7 +55,7 @@ class Axis:
     """
 
     def __init__(
-        self, parameters: AxisParameters, commanding: Commanding, measure: Measure = tells_nothing
+        self, parameters: AxisParameters, commanding: CommandDispatcher, measure: Measure = tells_nothing
     ) -> None:
         """``measure`` reads what the drive tells beside the cyclic values, by name (see ``temperature``)."""
         self.name = parameters.name
@@ -225,10 +225,10 @@ class Axis:
         self._require_scan("state")
         snapshot = self.snapshot
         self._known(snapshot.statusword, "statusword (6041h)")
-        return snapshot.power is State.OPERATION_ENABLED
+        return snapshot.power is PowerState.OPERATION_ENABLED
 
     @property
-    def limits(self) -> Limits:
+    def limits(self) -> AxisLimits:
         """What the master keeps: ``position``, ``velocity``, ``acceleration`` in units, ``torque`` in N·m (None: none)."""
         return self._parameters.limits
 
@@ -312,7 +312,10 @@ class Axis:
         """Return what is seen of a value that is not known, and what to do."""
         name = what.partition(" ")[0]
         remedy = "check that the node is there and sends it; it must be in a TPDO (axisbus boot shows what travels how)"
-        if self._session.axes[self.name].capabilities.inputs.get(name, Source.NONE) is Source.NONE:
+        if (
+            self._session.axes[self.name].capabilities.inputs.get(name, ValueTransport.NONE)
+            is ValueTransport.NONE
+        ):
             return "it does not travel: no TPDO holds it, and it is not polled", remedy
         snapshot = self.snapshot
         if name == "position":
@@ -335,7 +338,7 @@ class Axis:
         Asked for again while it is under way, it goes on, and both handles end as it does; so do ``reset`` and all that stops.
         """
         caught = flag_of(f"{self.name}.enable", "moving", moving)
-        return self._submit("enable(moving=True)" if caught else "enable()", c.Enable(caught))
+        return self._submit("enable(moving=True)" if caught else "enable()", c.EnableCommand(caught))
 
     def disable(self, *, coast: bool = False) -> Handle:
         """Halt, then switch the power stage off (transitions 5, 6, 7); ``coast`` cuts the power at once (transition 9)."""
@@ -347,7 +350,7 @@ class Axis:
 
         Does not block. The reset waits while the axis is being stopped; a new error, ``stop()`` or ``quick_stop()`` ends it then.
         """
-        return self._submit("reset()", c.Reset())
+        return self._submit("reset()", c.ResetCommand())
 
     def halt(self) -> Handle:
         """Brake to Standstill (MC_Halt); a new motion command may interrupt it."""
@@ -409,7 +412,9 @@ class Axis:
         name = f"move_absolute({shown(position)} {self.unit})"
         target = self.absolute_increments(name, position, direction)
         profile = self._request(name).profile(velocity, acceleration, deceleration, timeout, jerk)
-        return self._submit_motion(name, c.Move(c.Reference.ABSOLUTE, target, profile), buffer, direction)
+        return self._submit_motion(
+            name, c.Move(c.TargetReference.ABSOLUTE, target, profile), buffer, direction
+        )
 
     def move_relative(
         self,
@@ -427,7 +432,7 @@ class Axis:
         Where it blends, it counts from the end of the move before.
         """
         ways = velocity, acceleration, deceleration, timeout, jerk
-        return self._move_by(c.Reference.RELATIVE, distance, ways, buffer=buffer)
+        return self._move_by(c.TargetReference.RELATIVE, distance, ways, buffer=buffer)
 
     def move_additive(
         self,
@@ -442,7 +447,7 @@ class Axis:
     ) -> Handle:
         """Move by ``distance`` from the last commanded position (MC_MoveAdditive); raises as ``move_absolute``."""
         ways = velocity, acceleration, deceleration, timeout, jerk
-        return self._move_by(c.Reference.ADDITIVE, distance, ways, buffer=buffer)
+        return self._move_by(c.TargetReference.ADDITIVE, distance, ways, buffer=buffer)
 
     def move_velocity(
         self,
@@ -553,7 +558,9 @@ class Axis:
                 f"{self.name}.controller: {told(function)} is no function",
                 remedy="give one that takes what was measured, and returns a velocity or a torque",
             )
-        answering = answering_of(self._parameters, by, Ramps(acceleration, deceleration, slope), late)
+        answering = answering_of(
+            self._parameters, by, ControllerRamps(acceleration, deceleration, slope), late
+        )
         units, period = self._parameters.units, self.scan_period
         return Controller(self.name, units, period, self._commanding, function, answering, self.halt)
 
@@ -595,12 +602,13 @@ class Axis:
         """Follow ``trajectory`` (position over time in the axis's unit) in cyclic synchronous position mode.
 
         It is an object with ``duration`` and ``position(t)``; rows of time (s, from 0 on) and position, also of numpy,
-        through which a smooth curve is laid (``Spline``); or a function of time, with its ``duration`` in seconds.
+        through which a smooth curve is laid (``SplineTrajectory``); or a function of time, with its ``duration`` in seconds.
 
-        It must begin where the axis stands. What is known in advance (``Trapezoid``, ``Sampled``, ``Spline``) is held against the
-        limits as a whole. Any other is looked at in each cycle, as far ahead as braking takes with the default deceleration: where
-        it would leave the position limits, the axis is braked along it and stands within them. So it is where the next step would
-        be faster than ``max_velocity`` or harder than ``max_acceleration``; without both, harder than the default acceleration.
+        It must begin where the axis stands. What is known in advance (``TrapezoidalTrajectory``, ``SampledTrajectory``,
+        ``SplineTrajectory``) is held against the limits as a whole. Any other is looked at in each cycle, as far ahead as braking
+        takes with the default deceleration: where it would leave the position limits, the axis is braked along it and stands within
+        them. So it is where the next step would be faster than ``max_velocity`` or harder than ``max_acceleration``; without both,
+        harder than the default acceleration.
 
         Raises:
             LimitError: it goes beyond ``position_limits``, ``max_velocity`` or ``max_acceleration``.
@@ -849,7 +857,7 @@ class Axis:
         alone = (self.name,)
         self._session.add_group(alone, alone)
         self._commanding.give(
-            handle, alone, ProbeMove(self.name, c.Move(c.Reference.ABSOLUTE, target, profile), probe)
+            handle, alone, ProbeMove(self.name, c.Move(c.TargetReference.ABSOLUTE, target, profile), probe)
         )
         return handle
 
@@ -891,7 +899,7 @@ class Axis:
         if mode is None or not mode.blends:
             return self._submit(name, command if mode is None else c.Buffered(command))
         if isinstance(command, c.Move):
-            return self._submit(name, c.Blend(command, mode, direction))
+            return self._submit(name, c.BufferedMove(command, mode, direction))
         raise ArgumentError(
             f"{self.name}.{name}: only a move to a position passes into another one",
             observed=f'buffer is "{mode.value}"',
@@ -900,7 +908,7 @@ class Axis:
 
     def _move_by(
         self,
-        reference: c.Reference,
+        reference: c.TargetReference,
         distance: float,
         given: tuple[float | None, float | None, float | None, float | None, float | None],
         *,
@@ -912,13 +920,13 @@ class Axis:
         raw = request.distance(distance)
         return self._submit_motion(name, c.Move(reference, raw, request.profile(*given)), buffer)
 
-    def _request(self, name: str) -> Request:
-        return Request(self._parameters, name)
+    def _request(self, name: str) -> AxisCall:
+        return AxisCall(self._parameters, name)
 
     def absolute_command(self, name: str, position: float, velocity: float | None) -> c.Move:
         """Return the command of an absolute move, checked as ``move_absolute`` does; for groups."""
         target = self.absolute_increments(name, position)
-        return c.Move(c.Reference.ABSOLUTE, target, self._request(name).profile(velocity))
+        return c.Move(c.TargetReference.ABSOLUTE, target, self._request(name).profile(velocity))
 
     @property
     def default_acceleration(self) -> float | None:

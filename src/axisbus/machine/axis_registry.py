@@ -11,7 +11,7 @@ from axisbus.cell.model import CellConfig
 from axisbus.core.late_boot import absent_axis
 from axisbus.errors import ArgumentError, StateError, UnknownNameError
 from axisbus.machine.axis import Axis
-from axisbus.machine.command_dispatch import Commanding
+from axisbus.machine.command_dispatch import CommandDispatcher
 from axisbus.machine.gantry.gantry import Gantry
 from axisbus.machine.groups import Group
 from axisbus.motion.numbers import told
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     from axisbus.machine.node_access import NodeAccess
 
 
-class Roster:
+class AxisRegistry:
     """Holds the axes that are there, and the groups of them that have been asked for or that the cell names."""
 
     def __init__(
         self,
         cell: CellConfig,
         booted: Mapping[int, Booted],
-        commanding: Commanding,
+        commanding: CommandDispatcher,
         node: Callable[[int], NodeAccess],
     ) -> None:
         """Begin with the axes that the core has; ``node`` returns direct access by node ID."""

@@ -10,24 +10,26 @@ from itertools import pairwise
 from statistics import fmean
 
 from axisbus.cell.model import CellConfig
-from axisbus.cia301.frame import Frame
-from axisbus.cia301.master_detection import Signs
+from axisbus.cia301.frame import CanFrame
+from axisbus.cia301.master_detection import MasterDetector
 from axisbus.cia301.nmt import NmtState
 from axisbus.core.master_detection import cast_of
 from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND as HEARTBEAT
 from axisbus.drives.gim6010.can_simple.identifier import can_id
-from axisbus.drives.gim6010.factory_protocols import Listening
+from axisbus.drives.gim6010.factory_protocols import ProtocolListener
 from axisbus.eds.model import Eds
 from axisbus.trace import context
-from axisbus.trace.decoded import Decoded, Kind
+from axisbus.trace.decoded import Decoded, FrameKind
 from axisbus.trace.decoder import Decoder
-from axisbus.trace.error_counters import Tally
+from axisbus.trace.error_counters import TraceErrorCounters
 
 _INTERVALS = 64  # from how many of the last frames a period is worked out
 _NEWS = 50  # kept between two looks; more are counted
 _OF_A_KIND = 5  # of them of one service and node
-_LASTING = frozenset({Kind.TPDO, Kind.RPDO, Kind.SDO})  # the newest is shown
-_HAPPENING = frozenset({Kind.NMT, Kind.EMCY, Kind.BOOT_UP, Kind.LSS, Kind.ERROR_FRAME})
+_LASTING = frozenset({FrameKind.TPDO, FrameKind.RPDO, FrameKind.SDO})  # the newest is shown
+_HAPPENING = frozenset(
+    {FrameKind.NMT, FrameKind.EMCY, FrameKind.BOOT_UP, FrameKind.LSS, FrameKind.ERROR_FRAME}
+)
 _PDO = re.compile(r"[ ,:]")  # what may follow the name of a PDO in what is said of it
 _STATE = 0x7F
 
@@ -72,7 +74,7 @@ class NodeHeard:
     frames: int = 0
 
 
-class Overview:
+class BusMonitor:
     """Takes frames as they come; holds state: everything heard so far, and the news since they were taken."""
 
     def __init__(self, cell: CellConfig, files: Mapping[int, Eds]) -> None:
@@ -82,24 +84,24 @@ class Overview:
         self.nodes |= {node_id: NodeHeard(node_id, name) for node_id, name in found.modules.items()}
         self._beats = {can_id(node_id, HEARTBEAT) for node_id in found.modules}
         self.sync = Beat()
-        self.signs = Signs(cast_of(cell, files))
+        self.signs = MasterDetector(cast_of(cell, files))
         self.frames = 0
         self.unknown = 0
         self.missed = 0  # news that were too many to keep
-        self.tally = Tally()
-        self._of_a_kind: Counter[tuple[Kind, int | None]] = Counter()  # news since they were taken
+        self.tally = TraceErrorCounters()
+        self._of_a_kind: Counter[tuple[FrameKind, int | None]] = Counter()  # news since they were taken
         self._news: deque[Decoded] = deque(maxlen=_NEWS)
         self._decoder = Decoder(found)
 
-    def feed(self, frame: Frame, now: float) -> None:
+    def feed(self, frame: CanFrame, now: float) -> None:
         """Take a frame; ``now`` is when it came by the listener's clock."""
         one = self._decoder.feed(frame)
         self.tally.note(one)
         self.frames += 1
         self.signs.note(frame)
-        if one.kind is Kind.SYNC:
+        if one.kind is FrameKind.SYNC:
             self.sync.add(frame.time, now)
-        if one.kind is Kind.UNKNOWN:
+        if one.kind is FrameKind.UNKNOWN:
             self.unknown += 1
         if one.node is not None:
             self._of_node(one, now)
@@ -107,7 +109,7 @@ class Overview:
             self._note(one)
 
     @property
-    def foreign(self) -> Listening:
+    def foreign(self) -> ProtocolListener:
         """Who speaks another protocol than CANopen."""
         return self._decoder.foreign
 
@@ -138,20 +140,20 @@ class Overview:
             _renew(node.newest, one, now)
 
     def _state(self, node: NodeHeard, one: Decoded, now: float) -> None:
-        if one.kind is Kind.BOOT_UP:
+        if one.kind is FrameKind.BOOT_UP:
             node.state = NmtState.PRE_OPERATIONAL
             node.beat.times.clear()
         elif one.frame.can_id in self._beats:
             node.beat.add(one.frame.time, now)
-        elif one.kind in (Kind.HEARTBEAT, Kind.GUARD) and len(one.frame.data) == 1:
+        elif one.kind in (FrameKind.HEARTBEAT, FrameKind.GUARD) and len(one.frame.data) == 1:
             node.state = NmtState(one.frame.data[0] & _STATE)
             node.beat.add(one.frame.time, now)
 
 
 def _renew(newest: dict[str, Newest], one: Decoded, now: float) -> None:
     """A PDO is known by its name; requests for a value carry none."""
-    if one.frame.remote or (one.kind is Kind.SDO and not one.from_node):
+    if one.frame.remote or (one.kind is FrameKind.SDO and not one.from_node):
         return
-    name = one.kind.value if one.kind is Kind.SDO else _PDO.split(one.what)[0]
+    name = one.kind.value if one.kind is FrameKind.SDO else _PDO.split(one.what)[0]
     before = newest.get(name)
     newest[name] = Newest(one, now, 1 if before is None else before.count + 1)

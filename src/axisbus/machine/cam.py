@@ -12,7 +12,7 @@ from typing import Any, cast
 from axisbus.errors import ArgumentError
 from axisbus.motion.coupling.gear_and_cam import CamLaw
 from axisbus.motion.numbers import number, told
-from axisbus.motion.spline import Part, parts_of, span_of
+from axisbus.motion.spline import SplineSegment, parts_of, span_of
 
 MOST = 1000  # points of one cam
 
@@ -88,7 +88,7 @@ class Cam:
         """Return it for two axes: ``phase`` units of the master ahead, and stretched; no factor is 0, the master's is above."""
         m, s = master_scale, scale
         parts = tuple(
-            Part(p.place * s, p.speed * s / m, p.bend * s / m**2, p.twist * s / m**3, p.length * m)
+            SplineSegment(p.place * s, p.speed * s / m, p.bend * s / m**2, p.twist * s / m**3, p.length * m)
             for p in self._parts
         )
         period = (self.master_span[1] - self.master_span[0]) * m

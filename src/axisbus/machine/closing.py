@@ -16,7 +16,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from axisbus.errors import AxisbusError, ScanError, in_a_line
+from axisbus.errors import AxisbusError, ScanError, one_line
 from axisbus.interrupt_guard import in_thread_of_ours
 
 log = logging.getLogger("axisbus")
@@ -133,6 +133,6 @@ class Closing:
 def _broken_off(error: BaseException) -> ScanError:
     return ScanError(
         "closing the machine was broken off",
-        observed=in_a_line(error),
+        observed=one_line(error),
         remedy="make sure that every axis stands, then end the program",
     )

@@ -12,7 +12,7 @@ from axisbus.motion.command_status import ENDED
 from axisbus.session import AnyCommand, AxisSession, CommandEvent, Target
 
 
-class Commanding:
+class CommandDispatcher:
     """Gives commands to a session; holds the handle of each that is under way, by its number.
 
     A command may end before ``submit`` has returned. So what has ended is kept, as its last event and not as its handle (which its

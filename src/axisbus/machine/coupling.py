@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.machine.cam import Cam
-from axisbus.machine.request import Request, flag_of
+from axisbus.machine.request import AxisCall, flag_of
 from axisbus.motion.coupling.gear_and_cam import CamLaw, Gear
-from axisbus.motion.coupling.sync_options import AtPlace, AtSpeed, By, Entry, Here
+from axisbus.motion.coupling.sync_options import AtPlace, By, Entry, SyncAtSpeed, SyncInPlace
 from axisbus.motion.group.commands import Couple
 from axisbus.motion.numbers import told
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 class Coupling:
     """One call, such as ``y.gear_in(x, 2.0)``, on its way to a ``Couple``; ``text`` names it in messages."""
 
-    def __init__(self, slave: Axis, master: object, text: str, request: Request, by: str) -> None:
+    def __init__(self, slave: Axis, master: object, text: str, request: AxisCall, by: str) -> None:
         """Check the axes.
 
         Raises:
@@ -54,7 +54,7 @@ class Coupling:
                     f"{self._text}: over goes with at",
                     remedy="give at = (the master's place, the slave's place) as well, or leave over out",
                 )
-            return self._couple(law, AtSpeed(self._request.acceleration(acceleration)))
+            return self._couple(law, SyncAtSpeed(self._request.acceleration(acceleration)))
         return self._couple(law, self._meeting(at, over))
 
     def cam(
@@ -76,7 +76,7 @@ class Coupling:
         )
         if not begins_here:
             self._require_room(cam, law, scale)
-        return self._couple(law, Here(stretch, begins_here))
+        return self._couple(law, SyncInPlace(stretch, begins_here))
 
     def _couple(self, law: Gear | CamLaw, entry: Entry) -> Couple:
         return Couple(self._master.name, self._slave.name, law, entry, self._by)

@@ -19,16 +19,16 @@ from axisbus.cell.virtual.parameters import all_virtual
 from axisbus.cia402 import homing
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Capabilities
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.core.files import load_dictionaries
 from axisbus.errors import LimitError
 from axisbus.machine.axis import Axis
-from axisbus.machine.command_dispatch import Commanding
+from axisbus.machine.command_dispatch import CommandDispatcher
 from axisbus.machine.gantry.gantry import Gantry
 from axisbus.machine.handle import NOBODY
 from axisbus.motion import commands as c
 from axisbus.motion.axis import accept_motion
-from axisbus.motion.command_status import Status, Ticket
+from axisbus.motion.command_status import CommandStatus, Status
 from axisbus.motion.gantry import commands as g
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.snapshot import Snapshot
@@ -36,14 +36,14 @@ from axisbus.motion.states import AxisState
 from axisbus.session import AnyCommand, AxisFacts, CommandEvent, LatenessReport, Observer, Target
 
 _AT_REST = Snapshot(
-    0.0, AxisState.STANDSTILL, State.OPERATION_ENABLED, None, None, 0, 0.0, None, None, None, None, 0, False, True, None
+    0.0, AxisState.STANDSTILL, PowerState.OPERATION_ENABLED, None, None, 0, 0.0, None, None, None, None, 0, False, True, None
 )  # fmt: skip
 _UNKNOWN = Capabilities({}, {}, remappable=False, max_age={})
 _ANYWHERE = None
 _Place = int | None  # user increments; None where an axis may be anywhere
 
 
-class Rehearsal:
+class DryRun:
     """The axes of a cell without its drives; holds state: which axes were told to home, and where they are seen."""
 
     def __init__(self, cell: CellConfig, known: Mapping[str, AxisParameters] | None = None) -> None:
@@ -55,7 +55,7 @@ class Rehearsal:
         self.cell = cell
         self._parameters = _of_files(cell) if known is None else dict(known)
         self._stage = _Stage(cell, self._parameters)
-        self._commanding = Commanding(self._stage)
+        self._commanding = CommandDispatcher(self._stage)
 
     def __getitem__(self, name: str) -> Axis:
         """Return an axis, whose commands raise what speaks against them and are done at once otherwise.
@@ -120,14 +120,14 @@ class _Stage:
         Raises:
             StateError, LimitError: the drive lacks an object for it, or it would end beyond the position limits.
         """
-        ticket = Ticket(name)
+        ticket = CommandStatus(name)
         if isinstance(command, c.Home):
             self._home(str(target), command, ticket)
         elif isinstance(command, c.Move):
             self._move(str(target), command, ticket)
         elif isinstance(command, g.GantryHome):
             self._home_both(command)
-        elif isinstance(command, g.GantryMove) and command.reference is not c.Reference.ABSOLUTE:
+        elif isinstance(command, g.GantryMove) and command.reference is not c.TargetReference.ABSOLUTE:
             for axis in command.axes:
                 distance = self._parameters[axis].units.position.to_increments(command.value)
                 self._require_end(axis, distance, ticket)
@@ -157,7 +157,7 @@ class _Stage:
     def forget(self, observer: Observer) -> None:
         """There are no cycles."""
 
-    def _home(self, name: str, command: c.Home, ticket: Ticket) -> None:
+    def _home(self, name: str, command: c.Home, ticket: CommandStatus) -> None:
         method = command.job.method
         accept_motion.require_objects(self._parameters[name], ModeOfOperation.HOMING, ticket, method)
         at_home = method in homing.IN_PLACE and not self._cell.axes[name].homing.offset
@@ -169,14 +169,14 @@ class _Stage:
             self._places[name] = _ANYWHERE
             self.snapshots[name] = self.snapshots[name]._replace(homed=True)
 
-    def _move(self, name: str, command: c.Move, ticket: Ticket) -> None:
+    def _move(self, name: str, command: c.Move, ticket: CommandStatus) -> None:
         parameters = self._parameters[name]
         accept_motion.require_watch(parameters, command.profile, ticket)
         accept_motion.require_objects(parameters, ModeOfOperation.PROFILE_POSITION, ticket)
-        if command.reference is not c.Reference.ABSOLUTE:
+        if command.reference is not c.TargetReference.ABSOLUTE:
             self._require_end(name, command.value, ticket)
 
-    def _require_end(self, name: str, distance: int, ticket: Ticket) -> None:
+    def _require_end(self, name: str, distance: int, ticket: CommandStatus) -> None:
         """Raise LimitError where a way of so many increments would end beyond the limits of an axis."""
         parameters, place = self._parameters[name], self._places[name]
         if parameters.homing.required and not self.snapshots[name].homed:
@@ -187,7 +187,7 @@ class _Stage:
             _require_room(parameters, distance, ticket)
 
 
-def _require_room(parameters: AxisParameters, distance: int, ticket: Ticket) -> None:
+def _require_room(parameters: AxisParameters, distance: int, ticket: CommandStatus) -> None:
     """Raise LimitError where a way is longer than the limits are apart: it ends beyond them from wherever it starts."""
     limits, scale = parameters.limits.position, parameters.units.position
     way = abs(scale.to_units(distance))

@@ -8,15 +8,15 @@ from typing import NamedTuple
 
 from axisbus.errors import ArgumentError, LimitError, StateError
 from axisbus.machine.axis import Axis
-from axisbus.machine.axis_set.axis_set import Together
-from axisbus.machine.command_dispatch import Commanding
+from axisbus.machine.axis_set.axis_set import AxisSet
+from axisbus.machine.command_dispatch import CommandDispatcher
 from axisbus.machine.handle import Handle
 from axisbus.machine.paths import PathRequest, blend_of, one_each
 from axisbus.machine.request import buffering_of, flag_of, items_of, shown
 from axisbus.machine.streaming.options import options_of
 from axisbus.machine.streaming.points import PointStream
 from axisbus.machine.streaming.timed import follow_points
-from axisbus.machine.user_kinematics.kinematics import Own, OwnKinematics, kinematics_for
+from axisbus.machine.user_kinematics.kinematics import UserKinematics, UserKinematicsAdapter, kinematics_for
 from axisbus.motion import commands as c
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.group.commands import (
@@ -28,7 +28,7 @@ from axisbus.motion.group.commands import (
 from axisbus.motion.group.kinematics import Kinematics
 from axisbus.motion.group.segments import Place
 from axisbus.motion.numbers import items, number, told
-from axisbus.motion.point_stream.timed import TimedPoint
+from axisbus.motion.point_stream.timed import TrajectoryPoint
 from axisbus.session import Target
 from axisbus.wording import counted
 
@@ -44,7 +44,7 @@ class _Path(NamedTuple):
     blend: float
 
 
-class Group(Together):
+class Group(AxisSet):
     """Axes that are enabled, halted, stopped and started in one SYNC; each command returns one ``Handle`` for all.
 
     "In one SYNC" holds for drives whose RPDOs are synchronous; ``axisbus boot`` says which are.
@@ -54,9 +54,9 @@ class Group(Together):
         self,
         name: str,
         axes: Mapping[str, Axis],
-        commanding: Commanding,
+        commanding: CommandDispatcher,
         key: Target | None = None,
-        kinematics: Kinematics | Own | None = None,
+        kinematics: Kinematics | UserKinematicsAdapter | None = None,
     ) -> None:
         """``key``: by what the core knows it, where that is not its name. ``kinematics``: see ``with_kinematics``."""
         super().__init__(name, axes, commanding, key)
@@ -66,14 +66,14 @@ class Group(Together):
         self._ends_at: deque[tuple[Handle, Place | None]] = deque(maxlen=_KEPT)
 
     def with_kinematics(
-        self, kinematics: Kinematics | OwnKinematics, *, accuracy: float | None = None
+        self, kinematics: Kinematics | UserKinematics, *, accuracy: float | None = None
     ) -> Group:
         """Return the group of the same axes with lines, paths and circles through places of a workspace, in its units.
 
         ``kinematics`` takes its axes in their order. Velocity, acceleration and blend are then those in the workspace, and each
         axis's limits hold all the same. All else is as it is: ``move_direct`` takes positions of the axes.
 
-        ``CoreXY``, ``Scara`` and ``Delta`` run in the core. Kinematics of your own (``OwnKinematics``) are called in this program
+        ``CoreXY``, ``Scara`` and ``Delta`` run in the core. Kinematics of your own (``UserKinematics``) are called in this program
         alone: each way is sampled by them before it begins, which blocks, so finely that the tool stays within ``accuracy`` (units
         of the workspace; by default what one increment of an axis moves it by) of it.
 
@@ -85,7 +85,7 @@ class Group(Together):
 
     def enable(self) -> Handle:
         """Switch all power stages on, once all axes stand; the last transition is taken by all together."""
-        return self._all("enable()", c.Enable, together=True)
+        return self._all("enable()", c.EnableCommand, together=True)
 
     def move_linear(
         self,
@@ -311,14 +311,14 @@ class Group(Together):
         self._ends_at.append((made.handle, None))
         return made
 
-    def follow(self, points: Sequence[TimedPoint]) -> Handle:
+    def follow(self, points: Sequence[TrajectoryPoint]) -> Handle:
         """Be at ``points`` at their times (s, from when all begin), in cyclic synchronous position mode; from rest to rest.
 
-        ``TimedPoint(time, positions, velocities, accelerations)``: in the group's order of axes, of its axes also with kinematics;
-        all points have velocities (unit/s), or velocities and accelerations (unit/s²), or neither. Between two points goes the
-        polynomial of degree three or five that has them; with positions alone no axis goes beyond two points. The first point is
-        where the axes stand, or later than 0: they come to it from where they are led to. At most 4000 points; those of an endless
-        axis are as far as it has turned in all.
+        ``TrajectoryPoint(time, positions, velocities, accelerations)``: in the group's order of axes, of its axes also with
+        kinematics; all points have velocities (unit/s), or velocities and accelerations (unit/s²), or neither. Between two points
+        goes the polynomial of degree three or five that has them; with positions alone no axis goes beyond two points. The first
+        point is where the axes stand, or later than 0: they come to it from where they are led to. At most 4000 points; those of an
+        endless axis are as far as it has turned in all.
 
         All of it is held against the limits before anything moves: of ``max_acceleration`` a trajectory may use four fifths. That
         takes less than 0.1 ms for each point and axis, and so long does it block. The core then knows it up to its end. A halt

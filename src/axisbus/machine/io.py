@@ -7,18 +7,18 @@ from collections.abc import Callable, Iterator, Mapping
 from numbers import Real
 from typing import TYPE_CHECKING
 
-from axisbus.cia401.port import Known
-from axisbus.cia401.signal import Point, Value
+from axisbus.cia401.port import SignalValidity
+from axisbus.cia401.signal import IoPoint, Value
 from axisbus.errors import ArgumentError, SignalTimeout, StaleError, UnknownNameError
 from axisbus.machine.handle import Handle, patience
 from axisbus.motion.io.commands import SetOutputs
-from axisbus.motion.io.reading import Reading
+from axisbus.motion.io.reading import IoReading
 from axisbus.motion.numbers import told
 from axisbus.session import IO
 
 if TYPE_CHECKING:
-    from axisbus.machine.command_dispatch import Commanding
-    from axisbus.session import Session
+    from axisbus.machine.command_dispatch import CommandDispatcher
+    from axisbus.session import MachineSession
 
 _SLICE = 0.005  # seconds between two looks, in real time
 
@@ -26,7 +26,7 @@ _SLICE = 0.005  # seconds between two looks, in real time
 class Signal:
     """One input or output of ``[io.NAME]``. A bit is True or False, a number is in its ``unit``."""
 
-    def __init__(self, point: Point, session: Session, commanding: Commanding) -> None:
+    def __init__(self, point: IoPoint, session: MachineSession, commanding: CommandDispatcher) -> None:
         self.name = point.name
         self._point = point
         self._session = session
@@ -106,7 +106,7 @@ class Signal:
         return found
 
     @property
-    def point(self) -> Point:
+    def point(self) -> IoPoint:
         """Where it is, and what its raw value means."""
         return self._point
 
@@ -114,14 +114,14 @@ class Signal:
     def _in_unit(self) -> str:
         return f" {self.unit}" if self.unit else ""
 
-    def _shown(self, reading: Reading) -> Value:
+    def _shown(self, reading: IoReading) -> Value:
         return self._point.shown(reading.value or 0)
 
-    def _known(self) -> Reading:
+    def _known(self) -> IoReading:
         silent = self._session.silent
         reading = self._session.readings.get(self.name)
-        known = Known.NOT_BOOTED if reading is None else reading.known
-        if silent is None and reading is not None and known is Known.YES:
+        known = SignalValidity.NOT_BOOTED if reading is None else reading.known
+        if silent is None and reading is not None and known is SignalValidity.YES:
             return reading
         raise StaleError(
             f"{self.name} ({self._point.object_text} of node {self._point.node}) is unknown",
@@ -141,10 +141,12 @@ class Signal:
         )
 
 
-class Io(Mapping[str, Signal]):
+class InputsOutputs(Mapping[str, Signal]):
     """The inputs and outputs of a machine by name, in the order of cell.toml."""
 
-    def __init__(self, points: Mapping[str, Point], session: Session, commanding: Commanding) -> None:
+    def __init__(
+        self, points: Mapping[str, IoPoint], session: MachineSession, commanding: CommandDispatcher
+    ) -> None:
         self._signals = {name: Signal(point, session, commanding) for name, point in points.items()}
         self._commanding = commanding
 
@@ -177,7 +179,7 @@ class Io(Mapping[str, Signal]):
         return set_outputs(self._commanding, {self[name]: value for name, value in values.items()})
 
 
-def set_outputs(commanding: Commanding, values: Mapping[Signal, Value]) -> Handle:
+def set_outputs(commanding: CommandDispatcher, values: Mapping[Signal, Value]) -> Handle:
     """Give a command that sets outputs; raises ArgumentError where one cannot be set so."""
     given = tuple((signal.name, _raw(signal, value)) for signal, value in values.items())
     name = ", ".join(f"{signal.name} = {value}" for signal, value in values.items())

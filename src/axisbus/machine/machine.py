@@ -14,19 +14,19 @@ from axisbus.bus.link.fork_guard import disown_in_children
 from axisbus.cell.model import SIMULATED, CellConfig
 from axisbus.errors import ArgumentError, AxisbusError, StateError, UnknownNameError, with_alarm
 from axisbus.machine.axis import Axis
-from axisbus.machine.axis_registry import Roster
+from axisbus.machine.axis_registry import AxisRegistry
 from axisbus.machine.closing import Closing
-from axisbus.machine.command_dispatch import Commanding
+from axisbus.machine.command_dispatch import CommandDispatcher
 from axisbus.machine.gantry.gantry import Gantry
 from axisbus.machine.groups import Group
 from axisbus.machine.handle import Handle
 from axisbus.machine.notebook_interrupts import interactive
 from axisbus.machine.opening import attached, opened, out_of_reach, simulated
 from axisbus.machine.request import hold_of, override_of
-from axisbus.machine.signal_shutdown import EXIT, Leaving
+from axisbus.machine.signal_shutdown import EXIT, ShutdownRequest
 from axisbus.motion.group.commands import CellSetOverride
 from axisbus.motion.numbers import number, told
-from axisbus.session import LatenessReport, Program, Session
+from axisbus.session import ClientProgram, LatenessReport, MachineSession
 
 if TYPE_CHECKING:  # who only looks at axes has no need of them
     from axisbus.boot.report import NodeReport
@@ -34,21 +34,21 @@ if TYPE_CHECKING:  # who only looks at axes has no need of them
     from axisbus.bus.link.controller import ControllerEvent
     from axisbus.bus.node.events import NodeEvent
     from axisbus.cia301.dropped_frames import Drop
-    from axisbus.cia301.frame import Carried
+    from axisbus.cia301.frame import BusTraffic
     from axisbus.cia301.sdo_counts import SdoCount
-    from axisbus.core.core import Owner
-    from axisbus.core.simulated_nodes import StandIn
+    from axisbus.core.core import CoreInterface
+    from axisbus.core.simulated_nodes import SimulatedNode
     from axisbus.machine.display.web_process import WebPage
-    from axisbus.machine.io import Io
+    from axisbus.machine.io import InputsOutputs
     from axisbus.machine.node_access import NodeAccess
     from axisbus.machine.streaming.options import StreamWords
     from axisbus.machine.streaming.points import PointStream
-    from axisbus.machine.user_kinematics.kinematics import OwnKinematics
+    from axisbus.machine.user_kinematics.kinematics import UserKinematics
     from axisbus.motion.group.kinematics import Kinematics
     from axisbus.record.capture import Capture
     from axisbus.record.condition import Condition
     from axisbus.record.last_motion import LastMinute
-    from axisbus.record.notebook_plot import Picture
+    from axisbus.record.notebook_plot import RecordingPlot
     from axisbus.record.recording import Recording
     from axisbus.sim.device import Device
 
@@ -62,14 +62,14 @@ class Machine:
     ``machine.node(1)`` direct access to a device.
     """
 
-    def __init__(self, cell: CellConfig, core: Owner) -> None:
+    def __init__(self, cell: CellConfig, core: CoreInterface) -> None:
         """Use ``Machine.open`` or ``Machine.simulated``."""
         self.cell = cell
         self._core = core
-        self._commanding = Commanding(self.session)
+        self._commanding = CommandDispatcher(self.session)
         self._nodes: dict[int, NodeAccess] = {}
-        self._io: Io | None = None
-        self._roster = Roster(cell, core.booted, self._commanding, self.node)
+        self._io: InputsOutputs | None = None
+        self._roster = AxisRegistry(cell, core.booted, self._commanding, self.node)
         self._closing = Closing(self._leave, self.session.request_stop, self._core.in_cycle)
         self._recordings: list[Recording | Capture] = []
         self._pages: list[WebPage] = []
@@ -77,7 +77,7 @@ class Machine:
         self._last: LastMinute | None = None
 
     @property
-    def session(self) -> Session:
+    def session(self) -> MachineSession:
         """The way to the core that moves the axes."""
         return self._core.session
 
@@ -196,7 +196,10 @@ class Machine:
         return self._roster.groups
 
     def group(
-        self, *names: str, kinematics: Kinematics | OwnKinematics | None = None, accuracy: float | None = None
+        self,
+        *names: str,
+        kinematics: Kinematics | UserKinematics | None = None,
+        accuracy: float | None = None,
     ) -> Group:
         """Return the group of this name in cell.toml, or a group of the axes named, in this order.
 
@@ -235,16 +238,16 @@ class Machine:
         return self._commanding.submit("", CellSetOverride(found), f"cell.set_override({found:g})")
 
     @property
-    def io(self) -> Io:
+    def io(self) -> InputsOutputs:
         """The named inputs and outputs: ``machine.io["lamp"]``; those of nodes that have not come up are there, and unknown."""
         if self._io is None:
             from axisbus.cell.io.signals import all_points  # most cells have none
-            from axisbus.machine.io import Io
+            from axisbus.machine.io import InputsOutputs
 
             dictionaries = {node_id: parts.eds for node_id, parts in self._core.nodes.items()}
             points = all_points(self.cell, dictionaries)
             ordered = {name: points[name] for name in self.cell.io if name in points}
-            self._io = Io(ordered, self.session, self._commanding)
+            self._io = InputsOutputs(ordered, self.session, self._commanding)
         return self._io
 
     def stream(self, *names: str, **options: Unpack[StreamWords]) -> PointStream:
@@ -271,7 +274,7 @@ class Machine:
             self._nodes[node_id] = NodeAccess(parts)
         return self._nodes[node_id]
 
-    def stand_in(self, node_id: int) -> StandIn:
+    def stand_in(self, node_id: int) -> SimulatedNode:
         """Return the stand-in of a simulated node: its plant, its dials, and faults on demand.
 
         Raises:
@@ -299,7 +302,7 @@ class Machine:
         return self._core.commanded_by
 
     @property
-    def programs(self) -> tuple[Program, ...]:
+    def programs(self) -> tuple[ClientProgram, ...]:
         """The programs that are at this machine (``who``, and whether it ``commands``), the one that opened it first.
 
         ``lost_cycles`` and ``lost_frames`` are what each did not take in time. Empty where no other can join it: its core is in
@@ -346,7 +349,7 @@ class Machine:
         self.session.hold_to_run(*times)
 
     @property
-    def carried(self) -> Carried | None:
+    def carried(self) -> BusTraffic | None:
         """How many frames, and octets in them, the bus has carried up to a ``time``, in both directions; None without a bus.
 
         ``later.load(before, bitrate)`` is the part of the bus that was taken meanwhile: without stuff bits, and with the most.
@@ -359,15 +362,15 @@ class Machine:
         return [booted.report for booted in self._core.booted.values()]
 
     @property
-    def events(self) -> list[NodeEvent | Leaving]:
+    def events(self) -> list[NodeEvent | ShutdownRequest]:
         """What error control has told of all nodes, what was heard of another master, and why the machine was left.
 
         Since the scan began, in the order of time.
         """
         left = self.session.left
-        found: list[NodeEvent | Leaving] = [
+        found: list[NodeEvent | ShutdownRequest] = [
             *self.session.node_events,
-            *([] if left is None else [Leaving(*left)]),
+            *([] if left is None else [ShutdownRequest(*left)]),
         ]
         return sorted(found, key=lambda event: event.stamp)
 
@@ -507,7 +510,7 @@ class Machine:
         self._pages.append(page)
         return page
 
-    def plot_last(self, seconds: float | None = None, *, axes: Iterable[str] | None = None) -> Picture:
+    def plot_last(self, seconds: float | None = None, *, axes: Iterable[str] | None = None) -> RecordingPlot:
         """Draw the last motion, from a little before it until a little after its end, or until now; a notebook shows the picture.
 
         ``seconds``: draw so many until now instead (at most 60 are kept). ``axes``: those that moved, if None. The picture has a

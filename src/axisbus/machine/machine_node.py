@@ -6,7 +6,7 @@ from axisbus.bus.sdo.access import decoded
 from axisbus.bus.sdo.transfer import Progress
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType, Value
-from axisbus.eds.dictionary import Dictionary, Entry
+from axisbus.eds.dictionary import Dictionary, DictionaryEntry
 from axisbus.eds.model import Eds
 from axisbus.errors import SdoAbort, SdoError, StateError
 from axisbus.machine.node_access import NodeAccess
@@ -31,7 +31,7 @@ class MachineNode:
             return False
         return True
 
-    def require_not_cyclic(self, entry: Entry) -> None:
+    def require_not_cyclic(self, entry: DictionaryEntry) -> None:
         """Check that the machine does not send the object by PDO.
 
         Raises:

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from typing import Any
 
 from axisbus.boot import error_state
-from axisbus.boot.objects import Objects, read_int
+from axisbus.boot.objects import NodeObjects, read_int
 from axisbus.bus.node.events import NodeEvent
-from axisbus.bus.pdo.plan import Plan
+from axisbus.bus.pdo.plan import PdoPlan
 from axisbus.bus.pdo.tpdo_timeout import PdoEvent
 from axisbus.cell.can_simple.modules import no_objects
 from axisbus.cia301 import errorfield
@@ -18,7 +18,7 @@ from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.errorfield import ErrorEntry
 from axisbus.cia301.incident import EmcyLog, Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.cia301.pdo import Carried
+from axisbus.cia301.pdo import PdoLocation
 from axisbus.core.direct.node import DirectNode
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.drives.emcy_text import history_words, incident_words
@@ -37,7 +37,7 @@ class SdoAccess:
     """
 
     def __init__(
-        self, objects: Objects, dictionary: Dictionary, cyclic: frozenset[tuple[int, int]] = frozenset()
+        self, objects: NodeObjects, dictionary: Dictionary, cyclic: frozenset[tuple[int, int]] = frozenset()
     ) -> None:
         """``cyclic``: what the scan sends in every cycle."""
         self._objects = objects
@@ -214,18 +214,18 @@ class NodeAccess:
         """
         if not self.parts.has_objects:
             raise no_objects(self.node_id, "it is no node of CANopen")
-        from axisbus.bus.node.node import Node
+        from axisbus.bus.node.node import CanopenNode
         from axisbus.bus.node.remote import remote_node
 
         node = self._require_bus()
-        if not isinstance(node, Node):
+        if not isinstance(node, CanopenNode):
             raise StateError(
                 f"node {self.node_id}: its bus belongs to the core in its own process",
                 remedy='write process = "thread" in [bus] to use it by the canopen library, or use node.sdo and node.command',
             )
         return remote_node(node)
 
-    def carrier(self, index: int, subindex: int = 0) -> Carried | None:
+    def carrier(self, index: int, subindex: int = 0) -> PdoLocation | None:
         """Return where a PDO in use carries an object (the index is the device's own): identifier, PDO, first bit, number of bits.
 
         None where none does. Does not block.
@@ -248,7 +248,7 @@ class NodeAccess:
         return self._node
 
 
-def _cyclic(plans: tuple[Plan, ...]) -> frozenset[tuple[int, int]]:
+def _cyclic(plans: tuple[PdoPlan, ...]) -> frozenset[tuple[int, int]]:
     """The objects that the scan sends by PDO, as index and sub-index."""
     sent = [pdo for plan in plans for pdo in plan.active if pdo.receive]
     return frozenset((mapped.index, mapped.subindex) for pdo in sent for mapped in pdo.target.mapping)

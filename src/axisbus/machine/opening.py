@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
-from axisbus.cell.problem import Problem, errors
+from axisbus.cell.problem import CellProblem, errors
 from axisbus.core.process.launch import Processes, expected, path_of, wanted
 from axisbus.errors import StateError
 from axisbus.machine.signal_shutdown import EXIT
@@ -24,12 +24,12 @@ from axisbus.version import __version__
 if TYPE_CHECKING:
     from axisbus.boot.report import NodeReport
     from axisbus.boot.result import Booted
-    from axisbus.core.core import Core, Owner
+    from axisbus.core.core import Core, CoreInterface
     from axisbus.core.runtime import Runtime
     from axisbus.sim.device import Device
 
 
-def opened(path: str | Path, beside: bool, shared: bool) -> tuple[CellConfig, Owner]:
+def opened(path: str | Path, beside: bool, shared: bool) -> tuple[CellConfig, CoreInterface]:
     """Return a cell and its core, booted and ready to begin; as ``Machine.open``."""
     cell, problems = reader.read(path)
     if cell is None:
@@ -47,20 +47,20 @@ def opened(path: str | Path, beside: bool, shared: bool) -> tuple[CellConfig, Ow
     return cell, _here(cell)
 
 
-def attached(path: str | Path, *, command: bool, take: bool) -> tuple[CellConfig, Owner] | None:
+def attached(path: str | Path, *, command: bool, take: bool) -> tuple[CellConfig, CoreInterface] | None:
     """Return a cell and its core, which runs already; as ``Machine.attach``, but None where there is none."""
     cell = reader.load(path)
     if sys.platform != "linux":
         return None
     from axisbus.core.process.client import RemoteCore
-    from axisbus.core.process.listener import Visit, knock, text_of
+    from axisbus.core.process.listener import ClientConnection, connect, text_of
     from axisbus.ipc import messages as m
 
-    admitted = knock(path_of(cell))
+    admitted = connect(path_of(cell))
     if admitted is None:
         return None
     wanted = m.Attach(__version__, text_of(path_of(cell)), command or take, take)
-    return cell, RemoteCore(cell, Visit(*admitted), wanted)
+    return cell, RemoteCore(cell, ClientConnection(*admitted), wanted)
 
 
 def runs(path: str | Path, *, joinable: bool = False) -> bool:
@@ -76,13 +76,13 @@ def out_of_reach(path: str | Path) -> str:
     if sys.platform != "linux":
         return ""
     from axisbus.bus.link import ownership
-    from axisbus.bus.link.claims import CellKeys
+    from axisbus.bus.link.claims import CellFileId
     from axisbus.core.process.listener import found_of, why_not
 
     cell, texts = reader.load(path), list[str]()
     for claim in found_of(cell):
         who, why = ownership.described(claim.process), why_not(claim, cell.file)
-        if not claim.cell.match(CellKeys.of(cell.file)):
+        if not claim.cell.match(CellFileId.of(cell.file)):
             user = ownership.user_name(claim.user)
             texts.append(
                 f"its CAN channel is held by {who} of user {user}, which runs no machine of this file"
@@ -147,13 +147,13 @@ def boot(
         runtime.leave()
 
 
-def _check(cell: CellConfig, problems: list[Problem]) -> None:
+def _check(cell: CellConfig, problems: list[CellProblem]) -> None:
     from axisbus.check.load_cell import require_sound
 
     require_sound(cell, problems)
 
 
-def _apart(cell: CellConfig, problems: list[Problem], shared: bool) -> Owner:
+def _apart(cell: CellConfig, problems: list[CellProblem], shared: bool) -> CoreInterface:
     process = Processes(cell, EXIT.ends[0].fileno())
     try:
         _check(cell, problems)
@@ -163,7 +163,7 @@ def _apart(cell: CellConfig, problems: list[Problem], shared: bool) -> Owner:
         process.abandon()
         raise
     return RemoteCore(
-        cell, process, m.Open(__version__, path_of(cell), cell.bus.beside, shared, EXIT.in_cells)
+        cell, process, m.OpenCell(__version__, path_of(cell), cell.bus.beside, shared, EXIT.in_cells)
     )
 
 

@@ -9,19 +9,19 @@ from typing import TypeVar
 from axisbus.errors import ArgumentError, AxisbusError, LimitError
 from axisbus.machine.axis import Axis
 from axisbus.machine.request import items_of
-from axisbus.machine.user_kinematics.kinematics import Own, said
+from axisbus.machine.user_kinematics.kinematics import UserKinematicsAdapter, said
 from axisbus.machine.user_kinematics.sampling import Sampling
 from axisbus.motion.blending.mode import BufferMode
-from axisbus.motion.group.commands import MovePath, Takeover
+from axisbus.motion.group.commands import MovePath, PathTransition
 from axisbus.motion.group.jerk_limits import Soft
-from axisbus.motion.group.kinematic_segment import Bent, survey
+from axisbus.motion.group.kinematic_segment import KinematicSegment, survey
 from axisbus.motion.group.kinematics import Kinematics
-from axisbus.motion.group.path import Cycle, Part, way_of
+from axisbus.motion.group.path import CycleVelocity, Part, way_of
 from axisbus.motion.group.path_builder import arc_about, arc_through, polyline, require_end, window
 from axisbus.motion.group.segments import Arc, Corner, Piece, Place
 from axisbus.motion.numbers import number, told
 from axisbus.motion.override.factor import FASTER
-from axisbus.motion.sampled_path.segment import Tabled
+from axisbus.motion.sampled_path.segment import SampledSegment
 from axisbus.wording import counted
 
 T = TypeVar("T")
@@ -77,7 +77,7 @@ class PathRequest:
         blend: float = 0.0,
         more: bool = False,
         extends: bool = False,
-        kinematics: Kinematics | Own | None = None,
+        kinematics: Kinematics | UserKinematicsAdapter | None = None,
     ) -> None:
         """``velocity``, ``acceleration`` and ``jerk`` are checked already; ``call`` is the name of the method.
 
@@ -106,10 +106,10 @@ class PathRequest:
         self._buffer, self._blend, self._more, self._extends = buffer, blend, more, extends
 
     @property
-    def _takeover(self) -> Takeover | None:
+    def _takeover(self) -> PathTransition | None:
         if self._buffer is None or not self._buffer.blends:
             return None
-        return Takeover(self._buffer, self._blend, self._extends)
+        return PathTransition(self._buffer, self._blend, self._extends)
 
     def along(self, points: Sequence[Sequence[float]]) -> MovePath:
         """Return the path through ``points``; corners are cut by at most ``blend``.
@@ -163,7 +163,7 @@ class PathRequest:
         )
 
     def _each(self, what: str, values: Sequence[float]) -> Sequence[float]:
-        if not isinstance(self._kinematics, Own):
+        if not isinstance(self._kinematics, UserKinematicsAdapter):
             return one_each(self._axes, f"{self._text}: {what} has", values)
         if len(values) != len(self._start):
             raise ArgumentError(
@@ -190,7 +190,7 @@ class PathRequest:
             self._require_room(arc, "circle")
         return self._path([arc], set())
 
-    def _require_room(self, piece: Arc | Bent, what: str) -> None:
+    def _require_room(self, piece: Arc | KinematicSegment, what: str) -> None:
         for (name, axis), start, low, high in zip(self._axes.items(), self._joints, *piece.box, strict=True):
             allowed = axis.room_from(start)
             if allowed is not None and not allowed[0] <= low <= high <= allowed[1]:
@@ -200,15 +200,17 @@ class PathRequest:
                     remedy=f"choose another {what}, or change position_limits in [axes.{name}] of cell.toml",
                 )
 
-    def _bent(self, pieces: Sequence[Piece], kinematics: Kinematics) -> list[Bent]:
+    def _bent(self, pieces: Sequence[Piece], kinematics: Kinematics) -> list[KinematicSegment]:
         """Return the pieces as the axes go along them, each within reach and limits."""
-        found = [Bent(piece, kinematics) for piece in pieces]
+        found = [KinematicSegment(piece, kinematics) for piece in pieces]
         for piece in found:
             self._reached(lambda piece=piece: survey(piece))  # type: ignore[misc]
             self._require_room(piece, "way")
         return found
 
-    def _sampled(self, pieces: Sequence[Piece], stops: Collection[int], own: Own) -> list[Tabled]:
+    def _sampled(
+        self, pieces: Sequence[Piece], stops: Collection[int], own: UserKinematicsAdapter
+    ) -> list[SampledSegment]:
         """Return the pieces as the axes go along them by a program's own kinematics, each within reach and limits."""
         return Sampling(own, pieces, stops, self._joints, self._text).tables()
 
@@ -226,13 +228,15 @@ class PathRequest:
 
     def _path(self, straight: Sequence[Piece], stops: set[int]) -> MovePath:
         pieces: Sequence[Part] = straight
-        if isinstance(self._kinematics, Own):
+        if isinstance(self._kinematics, UserKinematicsAdapter):
             pieces = self._sampled(straight, stops, self._kinematics)
         elif self._kinematics is not None:
             pieces = self._bent(straight, self._kinematics)
         limits = [axis.limits for axis in self._axes.values()]
         period = next(iter(self._axes.values())).scan_period
-        plan = partial(way_of, pieces, limits, self._acceleration, stops, Cycle(self._velocity, period))
+        plan = partial(
+            way_of, pieces, limits, self._acceleration, stops, CycleVelocity(self._velocity, period)
+        )
         way = plan()
         hardest = max(way.ramps)
         cycles = window(hardest, self._jerk, period, self._text)
@@ -245,7 +249,9 @@ class PathRequest:
 
     def _require_no_corner(self, pieces: Sequence[Piece]) -> None:
         """Raise ArgumentError for corners by kinematics of a program's own: of their samples nothing tells how they bend."""
-        if isinstance(self._kinematics, Own) and any(isinstance(piece, Corner) for piece in pieces):
+        if isinstance(self._kinematics, UserKinematicsAdapter) and any(
+            isinstance(piece, Corner) for piece in pieces
+        ):
             raise ArgumentError(
                 f"{self._text}: jerk cannot be limited along this way",
                 observed=f"it has corners, and leads by the samples of {self._kinematics.name}",

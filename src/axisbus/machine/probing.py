@@ -13,13 +13,13 @@ from axisbus.cia402.port import Waiter
 from axisbus.cia402.touch_probe import INPUTS, POSITIONS, Edge, ProbeSource
 from axisbus.errors import ArgumentError, StateError
 from axisbus.machine.handle import Handle, look_at_end, patience
-from axisbus.machine.request import Request, flag_of
+from axisbus.machine.request import AxisCall, flag_of
 from axisbus.motion.command_status import Status
 from axisbus.motion.commands import Probe
 from axisbus.motion.moves.activity import object_text
 from axisbus.motion.numbers import told
 from axisbus.motion.parameters import AxisParameters, Units
-from axisbus.motion.probing.capture import Capture
+from axisbus.motion.probing.capture import ProbeCapture
 from axisbus.session import CommandEvent
 
 _KEPT = 10_000  # captures of one handle
@@ -34,7 +34,7 @@ _keys = itertools.count(1)
 
 
 @dataclass(frozen=True, slots=True)
-class Probed:
+class ProbeResult:
     """One edge: where the drive was at it, by its own latch, in the axis's unit.
 
     ``position`` counts as ``axis.position`` did in the cycle in which the edge was seen, ``unwrapped`` does not begin anew at
@@ -62,8 +62,8 @@ class ProbeHandle(Handle):
         super().__init__(name, waiter)
         self._units = units
         self._abort = abort
-        self._all: deque[Probed] = deque(maxlen=_KEPT)
-        self._new: deque[Probed] = deque(maxlen=_KEPT)
+        self._all: deque[ProbeResult] = deque(maxlen=_KEPT)
+        self._new: deque[ProbeResult] = deque(maxlen=_KEPT)
 
     def hear(self, event: CommandEvent) -> None:
         """As ``Handle.hear``, and take what was latched."""
@@ -74,12 +74,12 @@ class ProbeHandle(Handle):
         super().hear(event)
 
     @property
-    def captures(self) -> tuple[Probed, ...]:
+    def captures(self) -> tuple[ProbeResult, ...]:
         """What was latched so far, oldest first."""
         return tuple(self._all)
 
     @property
-    def probed(self) -> Probed:
+    def probed(self) -> ProbeResult:
         """What was latched last.
 
         Raises:
@@ -111,7 +111,7 @@ class ProbeHandle(Handle):
             self.wait(0)
         return self
 
-    def next(self, timeout: float | None = None) -> Probed:
+    def next(self, timeout: float | None = None) -> ProbeResult:
         """Return the oldest capture that ``next`` has not returned yet; block for it at most ``timeout`` seconds.
 
         Raises:
@@ -148,12 +148,12 @@ class ProbeHandle(Handle):
             raise TimeoutError(f"{self.name}: {what} after {timeout:g} s; it goes on")
 
 
-def _probed(capture: Capture, units: Units) -> Probed:
+def _probed(capture: ProbeCapture, units: Units) -> ProbeResult:
     place = units.position.to_units(capture.position - capture.origin)
-    return Probed(units.turned(place), place, capture.edge.value, capture.stamp, capture.missed)
+    return ProbeResult(units.turned(place), place, capture.edge.value, capture.stamp, capture.missed)
 
 
-def input_number(request: Request, number: object) -> int:
+def input_number(request: AxisCall, number: object) -> int:
     """Return the number of an input; raises ArgumentError."""
     if isinstance(number, bool) or not isinstance(number, int) or number not in INPUTS:
         raise ArgumentError(
@@ -163,7 +163,7 @@ def input_number(request: Request, number: object) -> int:
 
 
 def probe_command(
-    request: Request,
+    request: AxisCall,
     parameters: AxisParameters,
     number: int,
     edge: str,
@@ -191,7 +191,7 @@ def probe_command(
 
 
 def require_objects(
-    request: Request, parameters: AxisParameters, number: int, edges: frozenset[Edge]
+    request: AxisCall, parameters: AxisParameters, number: int, edges: frozenset[Edge]
 ) -> None:
     """Raise StateError where the drive's EDS lacks an object of a touch probe; without edges only those that switch it off."""
     wanted = [objects.TOUCH_PROBE_FUNCTION, objects.TOUCH_PROBE_STATUS]
@@ -211,7 +211,7 @@ def require_objects(
     )
 
 
-def _choice(request: Request, what: str, given: object, choices: dict[str, _T]) -> _T:
+def _choice(request: AxisCall, what: str, given: object, choices: dict[str, _T]) -> _T:
     found = choices.get(given) if isinstance(given, str) else None
     if found is None:
         known = ", ".join(f'"{name}"' for name in choices)
@@ -219,7 +219,7 @@ def _choice(request: Request, what: str, given: object, choices: dict[str, _T]) 
     return found
 
 
-def _window(request: Request, window: object, *, endless: bool) -> tuple[float, float] | None:
+def _window(request: AxisCall, window: object, *, endless: bool) -> tuple[float, float] | None:
     if window is None:
         return None
     if not isinstance(window, tuple | list) or len(window) != 2:

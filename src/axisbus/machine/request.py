@@ -11,8 +11,8 @@ from axisbus.errors import ArgumentError, LimitError
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.commands import CyclicVelocity, MoveSuperimposed
 from axisbus.motion.jerk.drive_profile_type import has_shape
-from axisbus.motion.moves.lookahead import Known
-from axisbus.motion.moves.profile import Profile
+from axisbus.motion.moves.lookahead import LookaheadTrajectory
+from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.numbers import flag, items, number, told
 from axisbus.motion.override.factor import FASTER
 from axisbus.motion.parameters import AxisParameters
@@ -105,7 +105,7 @@ def buffering_of(call: str, buffer: bool | str) -> BufferMode | None:
         ) from None
 
 
-class Request:
+class AxisCall:
     """One call, such as ``x.move_absolute(90 deg)``, on its way from units to increments.
 
     All methods raise ArgumentError for what is no number or missing, and LimitError for what is too much; the text names the call.
@@ -279,13 +279,13 @@ class Request:
         deceleration: float | None = None,
         timeout: float | None = None,
         jerk: float | None = None,
-    ) -> Profile:
+    ) -> MoveProfile:
         """Return the profile of a move to a position; what is left out comes from the defaults. An infinite jerk is no limit."""
         speed = self._speed(velocity)
         raw = self._raw(self._parameters.units.velocity, speed, "6081h")
         return self._softened(self._with_ramps(raw, speed, acceleration, deceleration, timeout), jerk)
 
-    def _softened(self, profile: Profile, jerk: float | None) -> Profile:
+    def _softened(self, profile: MoveProfile, jerk: float | None) -> MoveProfile:
         """Return the profile with a limit of jerk; where its drive limits it, 60A4h counts as its accelerations do, per second."""
         jerk = self._parameters.defaults.jerk if jerk is None else jerk
         if jerk is None or (isinstance(jerk, float) and jerk == math.inf):
@@ -303,7 +303,7 @@ class Request:
         deceleration: float | None = None,
         timeout: float | None = None,
         jerk: float | None = None,
-    ) -> Profile:
+    ) -> MoveProfile:
         """Return the profile of a signed velocity; an infinite jerk is no limit."""
         velocity = self._velocity(self.finite("velocity", velocity, f"{self._unit}/s"))
         raw = self._turn(velocity)
@@ -362,14 +362,14 @@ class Request:
         acceleration: float | None,
         deceleration: float | None,
         timeout: float | None,
-    ) -> Profile:
+    ) -> MoveProfile:
         raw_up, raw_down = self._ramps(acceleration, deceleration)
         timeout, units = self.timeout(timeout), self._parameters.units
         if not units.ratio_known:
-            return Profile(raw, raw_up, raw_down, None, None, timeout)
+            return MoveProfile(raw, raw_up, raw_down, None, None, timeout)
         inc = abs(units.position.factor)
         up, down = (abs(units.acceleration.to_units(ramp)) * inc for ramp in (raw_up, raw_down))
-        return Profile(raw, raw_up, raw_down, speed * inc, min(up, down), timeout, up, down)
+        return MoveProfile(raw, raw_up, raw_down, speed * inc, min(up, down), timeout, up, down)
 
     def _ramps(self, acceleration: float | None, deceleration: float | None) -> tuple[int, int]:
         """Return acceleration and deceleration in the drive's increments."""
@@ -415,7 +415,7 @@ class Request:
         self.finite("the trajectory's duration", trajectory.duration, "s")
         limits = self._parameters.limits
         self._check_pace(trajectory)
-        if isinstance(trajectory, Known):
+        if isinstance(trajectory, LookaheadTrajectory):
             if limits.position is not None:
                 self._check_span(trajectory.span, trajectory.position(0.0), limits.position)
             self._velocity(trajectory.top_speed)

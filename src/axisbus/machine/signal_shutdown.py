@@ -61,7 +61,7 @@ _MOMENT = 2.0  # seconds in which what was halted may still move
 
 
 @dataclass(frozen=True, slots=True)
-class Leaving:
+class ShutdownRequest:
     """The way out has begun: every axis is stopped because of ``reason``; ``stamp`` in seconds of the monotonic clock."""
 
     stamp: float

@@ -7,14 +7,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from axisbus.core.process.remote_proxy import Control
+from axisbus.core.process.remote_proxy import SimulatedDrivesHandle
 from axisbus.errors import AdapterError, StateError
 
 if TYPE_CHECKING:
-    from axisbus.core.simulated_nodes import StandIn
+    from axisbus.core.simulated_nodes import SimulatedNode
 
 
-class Plant:
+class SimulationControl:
     """Simulated drives in another process, looked at and turned past their bus; for a ``with`` block. Any thread may use it."""
 
     def __init__(self, path: str | Path) -> None:
@@ -33,10 +33,10 @@ class Plant:
                 observed=str(error.strerror or error),
                 remedy=f"start them: axisbus sim CELL --control {path}",
             ) from error
-        self._control = Control(line)
+        self._control = SimulatedDrivesHandle(line)
         self._stand_ins = self._control.stand_ins(self._control.nodes())
 
-    def __enter__(self) -> Plant:
+    def __enter__(self) -> SimulationControl:
         return self
 
     def __exit__(
@@ -49,7 +49,7 @@ class Plant:
         """The node-IDs of the drives."""
         return tuple(self._stand_ins)
 
-    def stand_in(self, node_id: int) -> StandIn:
+    def stand_in(self, node_id: int) -> SimulatedNode:
         """Return the stand-in of a node: its plant, its dials, and faults on demand. What it is asked crosses each time.
 
         Raises:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from axisbus.boot.objects import Objects
+from axisbus.boot.objects import NodeObjects
 from axisbus.cia402.axes import own_index
-from axisbus.drives.make import STANDARD_MEASURED, Make, Measured
+from axisbus.drives.make import STANDARD_MEASURED, Make, MeasuredObject
 from axisbus.eds.model import Eds
 from axisbus.errors import StateError
 
 
-def measure(what: str, objects: Objects, eds: Eds, make: Make, drive_axis: int = 1) -> float:
+def measure(what: str, objects: NodeObjects, eds: Eds, make: Make, drive_axis: int = 1) -> float:
     """Read ``what`` (``temperature`` in °C, ``voltage`` in V, ``current`` in A) of a drive's axis (from 1); blocks.
 
     Raises:
@@ -28,7 +28,7 @@ def measure(what: str, objects: Objects, eds: Eds, make: Make, drive_axis: int =
     return value if found.of is None else value * _read(objects, own_index(found.of, drive_axis), 0)
 
 
-def _require(found: Measured, what: str, objects: Objects, eds: Eds, drive_axis: int) -> None:
+def _require(found: MeasuredObject, what: str, objects: NodeObjects, eds: Eds, drive_axis: int) -> None:
     wanted = [(found.index, found.subindex)] + ([] if found.of is None else [(found.of, 0)])
     for index, subindex in wanted:
         index = own_index(index, drive_axis)
@@ -40,7 +40,7 @@ def _require(found: Measured, what: str, objects: Objects, eds: Eds, drive_axis:
             )
 
 
-def _read(objects: Objects, index: int, subindex: int) -> float:
+def _read(objects: NodeObjects, index: int, subindex: int) -> float:
     value = objects.read(index, subindex)
     assert isinstance(value, (int, float)), f"{index:04X}h:{subindex:02X} is no number"
     return float(value)

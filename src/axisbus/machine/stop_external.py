@@ -19,10 +19,10 @@ from dataclasses import replace
 from functools import partial
 
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.link.claims import CellKeys, Claim
+from axisbus.bus.link.claims import CellFileId, ChannelClaim
 from axisbus.bus.link.ownership import described
 from axisbus.bus.node import nmt
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.parallel import in_parallel
 from axisbus.cell.can_simple.modules import settings_by_axis
 from axisbus.cell.model import SIMULATED, CellConfig
@@ -41,8 +41,8 @@ from axisbus.core.process.listener import (
     text_of,
     why_not,
 )
-from axisbus.errors import BusError, ScanError, in_a_line
-from axisbus.link import Stopped
+from axisbus.errors import BusError, ScanError, one_line
+from axisbus.link import StopResult
 
 _SOON = 1.0  # seconds that a machine may take to answer where its drives can be stopped from beside
 _PATIENCE = 5.0  # seconds where they cannot
@@ -51,7 +51,7 @@ _NOWHERE = (
 )
 
 
-def stop_cell(cell: CellConfig, tell: Callable[[str], None]) -> tuple[list[Stopped], bool]:
+def stop_cell(cell: CellConfig, tell: Callable[[str], None]) -> tuple[list[StopResult], bool]:
     """Stop every axis of a cell; return how each was left, and whether drives were stopped from beside. Blocks as ``stop_beside``.
 
     ``tell`` is called with what was found and not reached, for people. Raises as ``stop_beside``.
@@ -59,7 +59,7 @@ def stop_cell(cell: CellConfig, tell: Callable[[str], None]) -> tuple[list[Stopp
     simulated = cell.bus.interface == SIMULATED
     asked = _ask(cell.file, found_of(cell), StopRequest(), _PATIENCE if simulated else _SOON, tell)
     if simulated:
-        return _answers(cell.axes, asked) or [Stopped(name, False, _NOWHERE) for name in cell.axes], False
+        return _answers(cell.axes, asked) or [StopResult(name, False, _NOWHERE) for name in cell.axes], False
     answered = [(claim, answer) for claim, answer in asked if answer is not None]
     own = [answer for claim, answer in answered if _is_of(cell, claim, answer)]
     if len(answered) < len(asked):
@@ -77,7 +77,7 @@ def stop_cell(cell: CellConfig, tell: Callable[[str], None]) -> tuple[list[Stopp
 
 def stop_in_machine(
     file: str, names: Sequence[str], tell: Callable[[str], None], *, quick: bool
-) -> list[Stopped]:
+) -> list[StopResult]:
     """Halt or quick-stop axes in the machine of a cell file that runs; return how each was left. Blocks.
 
     All axes, where none is named; none is returned where no machine was reached. What the file says now does not matter.
@@ -89,13 +89,13 @@ def stop_in_machine(
 
 def _ask(
     file: str,
-    found: Sequence[Claim],
+    found: Sequence[ChannelClaim],
     request: StopRequest,
     patience: float,
     tell: Callable[[str], None],
-) -> list[tuple[Claim, StopAnswer | None]]:
+) -> list[tuple[ChannelClaim, StopAnswer | None]]:
     """Ask machines to stop axes; return what each has answered, None where it was not reached. Another user's are only told of."""
-    asked: list[tuple[Claim, StopAnswer | None]] = []
+    asked: list[tuple[ChannelClaim, StopAnswer | None]] = []
     for claim in found:
         why, answer = why_not(claim, file), None
         if why:
@@ -104,27 +104,29 @@ def _ask(
             try:
                 answer = ask_to_stop(claim, request, patience)
             except ScanError as error:
-                tell(in_a_line(error))
+                tell(one_line(error))
         if is_trusted(claim, file):
             asked.append((claim, answer))
     return asked
 
 
-def _answers(names: Iterable[str], asked: Sequence[tuple[Claim, StopAnswer | None]]) -> list[Stopped]:
+def _answers(
+    names: Iterable[str], asked: Sequence[tuple[ChannelClaim, StopAnswer | None]]
+) -> list[StopResult]:
     """Return how the machines that were asked have left axes; those of one that was not reached are so, too."""
-    results = list[Stopped]()
+    results = list[StopResult]()
     for claim, answer in asked:
         text = f"NOT REACHED in the machine that {described(claim.process)} runs"
-        results += [Stopped(name, False, text) for name in names] if answer is None else answer.axes
+        results += [StopResult(name, False, text) for name in names] if answer is None else answer.axes
     return results
 
 
-def _is_of(cell: CellConfig, claim: Claim, answer: StopAnswer) -> bool:
+def _is_of(cell: CellConfig, claim: ChannelClaim, answer: StopAnswer) -> bool:
     """Whether a machine runs this cell, by the text that its file has now."""
-    return claim.cell.match(CellKeys.of(cell.file)) and answer.text == text_of(cell.file)
+    return claim.cell.match(CellFileId.of(cell.file)) and answer.text == text_of(cell.file)
 
 
-def stop_beside(cell: CellConfig, names: Collection[str] | None = None) -> list[Stopped]:
+def stop_beside(cell: CellConfig, names: Collection[str] | None = None) -> list[StopResult]:
     """Stop every axis of a cell on its bus, or those of ``names``; blocks until all stand, at most about 10 s.
 
     Energises and configures nothing.
@@ -136,7 +138,9 @@ def stop_beside(cell: CellConfig, names: Collection[str] | None = None) -> list[
     wanted = cell.driven.keys() if names is None else names
     with ExitStack() as stack:
         channel, _ = open_channel(cell, dictionaries, stack)
-        nodes = [stack.enter_context(Node(channel, node_id, eds)) for node_id, eds in dictionaries.items()]
+        nodes = [
+            stack.enter_context(CanopenNode(channel, node_id, eds)) for node_id, eds in dictionaries.items()
+        ]
         stops = [
             partial(_stop, cell, node, wanted) for node in nodes if names is None or _has(cell, node, wanted)
         ]
@@ -144,11 +148,11 @@ def stop_beside(cell: CellConfig, names: Collection[str] | None = None) -> list[
     return [result for each in results for result in each]
 
 
-def _has(cell: CellConfig, node: Node, names: Collection[str]) -> bool:
+def _has(cell: CellConfig, node: CanopenNode, names: Collection[str]) -> bool:
     return any(axis.name in names for axis in cell.axes_of(node.node_id))
 
 
-def _stop_modules(cell: CellConfig, channel: Channel, names: Collection[str]) -> list[Stopped]:
+def _stop_modules(cell: CellConfig, channel: Channel, names: Collection[str]) -> list[StopResult]:
     modules = settings_by_axis(cell, names)
     held = {name for name, settings in modules.items() if settings.quick_stop_holds}
     return [
@@ -159,7 +163,7 @@ def _stop_modules(cell: CellConfig, channel: Channel, names: Collection[str]) ->
     ]
 
 
-def _stop(cell: CellConfig, node: Node, names: Collection[str]) -> list[Stopped]:
+def _stop(cell: CellConfig, node: CanopenNode, names: Collection[str]) -> list[StopResult]:
     axes = [axis for axis in cell.axes_of(node.node_id) if axis.name in names]
     results = NodeStop(node, axes).run()
     if not all(result.ok for result in results):
@@ -168,7 +172,7 @@ def _stop(cell: CellConfig, node: Node, names: Collection[str]) -> list[Stopped]
         nmt.send(node.channel, NmtCommand.STOP, node.node_id)
     except BusError as error:
         return [
-            Stopped(axis.name, False, f"stands, but its node could not be stopped: {error.message}")
+            StopResult(axis.name, False, f"stands, but its node could not be stopped: {error.message}")
             for axis in axes
         ]
     return results

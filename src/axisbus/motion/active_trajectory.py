@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Protocol
 
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
 
 
 class Leading(Protocol):
@@ -23,5 +23,5 @@ class Leading(Protocol):
     def begin_braking(self) -> bool:
         """Brake along the path from the next step on; return whether that is possible. Harmless when repeated."""
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Ask for the next target; return True when the axis has come up with the last one."""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from enum import Enum
 
 from axisbus.errors import AxisbusError, Interrupted
-from axisbus.motion.probing.capture import Capture
+from axisbus.motion.probing.capture import ProbeCapture
 
 log = logging.getLogger("axisbus")
 
@@ -25,7 +25,7 @@ class Status(Enum):
 ENDED = frozenset({Status.DONE, Status.ABORTED, Status.ERROR})
 
 
-class Ticket:
+class CommandStatus:
     """Holds how far one command is; only the core changes it.
 
     ``hear`` is called when the command has taken control, and when it has ended; it must not raise. ``note`` says what is to be
@@ -34,7 +34,9 @@ class Ticket:
 
     __slots__ = ("_after", "_hear", "capture", "error", "name", "note", "number", "status")
 
-    def __init__(self, name: str, hear: Callable[[Ticket], None] | None = None, number: int = 0) -> None:
+    def __init__(
+        self, name: str, hear: Callable[[CommandStatus], None] | None = None, number: int = 0
+    ) -> None:
         """``name`` says what was asked, such as ``x.move_absolute(90.0 deg)``; ``hear`` None: nobody outside the core asks.
 
         ``number`` is that by which its owner knows it.
@@ -44,7 +46,7 @@ class Ticket:
         self.status = Status.BUSY
         self.error: AxisbusError | None = None
         self.note = ""
-        self.capture: Capture | None = None
+        self.capture: ProbeCapture | None = None
         self._hear = hear
         self._after: list[Callable[[], None]] = []
 
@@ -61,7 +63,7 @@ class Ticket:
         self.status = Status.ACTIVE
         self._tell()
 
-    def tell(self, capture: Capture) -> None:
+    def tell(self, capture: ProbeCapture) -> None:
         """Tell what a touch probe has latched; the command goes on."""
         self.capture = capture
         self._tell()
@@ -91,11 +93,11 @@ def end_as(error: AxisbusError) -> Status:
     return Status.ABORTED if isinstance(error, Interrupted) else Status.ERROR
 
 
-def unattended(name: str) -> Ticket:
+def unattended(name: str) -> CommandStatus:
     """Return the ticket of a command that nobody waits for, such as a stop of the core's own: where it fails, that is logged."""
-    return Ticket(name, _log_failure)
+    return CommandStatus(name, _log_failure)
 
 
-def _log_failure(ticket: Ticket) -> None:
+def _log_failure(ticket: CommandStatus) -> None:
     if ticket.status is Status.ERROR:
         log.error("%s failed, and nobody looked at its handle:\n%s", ticket.name, ticket.error)

@@ -8,12 +8,12 @@ from enum import Enum
 from axisbus.cia402.touch_probe import Edge, ProbeSource
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.moves.homing import HomingJob
-from axisbus.motion.moves.profile import Profile
+from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.stop.policy import GroupFault
 from axisbus.motion.trajectory import Trajectory
 
 
-class Reference(Enum):
+class TargetReference(Enum):
     """What the number of a move counts from."""
 
     ABSOLUTE = "absolute"
@@ -22,7 +22,7 @@ class Reference(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Enable:
+class EnableCommand:
     """MC_Power, on; ``moving`` catches an axis that moves, instead of waiting for its rest."""
 
     moving: bool = False
@@ -36,7 +36,7 @@ class Disable:
 
 
 @dataclass(frozen=True, slots=True)
-class Reset:
+class ResetCommand:
     """MC_Reset."""
 
 
@@ -64,9 +64,9 @@ class QuickStop:
 class Move:
     """MC_MoveAbsolute, MC_MoveRelative, MC_MoveAdditive: ``value`` in increments, from the reference."""
 
-    reference: Reference
+    reference: TargetReference
     value: int
-    profile: Profile
+    profile: MoveProfile
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +76,7 @@ class MoveVelocity:
     ``renews``: it lets the jog that runs live on, and begins none where that has ended, by a halt of anybody's.
     """
 
-    profile: Profile
+    profile: MoveProfile
     life: float | None = None
     renews: bool = False
 
@@ -109,8 +109,8 @@ class CyclicTorque:
 
 
 @dataclass(frozen=True, slots=True)
-class Control:
-    """A loop of the program's own: it answers each cycle by an ``Answer`` with a velocity in csv or a torque in cst.
+class ControllerCommand:
+    """A loop of the program's own: it answers each cycle by an ``ControllerOutput`` with a velocity in csv or a torque in cst.
 
     ``by`` has the ramps to what is answered. ``number`` tells this loop from others; an answer may be of the values
     that are ``late`` cycles (from 0 on) older than those of the cycle before.
@@ -122,8 +122,8 @@ class Control:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
-    """What the loop of ``Control`` ``number`` answers to the values of the cycle at ``cycle`` (s, monotonic).
+class ControllerOutput:
+    """What the loop of ``ControllerCommand`` ``number`` answers to the values of the cycle at ``cycle`` (s, monotonic).
 
     ``value`` as in ``CyclicVelocity`` or ``CyclicTorque``; a ``failure`` instead is why it will not answer any more.
     """
@@ -163,7 +163,7 @@ class Buffered:
 
 
 @dataclass(frozen=True, slots=True)
-class Blend:
+class BufferedMove:
     """``move`` takes over from the one before it without a stop, at the velocity that ``mode`` says (PLCopen's BufferMode).
 
     ``direction``: to a place of an endless axis, from the end of the one before: 0 shortest way, 1 positive, -1 negative.
@@ -269,9 +269,9 @@ class HandOver:
 
 
 Command = (
-    Enable
+    EnableCommand
     | Disable
-    | Reset
+    | ResetCommand
     | Halt
     | Stop
     | Release
@@ -281,13 +281,13 @@ Command = (
     | TorqueControl
     | CyclicVelocity
     | CyclicTorque
-    | Control
-    | Answer
+    | ControllerCommand
+    | ControllerOutput
     | Home
     | SetPosition
     | FollowTrajectory
     | Buffered
-    | Blend
+    | BufferedMove
     | GearOut
     | Probe
     | ProbeAbort

@@ -10,7 +10,7 @@ from axisbus.cia402.modes import FACTS, ModeOfOperation
 _M = ModeOfOperation
 
 
-class Leads(Enum):
+class ControlledQuantity(Enum):
     """What a mode controls."""
 
     POSITION = "position"
@@ -28,7 +28,7 @@ class Conduct:
     where no drive is enabled in it. ``holds``: a load is held in it until something is asked for.
     """
 
-    leads: Leads
+    leads: ControlledQuantity
     demand: bool = False
     at_once: bool = False
     rests: int | None = None
@@ -36,27 +36,29 @@ class Conduct:
 
 
 CONDUCT = {
-    _M.PROFILE_POSITION: Conduct(Leads.POSITION, demand=True, rests=0, holds=True),
-    _M.VELOCITY: Conduct(Leads.VELOCITY),
-    _M.PROFILE_VELOCITY: Conduct(Leads.VELOCITY, rests=2, holds=True),
-    _M.PROFILE_TORQUE: Conduct(Leads.TORQUE, at_once=True, rests=4),
-    _M.HOMING: Conduct(Leads.POSITION),  # 6062h shows what nobody can judge
-    _M.INTERPOLATED_POSITION: Conduct(Leads.POSITION, demand=True),
-    _M.CYCLIC_SYNC_POSITION: Conduct(Leads.POSITION, demand=True, at_once=True, rests=1, holds=True),
-    _M.CYCLIC_SYNC_VELOCITY: Conduct(Leads.VELOCITY, at_once=True, rests=3),
-    _M.CYCLIC_SYNC_TORQUE: Conduct(Leads.TORQUE, at_once=True),
-    _M.CYCLIC_SYNC_TORQUE_ANGLE: Conduct(Leads.UNUSED),
+    _M.PROFILE_POSITION: Conduct(ControlledQuantity.POSITION, demand=True, rests=0, holds=True),
+    _M.VELOCITY: Conduct(ControlledQuantity.VELOCITY),
+    _M.PROFILE_VELOCITY: Conduct(ControlledQuantity.VELOCITY, rests=2, holds=True),
+    _M.PROFILE_TORQUE: Conduct(ControlledQuantity.TORQUE, at_once=True, rests=4),
+    _M.HOMING: Conduct(ControlledQuantity.POSITION),  # 6062h shows what nobody can judge
+    _M.INTERPOLATED_POSITION: Conduct(ControlledQuantity.POSITION, demand=True),
+    _M.CYCLIC_SYNC_POSITION: Conduct(
+        ControlledQuantity.POSITION, demand=True, at_once=True, rests=1, holds=True
+    ),
+    _M.CYCLIC_SYNC_VELOCITY: Conduct(ControlledQuantity.VELOCITY, at_once=True, rests=3),
+    _M.CYCLIC_SYNC_TORQUE: Conduct(ControlledQuantity.TORQUE, at_once=True),
+    _M.CYCLIC_SYNC_TORQUE_ANGLE: Conduct(ControlledQuantity.UNUSED),
 }
 
 
-def _that(*leads: Leads) -> frozenset[ModeOfOperation]:
+def _that(*leads: ControlledQuantity) -> frozenset[ModeOfOperation]:
     return frozenset(mode for mode, conduct in CONDUCT.items() if conduct.leads in leads)
 
 
 _CYCLIC = frozenset(mode for mode, facts in FACTS.items() if facts.cyclic)
 
-POSITION_MODES = _that(Leads.POSITION)
-TORQUE_MODES = _that(Leads.TORQUE)
+POSITION_MODES = _that(ControlledQuantity.POSITION)
+TORQUE_MODES = _that(ControlledQuantity.TORQUE)
 # In these 6062h need not be what leads the motor, or is not anything that the master could judge.
 WITHOUT_POSITION_DEMAND = frozenset(mode for mode, conduct in CONDUCT.items() if not conduct.demand)
 # In these 607Ah does not act, and a drive that falls out of them into a position mode goes to it.

@@ -72,7 +72,7 @@ class Units:
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class AxisLimits:
     """Limits that the master keeps, in units (unit, unit/s, unit/s²) and N·m; None where there is none.
 
     ``torque_key`` says where that of the torque comes from.
@@ -97,7 +97,7 @@ class Defaults:
 
 
 @dataclass(frozen=True, slots=True)
-class Homing:
+class HomingParameters:
     """How the axis is homed: method of 6098h, speeds in unit/s, acceleration in unit/s², ``timeout`` in seconds."""
 
     method: int | None = None
@@ -123,7 +123,7 @@ class StopTimes:
 
 
 @dataclass(frozen=True, slots=True)
-class Timing:
+class DriveTimeouts:
     """Time-outs of the dialogue with the drive, in seconds of the monotonic clock."""
 
     transition: float = 2.0  # one step of the power stage; brakes take up to a second
@@ -173,11 +173,11 @@ class AxisParameters:
 
     name: str
     units: Units
-    limits: Limits = field(default_factory=Limits)
+    limits: AxisLimits = field(default_factory=AxisLimits)
     defaults: Defaults = field(default_factory=Defaults)
-    homing: Homing = field(default_factory=Homing)
+    homing: HomingParameters = field(default_factory=HomingParameters)
     stop_times: StopTimes = field(default_factory=StopTimes)
-    timing: Timing = field(default_factory=Timing)
+    timing: DriveTimeouts = field(default_factory=DriveTimeouts)
     holds_load: HoldsLoad = HoldsLoad.NO
     handshake: Handshake = Handshake.ACKNOWLEDGE
     objects: frozenset[int] = frozenset()

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
-from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.path_limit_check import Step
+from axisbus.motion.path_limit_check import PathSample
 
 
-class Successor(Follow):
+class PathHandover(Follow):
     """Holds what leads the axis before it begins, and whether it was stopped by then."""
 
-    def __init__(self, parameters: AxisParameters, gate: Gate, before: Follow | None) -> None:
+    def __init__(self, parameters: AxisParameters, gate: StartBarrier, before: Follow | None) -> None:
         """``before``: what leads the axis now; None where nothing does."""
         super().__init__(None, parameters, gate)
         self._before = before
@@ -37,7 +37,7 @@ class Successor(Follow):
         return super().is_under_way if self._before is None else self._before.is_under_way
 
     @property
-    def last_step(self) -> Step:
+    def last_step(self) -> PathSample:
         """Where the axis was led to in the last cycle, and how fast."""
         return super().last_step if self._before is None else self._before.last_step
 
@@ -46,7 +46,7 @@ class Successor(Follow):
         """Whether the commanded motion stands still."""
         return super().at_rest if self._before is None else self._before.at_rest
 
-    def _go_along(self, before: Follow, image: Image, order: Order) -> None:
+    def _go_along(self, before: Follow, image: AxisImage, order: CycleOutputs) -> None:
         """Be led by what led the axis before; where that fails, the axis is braked along it as it would have been."""
         try:
             before.step(image, order)

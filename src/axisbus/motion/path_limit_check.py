@@ -24,14 +24,14 @@ class Ramped(Protocol):
         """The highest acceleration in unit/s²."""
 
 
-class Step(NamedTuple):
+class PathSample(NamedTuple):
     """Where a path was in the cycle before, and how fast it came there; unit and unit/s."""
 
     position: float
     velocity: float = 0.0
 
 
-class TooMuch(NamedTuple):
+class LimitExceeded(NamedTuple):
     """What a step asks too much of, and what was seen."""
 
     what: str
@@ -39,7 +39,7 @@ class TooMuch(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Pace:
+class PathLimitCheck:
     """What a path may ask for, in ``unit``/s and ``unit``/s² (None: nothing is known); ``key``: where the acceleration comes from.
 
     ``period`` is that of the scan, in s; ``increment`` the smallest step of the axis: what a path itself has been rounded to is no
@@ -53,11 +53,11 @@ class Pace:
     period: float
     increment: float
 
-    def next(self, before: Step, position: float) -> Step:
+    def next(self, before: PathSample, position: float) -> PathSample:
         """Return the step to ``position``."""
-        return _tuple(Step, (position, (position - before.position) / self.period))
+        return _tuple(PathSample, (position, (position - before.position) / self.period))
 
-    def excess(self, before: Step, after: Step, hardest: float = 0.0) -> TooMuch | None:
+    def excess(self, before: PathSample, after: PathSample, hardest: float = 0.0) -> LimitExceeded | None:
         """Return what is too much about a step; ``hardest`` (unit/s²) is allowed in any case."""
         velocity, rate = after.velocity, (after.velocity - before.velocity) / self.period
         slow = self.velocity is None or -self.velocity <= velocity <= self.velocity
@@ -66,7 +66,7 @@ class Pace:
         speed, rate = abs(velocity), abs(rate)
         off = _ULPS * math.ulp(max(abs(before.position), abs(after.position))) / self.period
         if self.velocity is not None and speed > self.velocity * (1.0 + _COMPUTED) + off:
-            return TooMuch(
+            return LimitExceeded(
                 "faster than max_velocity", f"{speed:g} {self.unit}/s, allowed are {self.velocity:g}"
             )
         if self.acceleration is None:
@@ -74,14 +74,14 @@ class Pace:
         allowed = max(self.acceleration, hardest) * (1.0 + _COMPUTED)
         if rate <= allowed + (off + self.increment / self.period) / self.period:
             return None
-        return TooMuch(
+        return LimitExceeded(
             f"harder than {self.key}",
             f"from {round(before.velocity, 6) + 0.0:g} to {after.velocity:g} {self.unit}/s within {self.period * 1000:g} ms "
             f"are {rate:g} {self.unit}/s², allowed are {self.acceleration:g}",
         )
 
 
-def pace_of(parameters: AxisParameters, trajectory: Trajectory) -> Pace:
+def pace_of(parameters: AxisParameters, trajectory: Trajectory) -> PathLimitCheck:
     """Return what ``trajectory`` may ask for.
 
     Without ``max_velocity`` a jump of position could not be told from a motion. There the acceleration decides: the limit, that
@@ -96,7 +96,7 @@ def pace_of(parameters: AxisParameters, trajectory: Trajectory) -> Pace:
             acceleration = parameters.defaults.acceleration
             key = "the default acceleration (max_velocity and max_acceleration are not set)"
     units = parameters.units.position
-    return Pace(
+    return PathLimitCheck(
         units.unit, limits.velocity, acceleration, key, parameters.scan_period, abs(units.to_units(1))
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.errors import AxisbusError
 from axisbus.motion.states import AxisState
 
@@ -19,7 +19,7 @@ class Snapshot(NamedTuple):
 
     now: float
     state: AxisState
-    power: State
+    power: PowerState
     statusword: int | None
     mode: int | None
     position: int | None

@@ -16,7 +16,7 @@ from axisbus.motion.trajectory import Trajectory
 _SWEEPS = 60  # then nothing is left that a number could hold
 
 
-class Part(NamedTuple):
+class SplineSegment(NamedTuple):
     """The curve from one point to the next: place + s (speed + s (bend + s twist)), for s from 0 to ``length`` seconds."""
 
     place: float
@@ -37,7 +37,7 @@ class Part(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Spline:
+class SplineTrajectory:
     """A cubic spline through ``positions`` at ``times`` (s, from 0 on, rising), at rest at both ends.
 
     Between its points it may go a little beyond them: ``span``, ``top_speed`` and ``top_acceleration`` tell how far, how fast and
@@ -46,7 +46,7 @@ class Spline:
 
     times: Sequence[float]
     positions: Sequence[float]
-    _parts: tuple[Part, ...] = field(init=False, repr=False, compare=False)
+    _parts: tuple[SplineSegment, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Compute the curve.
@@ -140,7 +140,7 @@ def trajectory_of(given: Followed, duration: float | None, text: str) -> Traject
     return Computed(given, duration)
 
 
-def _through(given: object, text: str) -> Spline:
+def _through(given: object, text: str) -> SplineTrajectory:
     try:
         times, positions = zip(*((time, place) for time, place in cast("Any", given)), strict=True)
     except (TypeError, ValueError):
@@ -149,10 +149,12 @@ def _through(given: object, text: str) -> Spline:
             remedy="give rows of time (s, from 0 on) and position, a function with its duration, or an object with duration and "
             "position(t)",
         ) from None
-    return Spline(times, positions)
+    return SplineTrajectory(times, positions)
 
 
-def parts_of(times: Sequence[float], positions: Sequence[float], *, periodic: bool = False) -> Iterator[Part]:
+def parts_of(
+    times: Sequence[float], positions: Sequence[float], *, periodic: bool = False
+) -> Iterator[SplineSegment]:
     """Return the curve through points, between which neither speed nor acceleration jumps: at rest at both ends, or ``periodic``.
 
     Then it goes on after its end as it does after its beginning.
@@ -162,7 +164,7 @@ def parts_of(times: Sequence[float], positions: Sequence[float], *, periodic: bo
     speeds = _round(lengths, slopes) if periodic else _speeds(lengths, slopes)
     for place, length, slope, (a, b) in zip(positions, lengths, slopes, pairwise(speeds), strict=False):
         bend, twist = (3.0 * slope - 2.0 * a - b) / length, (a + b - 2.0 * slope) / length**2
-        yield Part(place, a, bend, twist, length)
+        yield SplineSegment(place, a, bend, twist, length)
 
 
 def _speeds(lengths: Sequence[float], slopes: Sequence[float]) -> list[float]:
@@ -190,7 +192,7 @@ def _round(lengths: Sequence[float], slopes: Sequence[float]) -> list[float]:
     return [*speeds, speeds[0]]
 
 
-def span_of(parts: Sequence[Part]) -> tuple[float, float]:
+def span_of(parts: Sequence[SplineSegment]) -> tuple[float, float]:
     """Return the lowest and the highest position of a curve."""
     found = [parts[-1].at(parts[-1].length)]
     for part in parts:
@@ -198,7 +200,7 @@ def span_of(parts: Sequence[Part]) -> tuple[float, float]:
     return min(found), max(found)
 
 
-def _turns(part: Part) -> tuple[float, ...]:
+def _turns(part: SplineSegment) -> tuple[float, ...]:
     """Where the speed of a part is 0."""
     a, b, c = 3.0 * part.twist, 2.0 * part.bend, part.speed
     if not a:

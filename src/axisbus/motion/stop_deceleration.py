@@ -47,7 +47,7 @@ def _lower(value: float | None, limit: float | None) -> float | None:
     return value if value is None or limit is None else min(value, limit)
 
 
-class Course(NamedTuple):
+class CommandedMotion(NamedTuple):
     """Where a command leads the axis, in position increments; None: not known.
 
     ``speed`` (per s) is signed, ``up`` (per s²) leads to it, ``down`` is the profile deceleration 6084h that the drive has by now.

@@ -17,7 +17,7 @@ class Trajectory(Protocol):
     """A position over time, in the axis's unit; ``duration`` in seconds. It must begin and end at rest.
 
     ``position`` may be asked for times ahead, and again: it depends on ``t`` alone. One that also has ``span`` and ``top_speed``
-    (``lookahead.Known``) is held against the limits as a whole before it starts.
+    (``lookahead.LookaheadTrajectory``) is held against the limits as a whole before it starts.
     """
 
     @property
@@ -33,7 +33,7 @@ def _finite(values: Iterable[object]) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Trapezoid:
+class TrapezoidalTrajectory:
     """A straight move from ``start`` to ``end``: equal ramps, constant velocity between, rest at both ends.
 
     ``velocity`` (unit/s) and ``acceleration`` (unit/s²) are positive and not exceeded.
@@ -101,7 +101,7 @@ class Trapezoid:
 
 
 @dataclass(frozen=True, slots=True)
-class Sampled:
+class SampledTrajectory:
     """Positions at equal intervals of ``step`` seconds, straight lines between them; the first is where the axis stands."""
 
     positions: Sequence[float]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from axisbus.errors import AxisbusError, CommandError, in_a_line
+from axisbus.errors import AxisbusError, CommandError, one_line
 
 _REMEDY = (
     "its traceback hangs on this error (__cause__): mend the trajectory or the number that it names; where it names neither, "
@@ -14,6 +14,6 @@ def broken(error: Exception, what: str) -> AxisbusError:
     """Return what ends a command (``what`` names it) in which ``error`` was raised."""
     if isinstance(error, AxisbusError):
         return error
-    failure = CommandError(f"{what}: broke off", observed=in_a_line(error), remedy=_REMEDY)
+    failure = CommandError(f"{what}: broke off", observed=one_line(error), remedy=_REMEDY)
     failure.__cause__ = error
     return failure

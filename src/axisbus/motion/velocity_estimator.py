@@ -10,7 +10,7 @@ from axisbus.motion.position_limits import NOISE
 _KEPT = 7  # samples: six velocities, of which the medians of the older and of the newer three give the acceleration
 
 
-class Track:
+class VelocityEstimator:
     """The last samples of one count (increments over seconds); holds them.
 
     A frame that is taken from the adapter late makes one difference too slow and the next one too fast. The median of three sees

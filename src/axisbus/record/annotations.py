@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from axisbus.record.recording_data import Happening
+from axisbus.record.recording_data import RecordedEvent
 from axisbus.wording import counted
 
 _NEAR = 0.012  # of the time shown: flags that are nearer to each other are one
@@ -23,7 +23,7 @@ class Flag(NamedTuple):
     words: list[str]
 
 
-def flags(events: Sequence[Happening], begin: float, end: float) -> list[Flag]:
+def flags(events: Sequence[RecordedEvent], begin: float, end: float) -> list[Flag]:
     """Return the flags of what happened between two times."""
     found: list[Flag] = []
     for time, words in _told(sorted(events)):
@@ -48,7 +48,7 @@ def lines(found: Sequence[Flag]) -> list[str]:
     return told if more <= 0 else [*told[:_MOST], f"     and {counted(more, 'more line')}"]
 
 
-def _told(events: Sequence[Happening]) -> Iterator[tuple[float, list[str]]]:
+def _told(events: Sequence[RecordedEvent]) -> Iterator[tuple[float, list[str]]]:
     """Yield times with words: a command where it is given, and its end only if it was another than it should be."""
     together: list[str] = []
     since = 0.0

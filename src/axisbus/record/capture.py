@@ -9,13 +9,13 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import TracebackType
 
-from axisbus.errors import ArgumentError, in_a_line
+from axisbus.errors import ArgumentError, one_line
 from axisbus.motion.numbers import number, told
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.condition import Condition
 from axisbus.record.events import Watched
 from axisbus.record.mcap_writer import library
-from axisbus.record.output_file import Row, Target
+from axisbus.record.output_file import McapFile, Row
 from axisbus.record.triggers.parse import moment_of
 
 log = logging.getLogger("axisbus")
@@ -45,7 +45,7 @@ class Capture:
             if found is None or not 0.0 <= found <= _LONGEST:
                 raise ArgumentError(f"{name}={told(seconds)}: give seconds from 0 to {_LONGEST:g}")
         self._session = machine.session
-        self._target = Target(machine, path, axes)
+        self._target = McapFile(machine, path, axes)
         self._moment = moment_of(when, machine, self._target.forms)
         self._told = when if isinstance(when, str) else ""
         self._lead = before
@@ -122,7 +122,7 @@ class Capture:
         try:
             self._fired = self._moment.seen(now, snapshots)
         except Exception as error:  # noqa: BLE001  # a user's function must not end a cycle
-            self._give_up(f"its condition failed: {in_a_line(error)}")
+            self._give_up(f"its condition failed: {one_line(error)}")
 
     def _give_up(self, why: str) -> None:
         self._claim.acquire(blocking=False)
@@ -156,6 +156,6 @@ class Capture:
             self._target.write_happenings()
             self._target.close()
         except Exception as error:  # noqa: BLE001  # whatever it is, the motion goes on
-            self._give_up(in_a_line(error))
+            self._give_up(one_line(error))
         self._target.abandon()
         self._done.set()

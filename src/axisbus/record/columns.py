@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.motion.parameters import AxisParameters
-from axisbus.record.recording_data import Track
+from axisbus.record.recording_data import RecordedSeries
 from axisbus.record.sample_packing import AxisSample
 
 
@@ -117,7 +117,7 @@ def _short(mode: int) -> str:
     return short(ModeOfOperation(mode))
 
 
-def track_of(name: str, form: AxisForm, times: list[float], rows: Iterable[Sequence[Any]]) -> Track:
+def track_of(name: str, form: AxisForm, times: list[float], rows: Iterable[Sequence[Any]]) -> RecordedSeries:
     """Return the track of an axis from its values in the order of ``COLUMNS``, in which None is unknown."""
     columns = list(zip(*rows, strict=True)) or [()] * len(COLUMNS)
     known = {
@@ -126,7 +126,9 @@ def track_of(name: str, form: AxisForm, times: list[float], rows: Iterable[Seque
         else values
         for column, values in zip(COLUMNS, columns, strict=True)
     }
-    return Track(name, times, known, {column.name: form.units[column.quantity] for column in COLUMNS})
+    return RecordedSeries(
+        name, times, known, {column.name: form.units[column.quantity] for column in COLUMNS}
+    )
 
 
 @cache

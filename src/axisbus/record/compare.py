@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from axisbus.errors import UserError
-from axisbus.record.recording_data import Recorded, Track
+from axisbus.record.recording_data import Recorded, RecordedSeries
 
 COMPARED = ("position", "velocity", "torque", "following_error")
 
@@ -78,7 +78,9 @@ def _moves(state: str) -> bool:
     return state.endswith("Motion") or state == "Homing"
 
 
-def _of_axis(first: Track, second: Track, begins: tuple[float, float], seconds: float) -> Iterator[Deviation]:
+def _of_axis(
+    first: RecordedSeries, second: RecordedSeries, begins: tuple[float, float], seconds: float
+) -> Iterator[Deviation]:
     for column in COMPARED:
         units = {first.units[column], second.units[column]}
         if len(units) > 1:
@@ -89,7 +91,7 @@ def _of_axis(first: Track, second: Track, begins: tuple[float, float], seconds: 
 
 
 def _worst(
-    first: Track, second: Track, column: str, begins: tuple[float, float], seconds: float
+    first: RecordedSeries, second: RecordedSeries, column: str, begins: tuple[float, float], seconds: float
 ) -> tuple[float, float, float] | None:
     worst: tuple[float, float, float] | None = None
     others, times = second.columns[column], second.times

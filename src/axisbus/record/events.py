@@ -9,8 +9,8 @@ from axisbus.cell.model import CellConfig
 from axisbus.cia301.incident import Incident
 from axisbus.errors import AxisbusError
 from axisbus.motion.command_status import Status
-from axisbus.record.recording_data import Happening
-from axisbus.session import CommandSeen, Session
+from axisbus.record.recording_data import RecordedEvent
+from axisbus.session import CommandSeen, MachineSession
 
 
 class OfNode(Protocol):
@@ -34,7 +34,7 @@ class Telling(Protocol):
     cell: CellConfig
 
     @property
-    def session(self) -> Session:
+    def session(self) -> MachineSession:
         """The way to its core."""
 
     def node(self, node_id: int) -> Any:
@@ -53,51 +53,51 @@ class Watched(Telling, Protocol):
         """How surely its cycles come in time, in words."""
 
 
-class Happenings:
+class RecordingEventSource:
     """Looks at a machine again and again; holds what it has told already. Times are those of the monotonic clock, in seconds."""
 
     def __init__(self, machine: Telling) -> None:
         self._machine = machine
-        self._told: set[Happening] = set()
+        self._told: set[RecordedEvent] = set()
 
-    def take(self, since: float) -> list[Happening]:
+    def take(self, since: float) -> list[RecordedEvent]:
         """Return what has happened from ``since`` on and was not returned yet, in the order of time; blocks for some answers."""
         found = {one for one in self._look() if one.time >= since}
         new = sorted(found - self._told)
         self._told = found  # what the machine has forgotten is not kept here
         return new
 
-    def _look(self) -> Iterator[Happening]:
+    def _look(self) -> Iterator[RecordedEvent]:
         session = self._machine.session
         for command in session.commands:
             yield from _of_command(command)
         for event in session.node_events:
-            yield Happening(event.stamp, "nmt", f"node {event.node}", str(event))
+            yield RecordedEvent(event.stamp, "nmt", f"node {event.node}", str(event))
         for change in session.bus_events:
-            yield Happening(change.stamp, "bus", change.channel, str(change))
+            yield RecordedEvent(change.stamp, "bus", change.channel, str(change))
         if session.left is not None:
-            yield Happening(session.left[0], "machine", "", session.left[1])
+            yield RecordedEvent(session.left[0], "machine", "", session.left[1])
         for node_id in self._machine.cell.nodes:
             yield from _of_node(node_id, self._machine.node(node_id))
 
 
-def _of_command(seen: CommandSeen) -> Iterator[Happening]:
-    yield Happening(seen.given, "command", seen.name, "given")
+def _of_command(seen: CommandSeen) -> Iterator[RecordedEvent]:
+    yield RecordedEvent(seen.given, "command", seen.name, "given")
     if seen.ended is not None:
         text = seen.status.value if seen.status is not Status.ERROR else f"ended: {seen.error}"
-        yield Happening(seen.ended, "command", seen.name, text)
+        yield RecordedEvent(seen.ended, "command", seen.name, text)
 
 
-def _of_node(node_id: int, node: OfNode) -> Iterator[Happening]:
+def _of_node(node_id: int, node: OfNode) -> Iterator[RecordedEvent]:
     where = f"node {node_id}"
     for incident in node.incidents:
         words = [line.split("s  ", 1)[-1] for line in node.incident_words(incident)[1:]]
-        yield Happening(incident.began, "emcy", where, words[0] if words else "")
+        yield RecordedEvent(incident.began, "emcy", where, words[0] if words else "")
         if incident.ended is not None:
-            yield Happening(incident.ended, "emcy", where, f"incident {incident.number} is over")
+            yield RecordedEvent(incident.ended, "emcy", where, f"incident {incident.number} is over")
     try:
         events = node.pdo_events
     except AxisbusError:  # without a bus no PDO can stop coming
         return
     for event in events:
-        yield Happening(event.stamp, "pdo", where, str(event))
+        yield RecordedEvent(event.stamp, "pdo", where, str(event))

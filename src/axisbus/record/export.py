@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 
 from axisbus.errors import UserError
 from axisbus.record.columns import COLUMNS
-from axisbus.record.recording_data import Recorded, Track
+from axisbus.record.recording_data import Recorded, RecordedSeries
 
 _TEXTS = {column.name: column.text for column in COLUMNS}
 
 
-class Field(NamedTuple):
+class ExportColumn(NamedTuple):
     """One column of the table; None is unknown."""
 
     name: str
@@ -32,7 +32,7 @@ class Field(NamedTuple):
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
 
-def table(recorded: Recorded) -> list[Field]:
+def table(recorded: Recorded) -> list[ExportColumn]:
     """Return a recording as columns of one length: ``time``, then those of each axis, then the objects, each where it was read.
 
     Raises:
@@ -42,7 +42,7 @@ def table(recorded: Recorded) -> list[Field]:
     times = max((track.times for track in tracks), key=len, default=[])
     if not times:
         raise UserError("nothing was recorded, so there is no table")
-    fields = [Field("time", "s", "since the recording began", times)]
+    fields = [ExportColumn("time", "s", "since the recording began", times)]
     for track in tracks:
         fields += _of_axis(track, len(times))
     return fields + [_of_object(track, times) for track in recorded.objects.values()]
@@ -87,10 +87,10 @@ def write_parquet(recorded: Recorded, path: Path) -> None:
     parquet.write_table(pyarrow.table(arrays, schema=pyarrow.schema(columns, metadata=facts)), path)
 
 
-def _of_axis(track: Track, rows: int) -> Iterator[Field]:
+def _of_axis(track: RecordedSeries, rows: int) -> Iterator[ExportColumn]:
     for name, values in track.columns.items():
         known = [None if _is_unknown(value) else value for value in values]
-        yield Field(
+        yield ExportColumn(
             f"{track.name}.{name}",
             track.units[name],
             _TEXTS.get(name, ""),
@@ -98,14 +98,14 @@ def _of_axis(track: Track, rows: int) -> Iterator[Field]:
         )
 
 
-def _of_object(track: Track, times: Sequence[float]) -> Field:
+def _of_object(track: RecordedSeries, times: Sequence[float]) -> ExportColumn:
     values: list[Any] = [None] * len(times)
     for time, value in zip(track.times, track.columns["value"], strict=True):
         values[min(bisect_left(times, time), len(times) - 1)] = value
     kinds = {type(value) for value in values if value is not None}
     if len(kinds) > 1 and not kinds <= {int, float}:
         values = [None if value is None else str(value) for value in values]
-    return Field(track.name, "", "read by SDO", values)
+    return ExportColumn(track.name, "", "read by SDO", values)
 
 
 def _is_unknown(value: Any) -> bool:
@@ -180,8 +180,8 @@ def _taken(heads: list[str]) -> _Taken:
 
 def _tracks(
     times: list[float], columns: Mapping[tuple[str, str], list[Any]], taken: _Taken
-) -> Iterator[Track]:
+) -> Iterator[RecordedSeries]:
     for axis in dict.fromkeys(axis for axis, _ in columns):
         values = {name: each for (one, name), each in columns.items() if one == axis}
         units = {name: unit for _, (one, name), unit in taken if one == axis}
-        yield Track(axis, times, values, units)
+        yield RecordedSeries(axis, times, values, units)

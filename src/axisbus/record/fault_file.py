@@ -11,7 +11,7 @@ import msgspec
 
 from axisbus.errors import UserError
 from axisbus.record.columns import AxisForm, track_of
-from axisbus.record.recording_data import Happening, Recorded
+from axisbus.record.recording_data import Recorded, RecordedEvent
 from axisbus.record.sample_packing import RowForm
 
 MAGIC = b"axisbus fault 1\n"
@@ -27,7 +27,7 @@ def write(
     path: Path,
     forms: Mapping[str, AxisForm],
     rows: bytes,
-    events: Iterable[Happening],
+    events: Iterable[RecordedEvent],
     facts: Mapping[str, str],
 ) -> None:
     """Write one: packed rows (``RowForm``), and what happened; ``facts`` as those of an MCAP file. Whole, or not at all.
@@ -73,6 +73,6 @@ def _recorded(head: _Head, rows: bytes) -> Recorded:
         name: track_of(name, axis, times, [axis.values(samples[number]) for _, samples in found])
         for number, (name, axis) in enumerate(forms.items())
     }
-    events = [Happening(time - begin, sort, where, text) for time, sort, where, text in head.events]
+    events = [RecordedEvent(time - begin, sort, where, text) for time, sort, where, text in head.events]
     began = datetime.fromtimestamp(int(facts["began_ns"]) / 1e9, UTC)
     return Recorded(tracks, {}, sorted(events), began, facts)

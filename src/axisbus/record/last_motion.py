@@ -15,14 +15,14 @@ import time
 from collections.abc import Collection, Iterable, Mapping
 from typing import NamedTuple
 
-from axisbus.errors import ArgumentError, AxisbusError, StateError, in_a_line
+from axisbus.errors import ArgumentError, AxisbusError, StateError, one_line
 from axisbus.motion.numbers import number, told
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import MOVING
 from axisbus.record.columns import AxisForm, track_of
-from axisbus.record.events import Happenings, Telling
-from axisbus.record.notebook_plot import Picture
-from axisbus.record.recording_data import Happening, Recorded
+from axisbus.record.events import RecordingEventSource, Telling
+from axisbus.record.notebook_plot import RecordingPlot
+from axisbus.record.recording_data import Recorded, RecordedEvent
 from axisbus.record.sample_packing import AxisSample, PackedRows
 
 log = logging.getLogger("axisbus")
@@ -60,7 +60,7 @@ class LastMinute:
             self._keep(now, snapshots)
         except Exception as error:  # noqa: BLE001  # whoever draws may do without, the scan goes on
             self._machine.session.forget(self._observe)
-            log.warning("the last motion is not kept any more: %s", in_a_line(error))
+            log.warning("the last motion is not kept any more: %s", one_line(error))
 
     def _keep(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:
         if len(snapshots) != len(self._forms):
@@ -70,7 +70,7 @@ class LastMinute:
         self._seen = now
         self._rows.append(now, [snapshots[name] for name in self._forms])
 
-    def picture(self, seconds: float | None, axes: Iterable[str] | None) -> Picture:
+    def picture(self, seconds: float | None, axes: Iterable[str] | None) -> RecordingPlot:
         """Draw the last motion, or the last ``seconds``; see ``Machine.plot_last``."""
         self._await_newest()
         forms, cycles = self._forms, list(self._rows)
@@ -85,7 +85,7 @@ class LastMinute:
         shown = [(now, samples) for now, samples in cycles if span.begin <= now <= span.end]
         recorded = self._recorded(forms, names, shown, chosen)
         title = _title(recorded) if seconds is None else f"the last {recorded.seconds:.1f} s"
-        return Picture(recorded, title)
+        return RecordingPlot(recorded, title)
 
     def _await_newest(self) -> None:
         """Wait until the cycle that the program has seen last is among the rows: they come a few at a time."""
@@ -121,10 +121,10 @@ class LastMinute:
         events = [event._replace(time=event.time - began) for event in self._happenings(began)]
         return Recorded(tracks, {}, [event for event in events if event.time <= times[-1]])
 
-    def _happenings(self, since: float) -> list[Happening]:
+    def _happenings(self, since: float) -> list[RecordedEvent]:
         """Return what has happened; nothing where the core tells nothing any more."""
         try:
-            return Happenings(self._machine).take(since)
+            return RecordingEventSource(self._machine).take(since)
         except AxisbusError:
             return []
 

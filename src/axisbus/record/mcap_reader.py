@@ -27,7 +27,7 @@ import msgspec
 from axisbus.errors import UserError
 from axisbus.record.columns import COLUMNS
 from axisbus.record.mcap_writer import library
-from axisbus.record.recording_data import Happening, Recorded, Track
+from axisbus.record.recording_data import Recorded, RecordedEvent, RecordedSeries
 from axisbus.wording import counted
 
 WRITTEN_BY = "give the path of a recording: axisbus record CELL -o run.mcap writes one"
@@ -140,7 +140,7 @@ class _Loading:
         self._left = _BUDGET_RATIO * size + _BUDGET_BESIDE  # octets of the budget
         self._schemas: dict[int, Any] = {}
         self._channels: dict[int, _Channel] = {}
-        self._events: list[Happening] = []
+        self._events: list[RecordedEvent] = []
         self._facts: dict[str, str] = {}
         self._begin = 0  # ns, monotonic
         self._began: datetime | None = None
@@ -244,9 +244,9 @@ class _Loading:
             self._lacks,
         )
 
-    def _tracks(self, sort: str) -> dict[str, Track]:
+    def _tracks(self, sort: str) -> dict[str, RecordedSeries]:
         found = [channel for channel in self._channels.values() if channel.sort == sort]
-        return {one.name: Track(one.name, one.times, one.columns, one.units) for one in found}
+        return {one.name: RecordedSeries(one.name, one.times, one.columns, one.units) for one in found}
 
     def _schema(self, record: Any) -> None:
         self._spend(len(record.data))
@@ -326,7 +326,7 @@ class _Loading:
             ) from error
         time = (record.publish_time - self._begin) / _NANO
         if channel.sort == "events":
-            self._events.append(Happening(time, channel.name, values.where, values.text))
+            self._events.append(RecordedEvent(time, channel.name, values.where, values.text))
             return
         channel.times.append(time)
         for value, column in zip(msgspec.structs.astuple(values), channel.columns.values(), strict=True):

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from axisbus.errors import UserError
-from axisbus.record.recording_data import SORTS, Happening
+from axisbus.record.recording_data import SORTS, RecordedEvent
 from axisbus.version import __version__
 
 _NANO = 1_000_000_000
@@ -127,7 +127,7 @@ class McapWriter:
         count = self._counts[channel] = self._counts.get(channel, 0) + 1
         self._writer.add_message(channel, stamp + self._offset, msgspec.json.encode(value), stamp, count)
 
-    def tell(self, happening: Happening) -> None:
+    def tell(self, happening: RecordedEvent) -> None:
         """Write an event; its time is that of the monotonic clock."""
         values = {"where": happening.where, "text": happening.text}
         self.write(self._channels[f"events/{happening.sort}"], happening.time, values)

@@ -9,7 +9,7 @@ from axisbus.record.recording_data import Recorded
 from axisbus.wording import counted
 
 
-class Picture:
+class RecordingPlot:
     """What a recording looks like; holds it, and the picture once it has been drawn."""
 
     def __init__(self, recorded: Recorded, title: str) -> None:

@@ -8,7 +8,7 @@ from axisbus.cell.can_simple.modules import require_objects
 from axisbus.cell.io.signals import all_points
 from axisbus.cell.model import CellConfig
 from axisbus.cia301.datatypes import DataType, Value
-from axisbus.cia401.signal import Point
+from axisbus.cia401.signal import IoPoint
 from axisbus.cia402.axes import own_index
 from axisbus.eds.dictionary import Dictionary
 from axisbus.errors import ArgumentError, UnknownNameError
@@ -28,7 +28,7 @@ class WantedObject:
     subindex: int
     name: str
     data_type: DataType | None
-    point: Point | None = None
+    point: IoPoint | None = None
 
     def json_type(self, *, carried: bool) -> str:
         """Return what its values are in JSON; ``carried``: by a PDO, out of which bits without a type are a number.

@@ -14,24 +14,24 @@ import msgspec
 from axisbus.cell.model import CellConfig
 from axisbus.cia301.datatypes import Value
 from axisbus.eds.builtin import resolve
-from axisbus.errors import ArgumentError, AxisbusError, UserError, in_a_line
-from axisbus.ipc.image import Image
+from axisbus.errors import ArgumentError, AxisbusError, UserError, one_line
+from axisbus.ipc.image import CellImage
 from axisbus.motion.numbers import told
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.columns import NAMES, AxisForm
-from axisbus.record.events import Happenings, Watched
+from axisbus.record.events import RecordingEventSource, Watched
 from axisbus.record.mcap_writer import McapWriter, ToldObject
-from axisbus.record.recording_data import Happening
+from axisbus.record.recording_data import RecordedEvent
 from axisbus.record.sample_packing import AxisSample, RowForm, sample_of
 
-Row = bytes | tuple[float, Image]
+Row = bytes | tuple[float, CellImage]
 
 # Twice as fast into JSON as a dict; what is unknown is left out, as the schema of the channel has it.
 _Row = msgspec.defstruct("_Row", [(name, Any, None) for name in NAMES], omit_defaults=True)
 _SAMPLE = 220  # bytes of a sample before it is compressed: a chunk is about a second
 
 
-class Target:
+class McapFile:
     """One MCAP file of some axes of a machine; holds how far it is. ``pack`` may be called in any thread, the rest in one."""
 
     def __init__(self, machine: Watched, path: Path | str, axes: Iterable[str] | None) -> None:
@@ -48,7 +48,7 @@ class Target:
         self.forms = {name: AxisForm.of(there[name].parameters) for name in _chosen(axes, there, machine)}
         self._row = RowForm(len(self.forms))
         self._facts = facts_of(machine.cell, simulated=machine.is_simulated, degree=machine.degree)
-        self._happenings = Happenings(machine)
+        self._happenings = RecordingEventSource(machine)
         self._writer: McapWriter | None = None
         self._axes: dict[str, int] = {}
         self._objects: dict[str, int] = {}
@@ -67,7 +67,7 @@ class Target:
 
     def pack(self, now: float, snapshots: Mapping[str, Snapshot]) -> Row:
         """Return a cycle as what is kept of it, in the shortest time: bytes, as which an image of a core is there already."""
-        if isinstance(snapshots, Image):
+        if isinstance(snapshots, CellImage):
             return now, snapshots
         return self._row.struct.pack(*self._row.values(now, [snapshots[name] for name in self.forms]))
 
@@ -90,7 +90,7 @@ class Target:
             self.abandon()
             self._writer = None
             raise UserError(
-                f"{self.path} cannot be written", observed=in_a_line(error), remedy="give another path"
+                f"{self.path} cannot be written", observed=one_line(error), remedy="give another path"
             ) from error
 
     def _begin(self, objects: Mapping[str, ToldObject]) -> None:
@@ -133,7 +133,7 @@ class Target:
     def note(self, text: str, time: float | None = None) -> None:
         """Write something about the recording itself, of ``time`` (s, monotonic) or of its newest cycle."""
         assert self._writer is not None
-        self._writer.tell(Happening(self.newest if time is None else time, "recording", "", text))
+        self._writer.tell(RecordedEvent(self.newest if time is None else time, "recording", "", text))
 
     def close(self) -> None:
         """Write the summary, and close the file."""

@@ -7,20 +7,20 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from axisbus.cia301.datatypes import Value, decode
-from axisbus.cia301.frame import Frame
-from axisbus.cia301.pdo import Carried
+from axisbus.cia301.frame import CanFrame
+from axisbus.cia301.pdo import PdoLocation
 from axisbus.record.object_selection import WantedObject
-from axisbus.session import Session
+from axisbus.session import MachineSession
 
 _MOST = 100_000  # values that wait to be written
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class MappedSignal:
     """Where an object is that a PDO carries, and what its bits mean."""
 
     wanted: WantedObject
-    carried: Carried
+    carried: PdoLocation
 
     @property
     def label(self) -> str:
@@ -41,10 +41,10 @@ class Place:
 class MappedObjects:
     """Takes the values of objects out of the frames of the bus; holds those that wait to be written, and how many came."""
 
-    def __init__(self, session: Session, places: Sequence[Place]) -> None:
+    def __init__(self, session: MachineSession, places: Sequence[MappedSignal]) -> None:
         self._session = session
         self.places = tuple(places)
-        self._by_id: dict[int, list[Place]] = {}
+        self._by_id: dict[int, list[MappedSignal]] = {}
         for place in self.places:
             self._by_id.setdefault(place.carried.can_id, []).append(place)
         self._values: deque[tuple[str, float, Value]] = deque(maxlen=_MOST)
@@ -70,7 +70,7 @@ class MappedObjects:
         for _ in range(len(self._values)):
             yield self._values.popleft()
 
-    def _hear(self, frames: Sequence[Frame]) -> None:
+    def _hear(self, frames: Sequence[CanFrame]) -> None:
         for frame in frames:
             for place in () if frame.remote else self._by_id.get(frame.can_id, ()):
                 value = place.value(frame.data)

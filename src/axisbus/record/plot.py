@@ -12,7 +12,7 @@ from axisbus.errors import UserError
 from axisbus.record.annotations import Flag, flags, lines
 from axisbus.record.load import load
 from axisbus.record.recorder import Recorder
-from axisbus.record.recording_data import Recorded, Track
+from axisbus.record.recording_data import Recorded, RecordedSeries
 
 STATE_COLOURS = {
     "Disabled": "#d9d9d9",
@@ -188,7 +188,7 @@ class _Figure:
             parse_math=False,
         )
 
-    def _draw_axis(self, track: Track, panels: Sequence[_Panel], colour: str) -> None:
+    def _draw_axis(self, track: RecordedSeries, panels: Sequence[_Panel], colour: str) -> None:
         band = self._place(_BAND)
         _draw_band(band, track, track.name)
         drawn = [self._place(panel.height) for panel in panels]
@@ -229,7 +229,7 @@ class _Figure:
         )
 
 
-def _panels_of(track: Track) -> list[_Panel]:
+def _panels_of(track: RecordedSeries) -> list[_Panel]:
     """Return the panels that have something to show; that of the position always is there."""
     return [
         panel
@@ -238,7 +238,7 @@ def _panels_of(track: Track) -> list[_Panel]:
     ]
 
 
-def _draw_panel(axes: Any, panel: _Panel, track: Track, colour: str) -> None:
+def _draw_panel(axes: Any, panel: _Panel, track: RecordedSeries, colour: str) -> None:
     name = panel.columns[-1]
     if name == "position":
         led, label = _led(track)
@@ -265,7 +265,7 @@ def _draw_panel(axes: Any, panel: _Panel, track: Track, colour: str) -> None:
     axes.yaxis.set_label_coords(-0.055, 0.5)
 
 
-def _led(track: Track) -> tuple[Sequence[float], str]:
+def _led(track: RecordedSeries) -> tuple[Sequence[float], str]:
     """Return what the axis was led by, and what that is: the drive's own demand, where it tells it."""
     demand = track.columns["demand"]
     if any(not math.isnan(value) for value in demand):
@@ -273,7 +273,7 @@ def _led(track: Track) -> tuple[Sequence[float], str]:
     return track.columns["target"], "commanded (target)"
 
 
-def _draw_band(axes: Any, track: Track, name: str) -> None:
+def _draw_band(axes: Any, track: RecordedSeries, name: str) -> None:
     axes.set_ylim(0, 1)
     axes.set_yticks([])
     axes.tick_params(bottom=False, labelbottom=False)
@@ -284,7 +284,7 @@ def _draw_band(axes: Any, track: Track, name: str) -> None:
         axes.axvspan(begin, end, color=STATE_COLOURS.get(state, "#ffffff"), linewidth=0)
 
 
-def _runs(track: Track) -> Iterator[tuple[float, float, str]]:
+def _runs(track: RecordedSeries) -> Iterator[tuple[float, float, str]]:
     times, states = track.times, track.columns["state"]
     start = 0
     for index in range(1, len(states) + 1):

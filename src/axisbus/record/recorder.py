@@ -16,7 +16,7 @@ from axisbus.session import AxisSession
 LIMIT = 2_000_000  # cycles; the oldest go first
 
 
-class Open(Protocol):
+class SessionOwner(Protocol):
     """What has a way to a core: a ``Machine``."""
 
     @property
@@ -31,7 +31,7 @@ class Recorder:
     recorded. Use it as a context manager: ``with Recorder(cell) as recorder:``. ``Machine.recording`` writes a file meanwhile.
     """
 
-    def __init__(self, machine: Open, every: int = 1) -> None:
+    def __init__(self, machine: SessionOwner, every: int = 1) -> None:
         """``machine`` is an open ``Machine``; ``every``: record each n-th cycle."""
         self._session = session = machine.session
         self._forms = {name: AxisForm.of(facts.parameters) for name, facts in session.axes.items()}

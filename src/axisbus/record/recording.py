@@ -18,14 +18,14 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from types import TracebackType
 
-from axisbus.errors import in_a_line
+from axisbus.errors import one_line
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.events import Watched
 from axisbus.record.mcap_writer import ToldObject
 from axisbus.record.object_selection import WantedObject, wanted_object
 from axisbus.record.objects import ObjectReads
-from axisbus.record.output_file import Row, Target, texts_of
-from axisbus.record.pdo_objects import MappedObjects, Place
+from axisbus.record.output_file import McapFile, Row, texts_of
+from axisbus.record.pdo_objects import MappedObjects, MappedSignal
 from axisbus.session import AxisSession
 from axisbus.wording import counted
 
@@ -52,7 +52,7 @@ class Recording:
         """``machine`` is recorded into ``path``; see ``Machine.recording``."""
         self._session = machine.session
         self._period = machine.cell.bus.scan_period
-        self._target = Target(machine, path, axes)
+        self._target = McapFile(machine, path, axes)
         wanted = [wanted_object(machine, text) for text in texts_of("objects", objects)]
         has_frames = self._session.carried is not None
         self._mapped = MappedObjects(self._session, _places(machine, wanted) if has_frames else [])
@@ -208,7 +208,7 @@ class Recording:
         try:
             work()
         except Exception as error:  # noqa: BLE001  # whatever it is, the motion goes on
-            self.failed = in_a_line(error)
+            self.failed = one_line(error)
             log.warning("the recording %s has ended: it cannot be written (%s)", self.path, self.failed)
 
     def _write_all(self) -> None:
@@ -233,7 +233,7 @@ def clock_of(session: AxisSession) -> float:
     return max((snapshot.now for snapshot in session.snapshots.values()), default=time.monotonic())
 
 
-def _places(machine: Watched, wanted: Iterable[WantedObject]) -> list[Place]:
+def _places(machine: Watched, wanted: Iterable[WantedObject]) -> list[MappedSignal]:
     """Return where those are that a PDO carries."""
     found = [(one, machine.node(one.node).carrier(one.index, one.subindex)) for one in wanted]
-    return [Place(one, carried) for one, carried in found if carried is not None]
+    return [MappedSignal(one, carried) for one, carried in found if carried is not None]

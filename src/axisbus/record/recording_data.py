@@ -9,7 +9,7 @@ from itertools import compress
 from typing import Any, NamedTuple
 
 
-class Happening(NamedTuple):
+class RecordedEvent(NamedTuple):
     """Something that happened: ``time`` in s, ``sort`` of ``SORTS``, ``where`` (a node, a command), ``text`` for people."""
 
     time: float
@@ -31,7 +31,7 @@ SORTS: Mapping[str, str] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Track:
+class RecordedSeries:
     """What one axis (or one object) did: ``times`` in seconds since the recording began, and as many values in each column.
 
     An unknown number is NaN, another unknown value None.
@@ -42,7 +42,7 @@ class Track:
     columns: Mapping[str, Sequence[Any]]
     units: Mapping[str, str]  # by column; empty where it has none
 
-    def within(self, begin: float, end: float) -> Track:
+    def within(self, begin: float, end: float) -> RecordedSeries:
         """Return what of it lies between two times (s)."""
         chosen = [begin <= time <= end for time in self.times]
         columns = {name: list(compress(values, chosen)) for name, values in self.columns.items()}
@@ -56,9 +56,9 @@ class Recorded:
     ``objects``: what was read beside the axes, a track each with the column ``value``. ``facts``: what else was noted, as texts.
     """
 
-    tracks: Mapping[str, Track]
-    objects: Mapping[str, Track] = field(default_factory=dict)
-    events: Sequence[Happening] = ()
+    tracks: Mapping[str, RecordedSeries]
+    objects: Mapping[str, RecordedSeries] = field(default_factory=dict)
+    events: Sequence[RecordedEvent] = ()
     began: datetime | None = None
     facts: Mapping[str, str] = field(default_factory=dict)
     lacks: str = ""

@@ -10,13 +10,13 @@ from collections.abc import Iterator, Sequence
 from struct import Struct
 from typing import NamedTuple
 
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
 
 BLOCK = 4096  # rows
 _AXIS = "qqqqqqhHBBB"  # the values in the order of AxisSample; then the state, the power, and the bits of what is known
-_STATES, _POWERS = tuple(AxisState), tuple(State)
+_STATES, _POWERS = tuple(AxisState), tuple(PowerState)
 _STATE_AT = {state: number for number, state in enumerate(_STATES)}
 _POWER_AT = {power: number for number, power in enumerate(_POWERS)}
 # Of what may be unknown, a bit each; beside them whether the axis is homed.
@@ -35,7 +35,7 @@ class AxisSample(NamedTuple):
     mode: int | None
     statusword: int | None
     state: AxisState
-    power: State
+    power: PowerState
     homed: bool
 
 

@@ -41,7 +41,7 @@ class Trigger:
         """As ``Moment.begin``."""
 
     def end(self) -> None:
-        """As ``Moment.end``."""
+        """As ``RecordingTrigger.end``."""
 
     def seen(self, now: float, snapshots: Mapping[str, Snapshot]) -> float | None:
         """As ``Moment.seen``: the cycle in which the condition became true; raises what a user's function raises."""

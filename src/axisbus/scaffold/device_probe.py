@@ -38,7 +38,7 @@ Values = Mapping[tuple[int, int], int | None]
 
 
 @dataclass(frozen=True, slots=True)
-class Axis:
+class ProbedAxis:
     """One axis of a device: its number (from 1), its state in words, and the values of its objects (None: not there)."""
 
     number: int
@@ -59,13 +59,13 @@ class Axis:
         )
 
 
-def axes(sdo: SdoClient) -> list[Axis]:
+def axes(sdo: SdoClient) -> list[ProbedAxis]:
     """Return the axes of a device: those with a statusword, 800h apart (CiA 402-2 5); blocks for some dozen transfers each.
 
     Raises:
         SdoTimeout, AdapterError: the device does not answer. SdoError: it answers for a statusword with something that is no value.
     """
-    found: list[Axis] = []
+    found: list[ProbedAxis] = []
     while len(found) < MOST_AXES:
         number = len(found) + 1
         word = _read(sdo, o.STATUSWORD, 0, number)
@@ -74,7 +74,7 @@ def axes(sdo: SdoClient) -> list[Axis]:
         now = state.decode(word)
         wanted = (*OBJECTS, *scale_proposal.OBJECTS, *((each.index, each.subindex) for each in options.ALL))
         values = {key: _read(sdo, *key, number) for key in wanted}
-        found.append(Axis(number, now.value, now in state.ENERGISED, values))
+        found.append(ProbedAxis(number, now.value, now in state.ENERGISED, values))
     return found
 
 

@@ -14,14 +14,14 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from axisbus.bus.node.discover import Found
+from axisbus.bus.node.discover import DiscoveredNode
 from axisbus.cell import scale_proposal
 from axisbus.cell.model import SIMULATED, BusConfig
 from axisbus.cia402 import homing, options
 from axisbus.cia402 import objects as o
 from axisbus.drives.make import Make
-from axisbus.scaffold.device_probe import Axis
-from axisbus.scaffold.match import Match
+from axisbus.scaffold.device_probe import ProbedAxis
+from axisbus.scaffold.match import FileMatch
 from axisbus.wording import counted
 
 _DEGREES = "deg"
@@ -44,10 +44,10 @@ class BusFound:
 class NodeFound:
     """One device that answered: who it is, the files for it (``spec`` as the cell file names them), its axes and its make."""
 
-    found: Found
-    match: Match
+    found: DiscoveredNode
+    match: FileMatch
     specs: tuple[str, ...]
-    axes: tuple[Axis, ...]
+    axes: tuple[ProbedAxis, ...]
     make: Make
 
 
@@ -79,7 +79,7 @@ def draft(bus: BusFound, nodes: list[NodeFound]) -> Draft:
     return Draft("\n".join(lines) + "\n", tuple(missing), tuple(confirm))
 
 
-def name(node: NodeFound, axis: Axis) -> str:
+def name(node: NodeFound, axis: ProbedAxis) -> str:
     """Return the name of an axis in the file."""
     node_id = node.found.node_id
     return f"axis{node_id}" if len(node.axes) == 1 else f"axis{node_id}_{axis.number}"
@@ -156,7 +156,7 @@ def _node(node: NodeFound) -> Iterator[str]:
         yield _noted(f"# eds = {_text(spec)}", "CONFIRM: several files fit, choose one")
 
 
-def _axis(node: NodeFound, axis: Axis) -> Iterator[str]:
+def _axis(node: NodeFound, axis: ProbedAxis) -> Iterator[str]:
     own = name(node, axis)
     if axis.modes:
         yield f"# It claims the modes {', '.join(axis.modes)} (6502h). It was found {axis.power}."
@@ -177,7 +177,7 @@ def _axis(node: NodeFound, axis: Axis) -> Iterator[str]:
     yield from _stops(axis)
 
 
-def _scales(node: NodeFound, axis: Axis) -> Iterator[str]:
+def _scales(node: NodeFound, axis: ProbedAxis) -> Iterator[str]:
     found = scale_proposal.candidates(_DEGREES, axis.values)
     if found:
         yield _noted(f'# unit = "{_DEGREES}"', "CONFIRM: or mm, rev, ... (and take the line above away)")
@@ -198,7 +198,7 @@ def _scales(node: NodeFound, axis: Axis) -> Iterator[str]:
         )
 
 
-def _limits(axis: Axis) -> Iterator[str]:
+def _limits(axis: ProbedAxis) -> Iterator[str]:
     low, high = (axis.get(o.SOFTWARE_POSITION_LIMIT, subindex) for subindex in (1, 2))
     now = (
         f"607Dh is {low} to {counted(high, 'increment')}"
@@ -220,7 +220,7 @@ def _limits(axis: Axis) -> Iterator[str]:
         )
 
 
-def _defaults(axis: Axis) -> Iterator[str]:
+def _defaults(axis: ProbedAxis) -> Iterator[str]:
     for key, title, index in (
         ("velocity", "6081h", o.PROFILE_VELOCITY),
         ("acceleration", "6083h", o.PROFILE_ACCELERATION),
@@ -232,7 +232,7 @@ def _defaults(axis: Axis) -> Iterator[str]:
         )
 
 
-def _homing(axis: Axis) -> Iterator[str]:
+def _homing(axis: ProbedAxis) -> Iterator[str]:
     method = axis.get(o.HOMING_METHOD)
     if method is None:
         yield _noted("# method = ...", "CONFIRM: the drive has no 6098h")
@@ -240,7 +240,7 @@ def _homing(axis: Axis) -> Iterator[str]:
         yield _noted(f"# method = {method}", f"CONFIRM: 6098h is {method}: {homing.describe(method)}")
 
 
-def _stops(axis: Axis) -> Iterator[str]:
+def _stops(axis: ProbedAxis) -> Iterator[str]:
     for option in options.ALL:
         value = axis.get(option.index, option.subindex)
         where = f"{option.index:04X}h"
@@ -260,12 +260,12 @@ def _stop(option: options.OptionCode, where: str, value: int) -> str:
     return _noted(f'# {option.key} = "{word}"', note)
 
 
-def _says(axis: Axis, title: str, index: int) -> str:
+def _says(axis: ProbedAxis, title: str, index: int) -> str:
     value = axis.get(index)
     return f"the drive has no {title}" if value is None else f"{title} is {value} in the drive's own unit"
 
 
-def _state(found: Found) -> str:
+def _state(found: DiscoveredNode) -> str:
     return f"it says that it is {found.nmt.text}" if found.nmt is not None else "no heartbeat"
 
 

@@ -15,7 +15,7 @@ _MOST = 5000  # files in all folders: more is a mistyped folder
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class CandidateFile:
     """A file that may describe a device; ``spec`` is how a cell file names it (a path, or ``builtin:NAME``)."""
 
     spec: str
@@ -23,33 +23,33 @@ class Known:
 
 
 @dataclass(frozen=True, slots=True)
-class Match:
+class FileMatch:
     """The files for one device, best first: one that is ``exact`` or alone is to be taken, of several the user must choose."""
 
-    files: tuple[Known, ...]
+    files: tuple[CandidateFile, ...]
     exact: bool
     note: str = ""
 
     @property
-    def chosen(self) -> Known | None:
+    def chosen(self) -> CandidateFile | None:
         """The file to be taken, None where there is none or a choice."""
         return self.files[0] if len(self.files) == 1 else None
 
 
-def collect(folders: Iterable[Path]) -> tuple[list[Known], list[str]]:
+def collect(folders: Iterable[Path]) -> tuple[list[CandidateFile], list[str]]:
     """Read every EDS and DCF in these folders and below, and the built-in ones; return them and what could not be read.
 
     Raises:
         UserError: a folder is none, or holds too many files.
     """
     found = [
-        Known(f"{builtin.PREFIX}{name}", load(builtin.resolve(builtin.PREFIX + name, Path())))
+        CandidateFile(f"{builtin.PREFIX}{name}", load(builtin.resolve(builtin.PREFIX + name, Path())))
         for name in builtin.names()
     ]
     problems: list[str] = []
     for path in _files(folders):
         try:
-            found.append(Known(str(path), load(path)))
+            found.append(CandidateFile(str(path), load(path)))
         except EdsError as error:
             problems.append(str(error).splitlines()[0])
     return found, problems
@@ -73,19 +73,19 @@ def _files(folders: Iterable[Path]) -> list[Path]:
 
 
 def match(
-    known: Iterable[Known],
+    known: Iterable[CandidateFile],
     node_id: int,
     vendor_id: int | None,
     product_code: int | None,
     revision: int | None,
-) -> Match:
+) -> FileMatch:
     """Return the files of this vendor and product: with this revision, else with any; a DCF only where it is of this node.
 
     A file that gives no vendor describes no device in particular and is never taken. One without a product code is only
     for a vendor of which no file has the code. Of equal files the first counts.
     """
     if not vendor_id:
-        return Match((), exact=False, note="the device gives no vendor ID (1018h:01)")
+        return FileMatch((), exact=False, note="the device gives no vendor ID (1018h:01)")
     ours = [
         each
         for each in known
@@ -97,16 +97,16 @@ def match(
     exact = [each for each in same if each.eds.identity.revision == (revision or None)]
     files = _unequal(exact or same)
     if not files:
-        return Match(
+        return FileMatch(
             (), exact=False, note=f"no file of vendor 0x{vendor_id:X}, product 0x{product_code or 0:X}"
         )
     note = "" if exact else f"the device has revision 0x{revision or 0:X}"
-    return Match(tuple(files), bool(exact), note)
+    return FileMatch(tuple(files), bool(exact), note)
 
 
-def _unequal(files: list[Known]) -> list[Known]:
+def _unequal(files: list[CandidateFile]) -> list[CandidateFile]:
     """Return the files without those whose objects are the same text as those of an earlier one."""
-    seen: dict[tuple[object, ...], Known] = {}
+    seen: dict[tuple[object, ...], CandidateFile] = {}
     for each in files:
         info = each.eds.info.get("fileinfo", {})
         seen.setdefault(

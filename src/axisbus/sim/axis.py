@@ -10,7 +10,7 @@ import math
 
 from axisbus.sim.compliant import make_motor
 from axisbus.sim.control_bits import as_int32
-from axisbus.sim.fault_injection import DriveDials
+from axisbus.sim.fault_injection import DriveFaults
 from axisbus.sim.motor import MotorParams
 from axisbus.sim.power import Effort
 from axisbus.sim.ramp import ramp_velocity
@@ -50,7 +50,7 @@ class Axis:
         "velocity",
     )
 
-    def __init__(self, settings: Settings, params: MotorParams, dials: DriveDials) -> None:
+    def __init__(self, settings: Settings, params: MotorParams, dials: DriveFaults) -> None:
         self.settings = settings
         self.params = params
         self.dials = dials

@@ -8,7 +8,7 @@ from axisbus.eds.model import Eds, Number
 from axisbus.sim.control_bits import CSP, CST, CSV, HM, IP, PP, PV, TQ
 from axisbus.sim.device import Device, count_axes
 from axisbus.sim.drive import Drive
-from axisbus.sim.fault_injection import DriveDials, NodeDials
+from axisbus.sim.fault_injection import DriveFaults, NodeFaults
 from axisbus.sim.modes.catalogue import IMPLEMENTED
 from axisbus.sim.motor import MotorParams
 from axisbus.sim.settings import AXIS_SPAN
@@ -43,7 +43,7 @@ def drive_from_eds(
     axis: int = 0,
     params: MotorParams | None = None,
     *,
-    dials: DriveDials | None = None,
+    dials: DriveFaults | None = None,
     seed: int = 0,
 ) -> Drive:
     """Make one axis of a drive as its EDS describes it; ``params`` replaces the motor that is derived from the EDS."""
@@ -63,7 +63,7 @@ def device_from_eds(
     node_id: int = 1,
     params: MotorParams | None = None,
     *,
-    dials: NodeDials | None = None,
+    dials: NodeFaults | None = None,
     seed: int = 0,
     serial: int | None = None,
 ) -> Device:

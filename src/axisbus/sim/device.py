@@ -10,7 +10,7 @@ from axisbus.eds.model import Eds
 from axisbus.sim.boot_loader import ProgramLoader, has_loader
 from axisbus.sim.dictionary import CANNOT_STORE, DEVICE_STATE, INVALID_VALUE, Dictionary, Refused
 from axisbus.sim.drive import Drive
-from axisbus.sim.fault_injection import NodeDials
+from axisbus.sim.fault_injection import NodeFaults
 from axisbus.sim.io import IoModule, is_module
 from axisbus.sim.modes.catalogue import IMPLEMENTED
 from axisbus.sim.motor import MotorParams
@@ -45,7 +45,7 @@ class Device:
         axes: int | None = None,
         params: MotorParams | Sequence[MotorParams] | None = None,
         modes: frozenset[int] = IMPLEMENTED,
-        dials: NodeDials | None = None,
+        dials: NodeFaults | None = None,
         seed: int = 0,
         serial: int | None = None,
     ) -> None:
@@ -56,7 +56,7 @@ class Device:
         """
         self.eds = eds
         self.node_id = node_id
-        self.dials = dials or NodeDials()
+        self.dials = dials or NodeFaults()
         self.serial = serial
         self.dictionary = Dictionary(eds, node_id)
         self._number_serially()

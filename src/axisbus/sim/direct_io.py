@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 
 from axisbus.cia301.nmt import NmtState
-from axisbus.cia401.port import IoInputs, Known
+from axisbus.cia401.port import IoInputs, SignalValidity
 from axisbus.cia401.signal import Address
-from axisbus.cia402.port import Sample, Source
+from axisbus.cia402.port import Sample, ValueTransport
 from axisbus.sim.device import Device
 
 _SYNC_AGE = 0.1  # seconds
@@ -31,7 +31,7 @@ class DirectIoPort:
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
         self.found = self.alone = tuple(device.dictionary.get_int(*address) for address in self.outputs)
         self.max_age = (_SYNC_AGE if sync else math.inf,) * len(self.inputs)
-        self.sources = (Source.SYNC_PDO if sync else Source.EVENT_PDO,) * len(self.inputs)
+        self.sources = (ValueTransport.SYNC_PDO if sync else ValueTransport.EVENT_PDO,) * len(self.inputs)
         self._sync = sync
         self._heartbeat = heartbeat
         self._samples: list[Sample | None] = [None] * len(self.inputs)
@@ -51,11 +51,13 @@ class DirectIoPort:
     def read(self, now: float) -> IoInputs:
         """Return the newest values."""
         if self._boot_ups != self.device.boot_ups:
-            known = Known.RESTARTED
+            known = SignalValidity.RESTARTED
         elif now - self._last_beat > 3 * self._heartbeat + 1e-9:
-            known = Known.SILENT
+            known = SignalValidity.SILENT
         else:
-            known = Known.YES if self._state is NmtState.OPERATIONAL else Known.NOT_OPERATIONAL
+            known = (
+                SignalValidity.YES if self._state is NmtState.OPERATIONAL else SignalValidity.NOT_OPERATIONAL
+            )
         stamps = [sample.stamp for sample in self._samples if sample is not None]
         return IoInputs(known, tuple(self._samples), max([self._last_beat, *stamps]))
 

@@ -14,7 +14,7 @@ from axisbus.cia402.port import (
     Inputs,
     Outputs,
     Sample,
-    Source,
+    ValueTransport,
 )
 from axisbus.errors import SdoTimeout
 from axisbus.sim.control_bits import CW_ENABLE_VOLTAGE, CW_FAULT_RESET, CW_QUICK_STOP_LOW
@@ -25,14 +25,19 @@ from axisbus.sim.settings import AXIS_SPAN
 
 # Looked at in every cycle.
 _OPERATIONAL, _INITIALISING = NmtState.OPERATIONAL, NmtState.INITIALISING
-_SYNC_PDO, _EVENT_PDO, _SDO = Source.SYNC_PDO, Source.EVENT_PDO, Source.SDO
+_SYNC_PDO, _EVENT_PDO, _SDO = ValueTransport.SYNC_PDO, ValueTransport.EVENT_PDO, ValueTransport.SDO
 _NOTHING = Outputs()
 _CONTROLWORD = OUTPUT_OBJECTS["controlword"]
 _INPUTS = tuple(INPUT_OBJECTS)
 _READ = attrgetter("statusword", "mode_display", "position", "velocity", "torque", "position_demand")
 # Outputs in the order in which they take effect: the controlword last, so that it finds its target.
 _ORDER = ("mode", "target_position", "target_velocity", "target_torque", "controlword")
-_MAX_AGE = {Source.SYNC_PDO: 0.1, Source.EVENT_PDO: 1.0, Source.SDO: 1.0, Source.NONE: 0.0}
+_MAX_AGE = {
+    ValueTransport.SYNC_PDO: 0.1,
+    ValueTransport.EVENT_PDO: 1.0,
+    ValueTransport.SDO: 1.0,
+    ValueTransport.NONE: 0.0,
+}
 
 
 class DirectPort:
@@ -43,8 +48,8 @@ class DirectPort:
         device: Device,
         axis: int = 0,
         *,
-        inputs: dict[str, Source] | None = None,
-        outputs: dict[str, Source] | None = None,
+        inputs: dict[str, ValueTransport] | None = None,
+        outputs: dict[str, ValueTransport] | None = None,
         max_age: dict[str, float] | None = None,
         event_timer: float | None = None,
         sdo_time: float = 0.001,
@@ -97,15 +102,17 @@ class DirectPort:
         order = (*_ORDER[-1:], *_ORDER[:-1]) if controlword_first else _ORDER
         self._order: tuple[str, ...] = (*more, *order)
         self.capabilities.max_age.update(self._ages(max_age or {}))
-        self._synchronous = self._numbers(Source.SYNC_PDO)
-        self._events = self._numbers(Source.EVENT_PDO)
-        self._polled = self._numbers(Source.SDO) + self._silent_positions()
+        self._synchronous = self._numbers(ValueTransport.SYNC_PDO)
+        self._events = self._numbers(ValueTransport.EVENT_PDO)
+        self._polled = self._numbers(ValueTransport.SDO) + self._silent_positions()
         self._primed = False
 
-    def _sources(self, objects: dict[str, int], changes: dict[str, Source] | None) -> dict[str, Source]:
+    def _sources(
+        self, objects: dict[str, int], changes: dict[str, ValueTransport] | None
+    ) -> dict[str, ValueTransport]:
         has = self.device.dictionary.has
         found = {
-            name: Source.SYNC_PDO if has(index + self._offset) else Source.NONE
+            name: ValueTransport.SYNC_PDO if has(index + self._offset) else ValueTransport.NONE
             for name, index in objects.items()
         }
         return found | (changes or {})
@@ -113,12 +120,14 @@ class DirectPort:
     def _ages(self, changes: dict[str, float]) -> dict[str, float]:
         return {name: _MAX_AGE[source] for name, source in self.capabilities.inputs.items()} | changes
 
-    def _numbers(self, source: Source) -> list[int]:
+    def _numbers(self, source: ValueTransport) -> list[int]:
         return [number for number, name in enumerate(_INPUTS) if self.capabilities.inputs[name] is source]
 
     def _silent_positions(self) -> list[int]:
         """A position that is sent on change only is polled as well, as the bus does: silence does not say that it stands."""
-        silent = self.capabilities.inputs["position"] is Source.EVENT_PDO and self._event_timer is None
+        silent = (
+            self.capabilities.inputs["position"] is ValueTransport.EVENT_PDO and self._event_timer is None
+        )
         return [_INPUTS.index("position")] if silent else []
 
     # What motion calls.
@@ -296,7 +305,7 @@ class DirectPort:
             self._latched.update(dict.fromkeys(self._offsets, 0))
             quick = word & ~(CW_QUICK_STOP_LOW | CW_FAULT_RESET) | CW_ENABLE_VOLTAGE
             self._latched.pop("controlword", None)
-            if self.capabilities.outputs["controlword"] is Source.SYNC_PDO:
+            if self.capabilities.outputs["controlword"] is ValueTransport.SYNC_PDO:
                 self._latched["controlword"] = quick
             else:
                 self._apply("controlword", quick)
@@ -343,6 +352,9 @@ def _stops(word: int) -> bool:
     return not running and not word & CW_FAULT_RESET
 
 
-def _overtakes(outputs: dict[str, Source]) -> bool:
+def _overtakes(outputs: dict[str, ValueTransport]) -> bool:
     """Whether a controlword takes effect before the target of the same cycle, which waits for SYNC."""
-    return outputs["target_position"] is _SYNC_PDO and outputs["controlword"] not in (_SYNC_PDO, Source.NONE)
+    return outputs["target_position"] is _SYNC_PDO and outputs["controlword"] not in (
+        _SYNC_PDO,
+        ValueTransport.NONE,
+    )

@@ -17,7 +17,7 @@ from axisbus.eds.model import Eds
 from axisbus.sim.axis import Axis
 from axisbus.sim.control_bits import CW_HALT, as_int8, as_int16, as_int32
 from axisbus.sim.dictionary import INVALID_VALUE, Dictionary, Refused
-from axisbus.sim.fault_injection import DriveDials
+from axisbus.sim.fault_injection import DriveFaults
 from axisbus.sim.feedback import Feedback
 from axisbus.sim.modes.base import Mode
 from axisbus.sim.modes.catalogue import IMPLEMENTED, make_modes
@@ -64,7 +64,7 @@ class Drive:
         axis: int = 0,
         params: MotorParams | None = None,
         *,
-        dials: DriveDials | None = None,
+        dials: DriveFaults | None = None,
         dictionary: Dictionary | None = None,
         errors: ErrorHistory | None = None,
         modes: frozenset[int] = IMPLEMENTED,
@@ -76,7 +76,7 @@ class Drive:
         """
         self.axis_number = axis
         self.params = params or MotorParams()
-        self.dials = dials or DriveDials()
+        self.dials = dials or DriveFaults()
         self.dictionary = dictionary or Dictionary(eds, node_id)
         self.errors = errors or ErrorHistory()
         self.modes = modes & IMPLEMENTED

@@ -8,7 +8,7 @@ NEVER = float("inf")
 
 
 @dataclass(slots=True)
-class DriveDials:
+class DriveFaults:
     """Misbehaviour of one axis. Every field may be changed at any time; the defaults are a drive that behaves.
 
     Power stage and controlword:
@@ -152,7 +152,7 @@ class ProgramDials:
 
 
 @dataclass(slots=True)
-class NodeDials:
+class NodeFaults:
     """Misbehaviour of one node's communication.
 
     dead: the node is silent and deaf, as with a cut cable (its motors go on as told until its own watchdog notices)

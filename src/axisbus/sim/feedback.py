@@ -7,7 +7,7 @@ from collections import deque
 
 from axisbus.sim.axis import Axis
 from axisbus.sim.control_bits import as_int32
-from axisbus.sim.fault_injection import DriveDials
+from axisbus.sim.fault_injection import DriveFaults
 
 Values = tuple[float, float, float]
 
@@ -15,7 +15,7 @@ Values = tuple[float, float, float]
 class Feedback:
     """Position, velocity and torque of one axis as its drive knows them; holds what it will show later."""
 
-    def __init__(self, axis: Axis, dials: DriveDials, seed: int) -> None:
+    def __init__(self, axis: Axis, dials: DriveFaults, seed: int) -> None:
         """``seed`` is for the noise of the encoder."""
         self._axis = axis
         self._dials = dials

@@ -16,7 +16,7 @@ from enum import IntEnum
 from typing import Protocol
 
 from axisbus.sim.control_bits import CW_ENABLE_VOLTAGE, CW_FAULT_RESET, CW_QUICK_STOP_LOW
-from axisbus.sim.fault_injection import NEVER, DriveDials
+from axisbus.sim.fault_injection import NEVER, DriveFaults
 
 
 class Stage(IntEnum):
@@ -139,7 +139,7 @@ class PowerStage:
     def __init__(
         self,
         options: Options,
-        dials: DriveDials,
+        dials: DriveFaults,
         delays: Mapping[int, float] = DELAYS,
         brake: tuple[float, float] = (0.0, 0.0),
     ) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from axisbus.sim.axis import Axis
 from axisbus.sim.control_bits import SW_BIT_10, SW_INTERNAL_LIMIT, SW_REMOTE, SW_VOLTAGE, SW_WARNING
-from axisbus.sim.fault_injection import DriveDials
+from axisbus.sim.fault_injection import DriveFaults
 from axisbus.sim.modes.base import Mode
 from axisbus.sim.power import PowerStage, Stage
 
@@ -12,7 +12,7 @@ _ENABLED, _QUICK_STOP = Stage.ENABLED, Stage.QUICK_STOP  # looked at in every st
 
 
 def compose(
-    power: PowerStage, dials: DriveDials, mode: Mode, axis: Axis, *, halted: bool, warning: bool
+    power: PowerStage, dials: DriveFaults, mode: Mode, axis: Axis, *, halted: bool, warning: bool
 ) -> int:
     """Return the value of 6041h; mode bits and the internal limit are shown while enabled."""
     word = power.pattern

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 from axisbus.sim.axis import Axis
 from axisbus.sim.control_bits import as_int32
-from axisbus.sim.fault_injection import DriveDials
+from axisbus.sim.fault_injection import DriveFaults
 
 RISING, FALLING = True, False  # the level after the edge
 INPUTS = (1, 2)
@@ -30,7 +30,7 @@ class TouchProbe:
     them, by input (1 or 2) and edge.
     """
 
-    def __init__(self, axis: Axis, dials: DriveDials) -> None:
+    def __init__(self, axis: Axis, dials: DriveFaults) -> None:
         self._axis = axis
         self._dials = dials
         self.marks: dict[int, list[tuple[float, float]]] = {number: [] for number in INPUTS}

@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import NamedTuple
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple import endpoint_messages, heartbeat, mit
 from axisbus.drives.gim6010.can_simple.codec import Outcome, readings
-from axisbus.drives.gim6010.can_simple.decoded_message import Reading, Request, Unexpected
-from axisbus.drives.gim6010.can_simple.fields import Field, Number
+from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage, MessageRequest, Unexpected
+from axisbus.drives.gim6010.can_simple.fields import MessageField, Number
 from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats
 from axisbus.drives.gim6010.can_simple.identifier import NODES, split
 from axisbus.drives.gim6010.can_simple.messages import BY_COMMAND
@@ -26,7 +26,7 @@ from axisbus.wording import counted
 _MIT = mit.MIT_CONTROL.command
 
 
-class Told(NamedTuple):
+class ModuleFrameText(NamedTuple):
     """What a frame of a named node says; ``from_node`` is False where only a master can have sent it."""
 
     node: int
@@ -34,13 +34,13 @@ class Told(NamedTuple):
     from_node: bool
 
 
-class Modules:
+class CanSimpleDecoder:
     """The named nodes; holds state: what the heartbeats of each have told."""
 
     def __init__(self, nodes: Collection[int] = ()) -> None:
         self._beats: dict[int, Heartbeats] = {node: Heartbeats() for node in nodes}
 
-    def told(self, frame: Frame) -> Told | None:
+    def told(self, frame: CanFrame) -> ModuleFrameText | None:
         """Return what a frame says; None where it is of none of the named nodes."""
         if not self._beats or frame.error or frame.extended or frame.can_id >= NODES.stop << 5:
             return None
@@ -48,13 +48,15 @@ class Modules:
         if node not in self._beats:
             return None
         if command == heartbeat.COMMAND and not frame.remote:
-            return Told(node, _named(command, self._beat(node, frame.data)), True)
+            return ModuleFrameText(node, _named(command, self._beat(node, frame.data)), True)
         found = readings(frame.can_id, frame.data, remote=frame.remote)
         said = " or ".join(filter(None, (_one(each, frame.data) for each in found)))
         wrong = [each.words for each in found if isinstance(each, Unexpected)]
-        from_module = any(isinstance(each, Reading) and each.from_module for each in found)
+        from_module = any(isinstance(each, DecodedMessage) and each.from_module for each in found)
         text = said or frame.data.hex(" ").upper() or "no data"
-        return Told(node, _named(command, Words(text, problem="; ".join(wrong))), from_module or bool(wrong))
+        return ModuleFrameText(
+            node, _named(command, Words(text, problem="; ".join(wrong))), from_module or bool(wrong)
+        )
 
     def _beat(self, node: int, data: bytes) -> Words:
         heard = self._beats[node].after(node, data)
@@ -104,7 +106,7 @@ def _one(found: Outcome, data: bytes) -> str:
     """What one way to read a frame says; nothing of an ``Unexpected``."""
     if isinstance(found, Unexpected):
         return ""
-    if isinstance(found, Request):
+    if isinstance(found, MessageRequest):
         return "asked for"
     if found.message.command == _MIT:
         return _mit(found, data)
@@ -116,14 +118,14 @@ def _one(found: Outcome, data: bytes) -> str:
     return f"{who} {shown}".strip() or "no data"
 
 
-def _shown(field: Field, value: Number) -> str:
+def _shown(field: MessageField, value: Number) -> str:
     number = str(value) if isinstance(value, int) else f"{value:.6g}"
     meaning = field.values.get(value) if isinstance(value, int) else None
     side = f" ({field.side.value})" if field.side.value else ""
     return f"{field.name} {number}" + (f" ({meaning})" if meaning else f" {field.unit}{side}".rstrip())
 
 
-def _mit(found: Reading, data: bytes) -> str:
+def _mit(found: DecodedMessage, data: bytes) -> str:
     if found.from_module:
         answer = mit.read(found.node, data)
         assert not isinstance(answer, Unexpected)  # it was read already
@@ -138,7 +140,7 @@ def _mit(found: Reading, data: bytes) -> str:
     return f"{values} (by the manual's ranges)"
 
 
-def _endpoint(found: Reading, data: bytes) -> str:
+def _endpoint(found: DecodedMessage, data: bytes) -> str:
     """The same bytes may be a request and its answer: told once, of the one that comes first."""
     if not found.from_module:
         return ""

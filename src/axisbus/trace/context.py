@@ -10,8 +10,8 @@ from axisbus.cell.can_simple.modules import modules_of
 from axisbus.cell.model import CellConfig, NodeConfig
 from axisbus.cell.pdo_plan import travelling
 from axisbus.cell.quantities import Quantities
-from axisbus.check.context import Case
-from axisbus.cia301.pdo import Pdo
+from axisbus.check.context import CheckContext
+from axisbus.cia301.pdo import PdoConfiguration
 from axisbus.drives import registry
 from axisbus.drives.make import GENERIC, Make
 from axisbus.eds.dictionary import Dictionary
@@ -23,7 +23,7 @@ class DirectedPdo:
     """A PDO with its direction, seen from the node."""
 
     receive: bool
-    pdo: Pdo
+    pdo: PdoConfiguration
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class KnownNode:
 
 
 @dataclass(frozen=True)
-class Known:
+class TraceContext:
     """A bus as its files describe it; all of it may be empty. ``modules`` speak CAN Simple: node ID and the name of the axis."""
 
     nodes: Mapping[int, KnownNode] = field(default_factory=dict)
@@ -47,23 +47,23 @@ class Known:
     modules: Mapping[int, str] = field(default_factory=dict)
 
 
-NOTHING = Known()
+NOTHING = TraceContext()
 
 
-def of_eds(files: Mapping[int, Eds]) -> Known:
+def of_eds(files: Mapping[int, Eds]) -> TraceContext:
     """Return what the EDS or DCF of each node says: PDOs are those that it switches on."""
-    return Known({node_id: _node(NodeConfig(node_id), eds) for node_id, eds in files.items()})
+    return TraceContext({node_id: _node(NodeConfig(node_id), eds) for node_id, eds in files.items()})
 
 
-def of_cell(cell: CellConfig, files: Mapping[int, Eds]) -> Known:
+def of_cell(cell: CellConfig, files: Mapping[int, Eds]) -> TraceContext:
     """Return what a cell file says: PDOs as boot configures them, and behind those what the EDS switches on."""
-    case = Case(cell, files)
+    case = CheckContext(cell, files)
     nodes = {}
     for node, eds, dictionary in case.nodes:
         planned = tuple(DirectedPdo(*each) for each in travelling(cell, node, eds, dictionary))
         nodes[node.node_id] = _node(node, eds, _axes(cell, node.node_id), planned)
     modules = {node_id: _axes(cell, node_id) for node_id in modules_of(cell)}
-    return Known(nodes, Quantities(cell), cell.bus.master_id, modules)
+    return TraceContext(nodes, Quantities(cell), cell.bus.master_id, modules)
 
 
 def _axes(cell: CellConfig, node_id: int) -> str:

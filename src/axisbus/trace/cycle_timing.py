@@ -12,9 +12,9 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 
-# What is measured of a ``Pace``, and what it says.
+# What is measured of a ``CycleTiming``, and what it says.
 MEASURED = {
     "off": "interval of two SYNCs, off the period by",
     "last_tpdo": "last TPDO after its SYNC",
@@ -25,7 +25,7 @@ _LATE = 0.25  # seconds by which a frame may be told late
 
 
 @dataclass(frozen=True, slots=True)
-class Cast:
+class CyclicIdentifiers:
     """Whose frames are looked at, by identifier: SYNC's, the TPDOs and RPDOs of every cycle, and of each node its first TPDO."""
 
     sync: int
@@ -45,7 +45,7 @@ class Spread(NamedTuple):
 
 
 @dataclass
-class Pace:
+class CycleTiming:
     """What has been measured so far, in seconds; holds the frames that wait for their turn.
 
     ``off``: by how much the interval of two SYNCs differs from the period (those that are skipped are counted in ``missing``);
@@ -53,7 +53,7 @@ class Pace:
     node's answer.
     """
 
-    cast: Cast
+    cast: CyclicIdentifiers
     period: float
     off: array[float] = field(default_factory=lambda: array("d"))
     last_tpdo: array[float] = field(default_factory=lambda: array("d"))
@@ -70,7 +70,7 @@ class Pace:
         self._answers = array("d")
         self.seen = self.cast.tpdos | self.cast.rpdos | self.cast.answers | {self.cast.sync}
 
-    def add(self, frames: Iterable[Frame]) -> None:
+    def add(self, frames: Iterable[CanFrame]) -> None:
         """Take frames, as they are told."""
         newest = 0.0
         for frame in frames:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from enum import Enum
 
 from axisbus.cia301.datatypes import Value
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 
 
-class Kind(Enum):
+class FrameKind(Enum):
     """Which service of CiA 301, 302 or 305 a frame belongs to; ``FOREIGN`` is one of another protocol that is known."""
 
     NMT = "NMT"
@@ -46,7 +46,7 @@ class ObjectValue:
 
 
 @dataclass(frozen=True, slots=True)
-class Sdo:
+class DecodedSdo:
     """What an SDO frame did in its transfer: ``step`` in words, the bytes moved so far and in all, abort code, seconds waited."""
 
     step: str
@@ -66,15 +66,15 @@ class Decoded:
     ``problem`` says what is against the protocol in the frame itself; it is empty for a sound frame.
     """
 
-    frame: Frame
+    frame: CanFrame
     delta: float
-    kind: Kind
+    kind: FrameKind
     node: int | None = None
     name: str = ""
     from_node: bool = True
     what: str = ""
     values: tuple[ObjectValue, ...] = ()
-    sdo: Sdo | None = None
+    sdo: DecodedSdo | None = None
     error: bool = False
     problem: str = ""
 

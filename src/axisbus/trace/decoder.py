@@ -17,16 +17,16 @@ from collections.abc import Callable, Collection
 from axisbus.bus.link import errorframe
 from axisbus.cia301 import abort, cob
 from axisbus.cia301 import objects as o
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.nmt import NmtState
 from axisbus.drives.gim6010 import factory_protocols
 from axisbus.trace import can_simple, lss, services, value_text
-from axisbus.trace.context import NOTHING, Known, KnownNode
-from axisbus.trace.decoded import Decoded, Kind, ObjectValue, Sdo
-from axisbus.trace.pdos import Parameters, PdoTable
-from axisbus.trace.sdo import Dialogue
+from axisbus.trace.context import NOTHING, KnownNode, TraceContext
+from axisbus.trace.decoded import Decoded, DecodedSdo, FrameKind, ObjectValue
+from axisbus.trace.pdos import PdoParameters, PdoTable
+from axisbus.trace.sdo import SdoChannelDecoder
 from axisbus.trace.services import Words
-from axisbus.trace.transfer import Said
+from axisbus.trace.transfer import TransferText
 from axisbus.trace.typed_values import Values
 from axisbus.wording import counted
 
@@ -43,13 +43,13 @@ _PREDEFINED_PDOS = {
 class Decoder:
     """Decodes one bus; holds state: the running SDO transfers, learned identifiers and mappings, last NMT states and modes."""
 
-    def __init__(self, known: Known = NOTHING, simple: Collection[int] = ()) -> None:
+    def __init__(self, known: TraceContext = NOTHING, simple: Collection[int] = ()) -> None:
         """``simple`` are the node IDs (0 to 63) of modules that speak CAN Simple, beside those that are ``known``."""
         self._known = known
-        self._modules = can_simple.Modules({*simple, *known.modules})
+        self._modules = can_simple.CanSimpleDecoder({*simple, *known.modules})
         self._values = Values(known)
         self._pdos = PdoTable(tuple(known.nodes.values()))
-        self._dialogues: dict[tuple[int, int], Dialogue] = {}  # request and response identifier
+        self._dialogues: dict[tuple[int, int], SdoChannelDecoder] = {}  # request and response identifier
         self._states: dict[int, NmtState] = {}
         self._asked: set[int] = set()  # nodes with a guarding request under way
         self._toggles: dict[int, int] = {}
@@ -57,46 +57,46 @@ class Decoder:
         self._emcy: dict[int, int] = {}
         self._sdo: dict[int, tuple[int, bool, tuple[int, int]]] = {}
         self._before: float | None = None
-        self.foreign = factory_protocols.Listening()
+        self.foreign = factory_protocols.ProtocolListener()
 
-    def feed(self, frame: Frame) -> Decoded:
+    def feed(self, frame: CanFrame) -> Decoded:
         """Return what a frame says."""
         delta = 0.0 if self._before is None else frame.time - self._before
         self._before = frame.time
         told = self._modules.told(frame)
         if told is not None:
             name = self._known.modules.get(told.node, "")
-            return _Making(frame, delta, Kind.FOREIGN, told.node, name).words(
+            return _Making(frame, delta, FrameKind.FOREIGN, told.node, name).words(
                 told.words, from_node=told.from_node
             )
         self.foreign.note(frame)
         speaker = self.foreign.speaker(frame)
         if speaker is not None:
-            return _Making(frame, delta, Kind.FOREIGN, None, "").words(_foreign(frame, speaker))
+            return _Making(frame, delta, FrameKind.FOREIGN, None, "").words(_foreign(frame, speaker))
         kind, node = self.classify(frame)
         made = _Making(frame, delta, kind, node, self._name(node))
         return _DECODERS[kind](self, made)
 
-    def classify(self, frame: Frame) -> tuple[Kind, int | None]:
+    def classify(self, frame: CanFrame) -> tuple[FrameKind, int | None]:
         """Return the service and the node of a frame by its identifier, without decoding it."""
         if frame.error:
-            return Kind.ERROR_FRAME, None
+            return FrameKind.ERROR_FRAME, None
         identifier = frame.can_id
         learned = None if frame.extended else self._learned(identifier)
         if learned is not None:
             return learned
         pdos = self._pdos.find(_wire(frame))
         if pdos:
-            return (Kind.RPDO if pdos[0].receive else Kind.TPDO), pdos[0].node
-        return (Kind.UNKNOWN, None) if frame.extended else _predefined(frame)
+            return (FrameKind.RPDO if pdos[0].receive else FrameKind.TPDO), pdos[0].node
+        return (FrameKind.UNKNOWN, None) if frame.extended else _predefined(frame)
 
-    def _learned(self, identifier: int) -> tuple[Kind, int | None] | None:
+    def _learned(self, identifier: int) -> tuple[FrameKind, int | None] | None:
         if identifier in self._sync:
-            return Kind.SYNC, None
+            return FrameKind.SYNC, None
         if identifier in self._emcy:
-            return Kind.EMCY, self._emcy[identifier]
+            return FrameKind.EMCY, self._emcy[identifier]
         if identifier in self._sdo:
-            return Kind.SDO, self._sdo[identifier][0]
+            return FrameKind.SDO, self._sdo[identifier][0]
         return None
 
     def who(self, node: int) -> str:
@@ -136,18 +136,20 @@ class Decoder:
         node, frame = made.node or 0, made.frame
         if frame.remote:
             self._asked.add(node)
-            return made.words(Words("state asked for by a remote frame"), kind=Kind.GUARD, from_node=False)
+            return made.words(
+                Words("state asked for by a remote frame"), kind=FrameKind.GUARD, from_node=False
+            )
         if frame.data == b"\0":
             self._toggles.pop(node, None)
             self._states[node] = NmtState.PRE_OPERATIONAL
-            return made.words(Words("boot-up: enters pre-operational"), kind=Kind.BOOT_UP)
+            return made.words(Words("boot-up: enters pre-operational"), kind=FrameKind.BOOT_UP)
         said, state = services.heartbeat(frame.data, self._states.get(node))
         if state is not None:
             self._states[node] = state
         if node not in self._asked or len(frame.data) != 1:
             return made.words(said)
         self._asked.discard(node)
-        return made.words(self._guarded(node, frame.data[0], said), kind=Kind.GUARD)
+        return made.words(self._guarded(node, frame.data[0], said), kind=FrameKind.GUARD)
 
     def _guarded(self, node: int, data: int, said: Words) -> Words:
         """The toggle bit alternates from one answer to the next (CiA 301 7.2.8.3.2.1)."""
@@ -172,7 +174,7 @@ class Decoder:
     # -- PDO ----------------------------------------------------------------------------------------------------------------------
 
     def _pdo(self, made: _Making) -> Decoded:
-        pdos, receive = self._pdos.find(_wire(made.frame)), made.kind is Kind.RPDO
+        pdos, receive = self._pdos.find(_wire(made.frame)), made.kind is FrameKind.RPDO
         if not pdos:
             function = made.frame.can_id & _FUNCTION
             name = f"{'RPDO' if receive else 'TPDO'}{_PREDEFINED_PDOS[function][1]}"
@@ -192,7 +194,7 @@ class Decoder:
             )
         return self._mapped(made, name, first)
 
-    def _mapped(self, made: _Making, name: str, pdo: Parameters) -> Decoded:
+    def _mapped(self, made: _Making, name: str, pdo: PdoParameters) -> Decoded:
         mapping, data = pdo.mapping or (), made.frame.data
         size = (sum(entry.bits for entry in mapping) + 7) // 8
         from_node = not pdo.receive
@@ -207,7 +209,7 @@ class Decoder:
         error = any(value_text.in_trouble(value.index, value.value) for value in values)
         return made.words(Words(name, error, problem), values=values, from_node=from_node)
 
-    def _multiplexed(self, made: _Making, pdo: Parameters) -> Decoded:
+    def _multiplexed(self, made: _Making, pdo: PdoParameters) -> Decoded:
         """An MPDO carries its own multiplexer (CiA 301 7.2.2.5)."""
         data = made.frame.data
         if len(data) != 8:
@@ -234,7 +236,7 @@ class Decoder:
             request, pair = identifier & _FUNCTION == cob.SDO_RX, (cob.SDO_RX + node, cob.SDO_TX + node)
         if made.frame.remote:
             return made.words(Words("", problem="an SDO is no remote frame"), from_node=not request)
-        said = self._dialogues.setdefault(pair, Dialogue()).feed(
+        said = self._dialogues.setdefault(pair, SdoChannelDecoder()).feed(
             made.frame.data, made.frame.time, request=request
         )
         values, problem = self._transferred(node, said)
@@ -248,7 +250,7 @@ class Decoder:
             Words(what, error, said.problem or problem), values=values, sdo=said.sdo, from_node=not request
         )
 
-    def _transferred(self, node: int, said: Said) -> tuple[tuple[ObjectValue, ...], str]:
+    def _transferred(self, node: int, said: TransferText) -> tuple[tuple[ObjectValue, ...], str]:
         if said.address is None:
             return (), ""
         if said.value is None:
@@ -283,7 +285,7 @@ class _Making:
 
     __slots__ = ("delta", "frame", "kind", "name", "node")
 
-    def __init__(self, frame: Frame, delta: float, kind: Kind, node: int | None, name: str) -> None:
+    def __init__(self, frame: CanFrame, delta: float, kind: FrameKind, node: int | None, name: str) -> None:
         self.frame, self.delta, self.kind, self.node, self.name = frame, delta, kind, node, name
 
     def with_node(self, node: int | None, name: str) -> _Making:
@@ -293,9 +295,9 @@ class _Making:
         self,
         said: Words,
         *,
-        kind: Kind | None = None,
+        kind: FrameKind | None = None,
         values: tuple[ObjectValue, ...] = (),
-        sdo: Sdo | None = None,
+        sdo: DecodedSdo | None = None,
         from_node: bool = True,
     ) -> Decoded:
         return Decoded(
@@ -313,7 +315,7 @@ class _Making:
         )
 
 
-def _predefined(frame: Frame) -> tuple[Kind, int | None]:
+def _predefined(frame: CanFrame) -> tuple[FrameKind, int | None]:
     """The service of an identifier in the predefined connection set (CiA 301 7.3.5)."""
     identifier = frame.can_id
     fixed = _FIXED.get(identifier)
@@ -321,14 +323,14 @@ def _predefined(frame: Frame) -> tuple[Kind, int | None]:
         return fixed, None
     function, node = identifier & _FUNCTION, identifier & _NODE
     if not node or identifier > cob.ID_MASK_11:
-        return Kind.UNKNOWN, None
+        return FrameKind.UNKNOWN, None
     if function in _PREDEFINED_PDOS:
-        return (Kind.RPDO if _PREDEFINED_PDOS[function][0] else Kind.TPDO), node
+        return (FrameKind.RPDO if _PREDEFINED_PDOS[function][0] else FrameKind.TPDO), node
     kind = _BY_FUNCTION.get(function)
-    return (Kind.UNKNOWN, None) if kind is None else (kind, node)
+    return (FrameKind.UNKNOWN, None) if kind is None else (kind, node)
 
 
-def _foreign(frame: Frame, speaker: factory_protocols.Speaker) -> Words:
+def _foreign(frame: CanFrame, speaker: factory_protocols.Speaker) -> Words:
     """What a frame of another protocol says: its command, and what a heartbeat tells."""
     beat = frame.extended or frame.can_id == speaker.can_id
     command = "heartbeat" if beat else factory_protocols.command(frame.can_id)
@@ -336,39 +338,39 @@ def _foreign(frame: Frame, speaker: factory_protocols.Speaker) -> Words:
     return Words(f"{speaker.protocol.value}, node {speaker.node}, {command}: {said or _bytes(frame)}")
 
 
-def _wire(frame: Frame) -> int:
+def _wire(frame: CanFrame) -> int:
     return frame.can_id | cob.EXTENDED if frame.extended else frame.can_id
 
 
-def _bytes(frame: Frame) -> str:
+def _bytes(frame: CanFrame) -> str:
     if frame.remote:
         return "remote frame"
     return frame.data.hex(" ").upper() or "no data"
 
 
 _FIXED = {
-    cob.NMT: Kind.NMT,
-    cob.SYNC: Kind.SYNC,
-    cob.TIME: Kind.TIME,
-    cob.LSS_RX: Kind.LSS,
-    cob.LSS_TX: Kind.LSS,
+    cob.NMT: FrameKind.NMT,
+    cob.SYNC: FrameKind.SYNC,
+    cob.TIME: FrameKind.TIME,
+    cob.LSS_RX: FrameKind.LSS,
+    cob.LSS_TX: FrameKind.LSS,
 }
 _BY_FUNCTION = {
-    cob.EMCY: Kind.EMCY,
-    cob.SDO_TX: Kind.SDO,
-    cob.SDO_RX: Kind.SDO,
-    cob.HEARTBEAT: Kind.HEARTBEAT,
+    cob.EMCY: FrameKind.EMCY,
+    cob.SDO_TX: FrameKind.SDO,
+    cob.SDO_RX: FrameKind.SDO,
+    cob.HEARTBEAT: FrameKind.HEARTBEAT,
 }
-_DECODERS: dict[Kind, Callable[[Decoder, _Making], Decoded]] = {
-    Kind.NMT: Decoder._nmt,
-    Kind.SYNC: Decoder._sync_frame,
-    Kind.TIME: Decoder._time,
-    Kind.EMCY: Decoder._emergency,
-    Kind.TPDO: Decoder._pdo,
-    Kind.RPDO: Decoder._pdo,
-    Kind.SDO: Decoder._sdo_frame,
-    Kind.HEARTBEAT: Decoder._heartbeat,
-    Kind.LSS: Decoder._lss,
-    Kind.ERROR_FRAME: Decoder._error_frame,
-    Kind.UNKNOWN: Decoder._unknown,
+_DECODERS: dict[FrameKind, Callable[[Decoder, _Making], Decoded]] = {
+    FrameKind.NMT: Decoder._nmt,
+    FrameKind.SYNC: Decoder._sync_frame,
+    FrameKind.TIME: Decoder._time,
+    FrameKind.EMCY: Decoder._emergency,
+    FrameKind.TPDO: Decoder._pdo,
+    FrameKind.RPDO: Decoder._pdo,
+    FrameKind.SDO: Decoder._sdo_frame,
+    FrameKind.HEARTBEAT: Decoder._heartbeat,
+    FrameKind.LSS: Decoder._lss,
+    FrameKind.ERROR_FRAME: Decoder._error_frame,
+    FrameKind.UNKNOWN: Decoder._unknown,
 }

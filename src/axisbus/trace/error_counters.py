@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 
-from axisbus.trace.decoded import Decoded, Kind
+from axisbus.trace.decoded import Decoded, FrameKind
 
 
-class Tally:
+class TraceErrorCounters:
     """Counts frames with a ``problem``; holds state."""
 
     def __init__(self) -> None:
-        self._found: Counter[tuple[Kind, int | None]] = Counter()
+        self._found: Counter[tuple[FrameKind, int | None]] = Counter()
 
     def note(self, one: Decoded) -> None:
         """Take a frame."""
@@ -19,9 +19,9 @@ class Tally:
             self._found[one.kind, one.node] += 1
 
     @property
-    def found(self) -> list[tuple[Kind, int | None, int]]:
-        """Service, node (None: of the bus) and count, in the order of ``Kind`` and of nodes."""
-        order = list(Kind)
+    def found(self) -> list[tuple[FrameKind, int | None, int]]:
+        """Service, node (None: of the bus) and count, in the order of ``FrameKind`` and of nodes."""
+        order = list(FrameKind)
         keys = sorted(self._found, key=lambda key: (order.index(key[0]), key[1] or 0))
         return [(*key, self._found[key]) for key in keys]
 

@@ -6,14 +6,14 @@ import difflib
 from collections.abc import Callable, Collection, Iterable
 
 from axisbus.errors import ArgumentError
-from axisbus.trace.decoded import Decoded, Kind, ObjectValue
+from axisbus.trace.decoded import Decoded, FrameKind, ObjectValue
 from axisbus.trace.text import address
 
 Wanted = Callable[[Decoded], bool]
 
-_KINDS = {kind.value.lower().replace(" ", "-"): frozenset({kind}) for kind in Kind} | {
-    "pdo": frozenset({Kind.TPDO, Kind.RPDO}),
-    "boot-up": frozenset({Kind.BOOT_UP}),
+_KINDS = {kind.value.lower().replace(" ", "-"): frozenset({kind}) for kind in FrameKind} | {
+    "pdo": frozenset({FrameKind.TPDO, FrameKind.RPDO}),
+    "boot-up": frozenset({FrameKind.BOOT_UP}),
 }
 _LAST_NODE = 127
 _REMEDY = "write node=5 (or an axis: node=x), kind=sdo,emcy or object=6041; several are joined by commas"

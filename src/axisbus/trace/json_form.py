@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from axisbus.trace.decoded import Decoded, ObjectValue, Sdo
+from axisbus.trace.decoded import Decoded, DecodedSdo, ObjectValue
 
 
 def plain(one: Decoded) -> dict[str, Any]:
@@ -50,7 +50,7 @@ def value(value: ObjectValue) -> dict[str, Any]:
     )
 
 
-def _sdo(sdo: Sdo) -> dict[str, Any]:
+def _sdo(sdo: DecodedSdo) -> dict[str, Any]:
     waited = None if sdo.waited is None else round(sdo.waited, 9)
     return _without_none(
         {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from axisbus.cia305 import services
-from axisbus.cia305.services import PARTS, Service, State
+from axisbus.cia305.services import PARTS, LssService, LssState
 from axisbus.wording import counted
 
 _NUMBERS = dict(zip(services.SELECTIVE, PARTS, strict=True))
@@ -55,7 +55,7 @@ def _fast_scan(data: bytes) -> str:
     )
 
 
-def _named(names: Mapping[Service, str], text: str) -> dict[int, Words]:
+def _named(names: Mapping[LssService, str], text: str) -> dict[int, Words]:
     def reader(name: str) -> Words:
         return lambda data: f"{text} {name} 0x{_number(data):08X}"
 
@@ -66,7 +66,7 @@ def _said(text: str) -> Words:
     return lambda _: text
 
 
-def _result(text: str, service: Service) -> Words:
+def _result(text: str, service: LssService) -> Words:
     return lambda data: (
         f"{text}: "
         + ("done" if not data[1] else f"refused: {services.refusal(service, data[1], data[2])[0]}")
@@ -78,31 +78,31 @@ def _node_id(data: bytes) -> str:
 
 
 _REQUESTS: dict[int, Words] = {
-    Service.SWITCH_STATE_GLOBAL: lambda data: (
-        f"all to {State.CONFIGURATION.name.lower() if data[1] else State.WAITING.name.lower()} state"
+    LssService.SWITCH_STATE_GLOBAL: lambda data: (
+        f"all to {LssState.CONFIGURATION.name.lower() if data[1] else LssState.WAITING.name.lower()} state"
     ),
     **_named(_NUMBERS, "select by"),
-    Service.CONFIGURE_NODE_ID: lambda data: (
+    LssService.CONFIGURE_NODE_ID: lambda data: (
         f"set node ID{_node_id(data)}" if _node_id(data) else "take the node ID away"
     ),
-    Service.CONFIGURE_BIT_TIMING: _bit_timing,
-    Service.ACTIVATE_BIT_TIMING: lambda data: f"activate the bit rate after {data[1] | data[2] << 8} ms",
-    Service.STORE_CONFIGURATION: _said("store the configuration"),
+    LssService.CONFIGURE_BIT_TIMING: _bit_timing,
+    LssService.ACTIVATE_BIT_TIMING: lambda data: f"activate the bit rate after {data[1] | data[2] << 8} ms",
+    LssService.STORE_CONFIGURATION: _said("store the configuration"),
     **_named(_RANGES, "identify by"),
-    Service.IDENTIFY_NON_CONFIGURED_REMOTE_SLAVE: _said("who has no node ID?"),
-    Service.FASTSCAN: _fast_scan,
+    LssService.IDENTIFY_NON_CONFIGURED_REMOTE_SLAVE: _said("who has no node ID?"),
+    LssService.FASTSCAN: _fast_scan,
     **{command: _said(f"what is your {name}?") for command, name in _INQUIRED.items()},
-    Service.INQUIRE_NODE_ID: _said("what is your node ID?"),
+    LssService.INQUIRE_NODE_ID: _said("what is your node ID?"),
 }
 _ANSWERS: dict[int, Words] = {
-    Service.CONFIGURE_NODE_ID: _result("set node ID", Service.CONFIGURE_NODE_ID),
-    Service.CONFIGURE_BIT_TIMING: _result("set bit rate", Service.CONFIGURE_BIT_TIMING),
-    Service.STORE_CONFIGURATION: _result("store the configuration", Service.STORE_CONFIGURATION),
-    Service.SWITCH_STATE_SELECTIVE: _said("selected"),
-    Service.IDENTIFY_SLAVE: _said("identified: it is there"),
-    Service.IDENTIFY_NON_CONFIGURED_SLAVE: _said("has no node ID"),
+    LssService.CONFIGURE_NODE_ID: _result("set node ID", LssService.CONFIGURE_NODE_ID),
+    LssService.CONFIGURE_BIT_TIMING: _result("set bit rate", LssService.CONFIGURE_BIT_TIMING),
+    LssService.STORE_CONFIGURATION: _result("store the configuration", LssService.STORE_CONFIGURATION),
+    LssService.SWITCH_STATE_SELECTIVE: _said("selected"),
+    LssService.IDENTIFY_SLAVE: _said("identified: it is there"),
+    LssService.IDENTIFY_NON_CONFIGURED_SLAVE: _said("has no node ID"),
     **_named(_INQUIRED, "its"),
-    Service.INQUIRE_NODE_ID: lambda data: (
+    LssService.INQUIRE_NODE_ID: lambda data: (
         f"its node ID is{_node_id(data)}" if _node_id(data) else "it has no node ID"
     ),
 }

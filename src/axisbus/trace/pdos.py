@@ -19,7 +19,7 @@ _INVALID = 0x8000_0000
 
 
 @dataclass(slots=True)
-class Parameters:
+class PdoParameters:
     """What is known of one PDO; holds state: changes when a transfer sets or reads its parameters (COB-ID None: not known)."""
 
     node: int
@@ -55,13 +55,13 @@ class PdoTable:
     """The PDOs of all nodes by CAN identifier; holds state: what is known of each."""
 
     def __init__(self, nodes: Iterator[KnownNode] | tuple[KnownNode, ...] = ()) -> None:
-        self._all: dict[tuple[int, bool, int], Parameters] = {}
-        self._by_identifier: dict[int, list[Parameters]] = {}
+        self._all: dict[tuple[int, bool, int], PdoParameters] = {}
+        self._by_identifier: dict[int, list[PdoParameters]] = {}
         for node in nodes:
             self._start(node)
         self._index()
 
-    def find(self, identifier: int) -> list[Parameters]:
+    def find(self, identifier: int) -> list[PdoParameters]:
         """Return the PDOs with this identifier (with ``cob.EXTENDED`` where it has 29 bits), first the one that a node sends."""
         return self._by_identifier.get(identifier, [])
 
@@ -70,7 +70,7 @@ class PdoTable:
         if not o.is_pdo_parameter(index):
             return
         key = (node, not index & _IS_TPDO, (index & _NUMBER) + 1)
-        pdo = self._all.setdefault(key, Parameters(*key))
+        pdo = self._all.setdefault(key, PdoParameters(*key))
         if index & _IS_MAPPING:
             _learn_mapping(pdo, subindex, value)
         elif subindex == o.PDO_TRANSMISSION_TYPE:
@@ -86,17 +86,17 @@ class PdoTable:
             entries = {number: entry.entry for number, entry in enumerate(pdo.mapping, start=1)}
             flags = cob.EXTENDED if pdo.cob_id > cob.ID_MASK_11 else 0
             cob_id = pdo.cob_id | flags | (0 if pdo.valid else _INVALID)
-            self._all[key] = Parameters(*key, cob_id, pdo.transmission_type, len(entries), entries)
+            self._all[key] = PdoParameters(*key, cob_id, pdo.transmission_type, len(entries), entries)
 
     def _index(self) -> None:
-        found: dict[int, list[Parameters]] = {}
+        found: dict[int, list[PdoParameters]] = {}
         for pdo in self._all.values():
             if pdo.identifier is not None:
                 found.setdefault(pdo.identifier, []).append(pdo)
         self._by_identifier = {key: sorted(pdos, key=lambda pdo: pdo.receive) for key, pdos in found.items()}
 
 
-def _learn_mapping(pdo: Parameters, subindex: int, value: int) -> None:
+def _learn_mapping(pdo: PdoParameters, subindex: int, value: int) -> None:
     if subindex == 0:
         # 0 only takes the map out of use while it is written; what stays of it is known again when it is counted.
         pdo.count = value

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from axisbus.cia301.datatypes import Value
-from axisbus.trace.decoded import Decoded, Kind, ObjectValue, Sdo
+from axisbus.trace.decoded import Decoded, DecodedSdo, FrameKind, ObjectValue
 from axisbus.trace.value_text import in_hex
 from axisbus.wording import counted
 
 _LONGEST = 48  # bytes of a long value that a line shows
-_IN_PDO = frozenset({Kind.TPDO, Kind.RPDO})
+_IN_PDO = frozenset({FrameKind.TPDO, FrameKind.RPDO})
 
 
 def line(one: Decoded, start: float = 0.0) -> str:
@@ -70,7 +70,7 @@ def _short(value: ObjectValue) -> str:
     return value.name or address(value)
 
 
-def _sdo(one: Decoded, sdo: Sdo) -> str:
+def _sdo(one: Decoded, sdo: DecodedSdo) -> str:
     parts = [sdo.step, *(address(value) for value in one.values)]
     text = " ".join(parts)
     value = one.values[0] if one.values else None
@@ -81,7 +81,7 @@ def _sdo(one: Decoded, sdo: Sdo) -> str:
     return text + "".join(_extras(one, sdo))
 
 
-def _extras(one: Decoded, sdo: Sdo) -> Iterator[str]:
+def _extras(one: Decoded, sdo: DecodedSdo) -> Iterator[str]:
     if sdo.done is not None:
         yield (
             f", {sdo.done} of {counted(sdo.total, 'byte')}"

@@ -6,11 +6,11 @@ import binascii
 from dataclasses import dataclass, field
 from enum import Enum
 
-from axisbus.trace.decoded import Sdo
+from axisbus.trace.decoded import DecodedSdo
 from axisbus.wording import counted
 
 
-class Phase(Enum):
+class TransferPhase(Enum):
     """Where a transfer is; block data needs it, because its segments have no command specifier."""
 
     ASKED = "asked"
@@ -20,14 +20,14 @@ class Phase(Enum):
 
 
 @dataclass(slots=True)
-class Transfer:
+class TracedTransfer:
     """One transfer; holds state: its phase and the bytes so far."""
 
     index: int
     subindex: int
     write: bool
     asked: float
-    phase: Phase = Phase.ASKED
+    phase: TransferPhase = TransferPhase.ASKED
     size: int | None = None
     data: bytearray = field(default_factory=bytearray)
     toggle: int = 0
@@ -37,13 +37,13 @@ class Transfer:
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class TransferText:
     """What one frame said: the object (None: not known), the transfer's step, and the whole value where the frame completes it.
 
     ``sized`` tells whether the length of ``value`` was given. ``settled`` marks a value that is in the object now.
     """
 
-    sdo: Sdo
+    sdo: DecodedSdo
     address: tuple[int, int] | None = None
     value: bytes | None = None
     sized: bool = True
@@ -71,7 +71,7 @@ def size(data: bytes, given: bool) -> int | None:
     return int.from_bytes(data[4:8], "little") if given else None
 
 
-def toggled(transfer: Transfer, command: int, *, turn: bool = True, last: int = 0) -> str:
+def toggled(transfer: TracedTransfer, command: int, *, turn: bool = True, last: int = 0) -> str:
     """Check the toggle bit; ``turn``: the frame is the one after which it changes, ``last``: that frame has been."""
     expected = transfer.toggle ^ last
     bit = command >> 4 & 1
@@ -80,7 +80,7 @@ def toggled(transfer: Transfer, command: int, *, turn: bool = True, last: int = 
     return f"toggle bit {bit} where {expected} was due" if bit != expected else ""
 
 
-def trim(transfer: Transfer, data: bytes) -> str:
+def trim(transfer: TracedTransfer, data: bytes) -> str:
     """Take the padding of the last segment off, and check the CRC where both sides offered one."""
     unused = data[0] >> 2 & 7
     if unused:
@@ -91,7 +91,7 @@ def trim(transfer: Transfer, data: bytes) -> str:
     return f"CRC 0x{given:04X} where the data have 0x{computed:04X}" if given != computed else ""
 
 
-def length(transfer: Transfer) -> str:
+def length(transfer: TracedTransfer) -> str:
     """Say where a whole value has another length than was announced; empty where it has not."""
     if transfer.size is None or transfer.size == len(transfer.data):
         return ""

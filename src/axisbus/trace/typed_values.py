@@ -9,9 +9,9 @@ from axisbus.cia301.pdo import MappedObject
 from axisbus.cia402 import objects as c402
 from axisbus.cia402.axes import axis_of, first_axis
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.eds.dictionary import Dictionary, Entry
+from axisbus.eds.dictionary import Dictionary, DictionaryEntry
 from axisbus.trace import value_text
-from axisbus.trace.context import Known
+from axisbus.trace.context import TraceContext
 from axisbus.trace.decoded import ObjectValue
 from axisbus.wording import counted
 
@@ -28,7 +28,7 @@ _UNSIGNED = {
 class Values:
     """Makes object values; holds state: the mode of operation that each axis of each node showed last."""
 
-    def __init__(self, known: Known) -> None:
+    def __init__(self, known: TraceContext) -> None:
         self._known = known
         self._modes: dict[int, dict[int, ModeOfOperation]] = {}
         self._standard = Dictionary()
@@ -81,10 +81,10 @@ class Values:
         for entry, value in found:
             yield self._value(node, entry, value)
 
-    def _entry(self, node: int, index: int, subindex: int) -> Entry:
+    def _entry(self, node: int, index: int, subindex: int) -> DictionaryEntry:
         return self.dictionary(node).entry(index, subindex)
 
-    def _value(self, node: int, entry: Entry, value: Value) -> ObjectValue:
+    def _value(self, node: int, entry: DictionaryEntry, value: Value) -> ObjectValue:
         self._note_mode(node, entry.index, value)
         return value_text.value_of(
             self._known.quantities, node, self.dictionary(node), entry, value, self._modes.get(node, {})

@@ -12,7 +12,7 @@ from axisbus.cia402 import objects as c402
 from axisbus.cia402 import state, value_texts
 from axisbus.cia402.axes import axis_of, first_axis
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.eds.dictionary import Dictionary, Entry
+from axisbus.eds.dictionary import Dictionary, DictionaryEntry
 from axisbus.trace.decoded import ObjectValue
 from axisbus.wording import counted
 
@@ -47,7 +47,7 @@ def in_trouble(index: int, value: Value | None) -> bool:
     """Whether the value is a statusword that shows a fault."""
     if first_axis(index) != c402.STATUSWORD or not isinstance(value, int):
         return False
-    return state.decode(value) in (state.State.FAULT, state.State.FAULT_REACTION_ACTIVE)
+    return state.decode(value) in (state.PowerState.FAULT, state.PowerState.FAULT_REACTION_ACTIVE)
 
 
 def in_hex(index: int, subindex: int) -> bool:
@@ -72,7 +72,7 @@ def value_of(
     quantities: Quantities,
     node_id: int,
     dictionary: Dictionary,
-    entry: Entry,
+    entry: DictionaryEntry,
     value: Value,
     modes: Modes = NO_MODES,
 ) -> ObjectValue:

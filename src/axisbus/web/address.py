@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from axisbus.errors import ArgumentError, StateError
-from axisbus.web.access.admission import Door
+from axisbus.web.access.admission import ServedOrigin
 
 ANY, LOOPBACK = "0.0.0.0", "127.0.0.1"
 _PORTS = {"http": 80, "https": 443}
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class PageAddress:
     """An address with its port, the names by which a browser may ask for it, and whether it is encrypted."""
 
     address: str
@@ -25,13 +25,13 @@ class Place:
     tls: bool
 
     @property
-    def door(self) -> Door:
+    def door(self) -> ServedOrigin:
         """What the gate lets through."""
         scheme = "https" if self.tls else "http"
         hosts = {f"{name}:{self.port}" for name in self.names}
         if self.port == _PORTS[scheme]:  # a browser leaves it out
             hosts |= set(self.names)
-        return Door(scheme, frozenset(hosts))
+        return ServedOrigin(scheme, frozenset(hosts))
 
     @property
     def url(self) -> str:
@@ -69,7 +69,7 @@ def is_loopback(number: str) -> bool:
     return ipaddress.ip_address(number).is_loopback
 
 
-def opened(address: str, port: int, *, tls: bool) -> tuple[socket.socket, Place]:
+def opened(address: str, port: int, *, tls: bool) -> tuple[socket.socket, PageAddress]:
     """Open the socket of a server; ``port`` 0 takes one that is free.
 
     Raises:
@@ -87,7 +87,7 @@ def opened(address: str, port: int, *, tls: bool) -> tuple[socket.socket, Place]
             observed=error.strerror or str(error),
             remedy="give another one: --port N",
         ) from error
-    return listening, Place(address, listening.getsockname()[1], _names(address, number), tls)
+    return listening, PageAddress(address, listening.getsockname()[1], _names(address, number), tls)
 
 
 def require_certificate(certificate: Path, key: Path) -> None:

@@ -14,7 +14,7 @@ from axisbus.wording import PrintableFormatter
 _WAITING = 200  # records; of more the newest are left out
 
 
-class Aside(QueueHandler):
+class PageLogThread(QueueHandler):
     """Puts records into a queue, and never waits for room in it."""
 
     def enqueue(self, record: logging.LogRecord) -> None:
@@ -27,7 +27,7 @@ class Aside(QueueHandler):
 def logging_aside() -> Iterator[None]:
     """Let a thread write what is logged in the block to standard error."""
     waiting: queue.Queue[logging.LogRecord] = queue.Queue(_WAITING)
-    writer, aside, root = logging.StreamHandler(sys.stderr), Aside(waiting), logging.getLogger()
+    writer, aside, root = logging.StreamHandler(sys.stderr), PageLogThread(waiting), logging.getLogger()
     writer.setFormatter(PrintableFormatter())
     listener = QueueListener(waiting, writer)
     listener.start()

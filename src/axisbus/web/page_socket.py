@@ -13,8 +13,8 @@ from starlette.websockets import WebSocket
 
 from axisbus.machine.machine import Machine
 from axisbus.web.access.middleware import SESSION
-from axisbus.web.access.tokens import Session
-from axisbus.web.commands.clients import Desk, Place
+from axisbus.web.access.tokens import PageSession
+from axisbus.web.commands.clients import PageClient, PageClients
 from axisbus.web.commands.stale_requests import is_ahead
 from axisbus.web.sockets import GONE, SLOW, end, next_text
 from axisbus.web.view.axes import Values, all_axes
@@ -30,11 +30,11 @@ _LOOK, _VALUES, _CELL = (
 )  # seconds between two looks at what is held, at the axes, and at all else
 
 
-class Live:
+class PageSocket:
     """Holds the desk, the newest values as text, and a bell that rings when there are new ones."""
 
     def __init__(
-        self, machine: Machine, desk: Desk, beside: Callable[[], list[str]], grow: Callable[[], None]
+        self, machine: Machine, desk: PageClients, beside: Callable[[], list[str]], grow: Callable[[], None]
     ) -> None:
         """Nothing happens before ``run``; ``beside`` are lines about the bus, the cycle and the programs, and may block.
 
@@ -58,7 +58,7 @@ class Live:
 
     async def serve(self, socket: WebSocket) -> None:
         """Serve one page until it is gone."""
-        session: Session = socket.scope[SESSION]
+        session: PageSession = socket.scope[SESSION]
         await socket.accept()
         place = self._desk.sit(session, socket.client.host if socket.client else "an unknown address")
         writer = asyncio.create_task(self._write(socket, place))
@@ -113,7 +113,7 @@ class Live:
     def _whole(self) -> Values:
         return whole_cell(self._machine, self._beside(), time.monotonic())
 
-    async def _write(self, socket: WebSocket, place: Place) -> None:
+    async def _write(self, socket: WebSocket, place: PageClient) -> None:
         """Send the newest values; one that is slow is left out of those between, and one that takes none is given up."""
         sent, told = "", 0.0
         try:
@@ -131,7 +131,7 @@ class Live:
         except (TimeoutError, *GONE):
             self._desk.leave(place)
 
-    def _own(self, place: Place, now: float) -> Values:
+    def _own(self, place: PageClient, now: float) -> Values:
         told, place.told = place.told, []
         holder = self._desk.lease.holder
         return {
@@ -154,7 +154,7 @@ class Live:
             "told": [{"kind": one.kind, "text": one.text, "remedy": one.remedy} for one in told],
         }
 
-    def _verified(self, place: Place) -> Values | None:
+    def _verified(self, place: PageClient) -> Values | None:
         """Return how far the verification is, where that has changed since the page was told."""
         now = self._desk.objects.verified
         if now is None or now is place.verified:
@@ -162,7 +162,7 @@ class Live:
         place.verified = now
         return now.told()
 
-    def _configured(self, place: Place) -> Values | None:
+    def _configured(self, place: PageClient) -> Values | None:
         """Return how far the job about a configuration is, where that has changed since the page was told."""
         now = self._desk.objects.configured
         if now is None or now is place.configured:

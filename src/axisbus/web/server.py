@@ -24,19 +24,19 @@ from axisbus.machine.machine import Machine
 from axisbus.web.access.acceptor import Acceptor
 from axisbus.web.access.admission import ENTER, STOP
 from axisbus.web.access.limits import BRING_FILE, FOREIGN_MESSAGE, SAVE_SAMPLES
-from axisbus.web.access.middleware import OWN_SOCKET, Gate
-from axisbus.web.access.tokens import Keys, Role
-from axisbus.web.address import Place
+from axisbus.web.access.middleware import OWN_SOCKET, AccessMiddleware
+from axisbus.web.access.tokens import PageSessions, Role
+from axisbus.web.address import PageAddress
 from axisbus.web.commands.acts import perform
-from axisbus.web.commands.authorize import Act
-from axisbus.web.commands.clients import Desk
-from axisbus.web.commands.verbs import Verb
+from axisbus.web.commands.authorize import PageAction
+from axisbus.web.commands.clients import PageClients
+from axisbus.web.commands.verbs import PageVerb
 from axisbus.web.config import routes as config
-from axisbus.web.objects.dictionary_cache import Books
-from axisbus.web.objects.worker import Worker
+from axisbus.web.objects.dictionary_cache import DictionaryCache
+from axisbus.web.objects.worker import ObjectWorker
 from axisbus.web.page.late_axes import Pages
 from axisbus.web.page.page import add_page
-from axisbus.web.page_socket import Live
+from axisbus.web.page_socket import PageSocket
 from axisbus.web.scope import routes as scope
 from axisbus.web.scope.hub import Hub
 
@@ -46,13 +46,13 @@ _PING = 2.0  # seconds after which a page that is gone without a word is asked, 
 OWN = Path(__file__).parent / "page" / "static"
 
 
-class Server:
+class PageServer:
     """Holds the thread of the server, the links it has given out, and why it has ended, if it has."""
 
     def __init__(
         self,
         machine: Machine,
-        place: Place,
+        place: PageAddress,
         listening: socket.socket,
         tls: tuple[Path, Path] | None,
         beside: Callable[[], list[str]],
@@ -61,23 +61,25 @@ class Server:
     ) -> None:
         """``listening`` is bound; ``tls`` are the files of a certificate and its key.
 
-        ``beside``: of ``Live``; ``looks``: of ``Desk``.
+        ``beside``: of ``PageSocket``; ``looks``: of ``PageClients``.
         """
         self._machine = machine
         self._place = place
         self._listening = listening
-        self._keys = Keys()
-        self._desk = Desk(machine, lambda: self.link(Role.LOOKER), looks=looks)
+        self._keys = PageSessions()
+        self._desk = PageClients(machine, lambda: self.link(Role.LOOKER), looks=looks)
         self._pages = Pages(machine)
-        self._live = Live(machine, self._desk, beside, self._pages.look)
+        self._live = PageSocket(machine, self._desk, beside, self._pages.look)
         self._hub = Hub(machine)
-        self._books = Books(machine)
-        self._worker = Worker(machine, self._desk.objects)
-        self._config = config.Routes(self._desk)
-        self._saving = scope.Routes(machine)
+        self._books = DictionaryCache(machine)
+        self._worker = ObjectWorker(machine, self._desk.objects)
+        self._config = config.ConfigRoutes(self._desk)
+        self._saving = scope.ScopeRoutes(machine)
         self._failure: BaseException | None = None
         self._acceptor = Acceptor(listening)
-        gate = Gate(self._application(), place.door, self._keys, place.cookie, self._acceptor.let_in)
+        gate = AccessMiddleware(
+            self._application(), place.door, self._keys, place.cookie, self._acceptor.let_in
+        )
         self._uvicorn = uvicorn.Server(
             uvicorn.Config(
                 gate,
@@ -173,7 +175,7 @@ class Server:
 
     async def _stop(self, request: Request) -> Response:  # noqa: ARG002  # what it brings is not looked at
         """Quick-stop every axis: what the page asks for where its socket does not live."""
-        for handle in perform(self._machine, Act(Verb.QUICK_STOP_ALL, tuple(self._machine.axes))):
+        for handle in perform(self._machine, PageAction(PageVerb.QUICK_STOP_ALL, tuple(self._machine.axes))):
             look_at_end(handle)  # how it goes on is seen by the axes
         self._desk.let_go()
         return Response(status_code=204)

@@ -11,9 +11,9 @@ import can
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.link.raw.cyclic import CyclicSocket
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo.mapping import DevicePdos
-from axisbus.bus.pdo.plan import Policy, Wanted, make_plan
+from axisbus.bus.pdo.plan import PdoRequirements, Policy, make_plan
 from axisbus.bus.port import CanPort
 from axisbus.cia301.nmt import NmtState
 from axisbus.core.inprocess import InProcess
@@ -21,10 +21,10 @@ from axisbus.core.realtime_setup import SPIN, wake_in_time
 from axisbus.core.scan import Scan
 from axisbus.core.waiting import ThreadWaiter
 from axisbus.machine.axis import Axis
-from axisbus.machine.command_dispatch import Commanding
+from axisbus.machine.command_dispatch import CommandDispatcher
 from axisbus.machine.handle import Handle
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.bus.plan import objects, rpdo, tpdo
 from kit.motion.rig import GENERIC, dictionary_of, parameters
 
@@ -37,7 +37,7 @@ class Cell:
 
     def __init__(self, bus: can.BusABC, cyclic: CyclicSocket | None, count: int, period: float) -> None:
         self.channel = Channel(bus, "socketcan:bench", cyclic=cyclic)
-        self.nodes = [Node(self.channel, node_id) for node_id in range(1, count + 1)]
+        self.nodes = [CanopenNode(self.channel, node_id) for node_id in range(1, count + 1)]
         ports = [self._port(node, period) for node in self.nodes]
         self.cycle = CanCycle(self.channel, ports, master_id=127, heartbeat=0.1, spin=SPIN)
         cores = {
@@ -46,19 +46,19 @@ class Cell:
         }
         self.scan = Scan(self.cycle, dict(zip(cores, ports, strict=True)), cores, period)
         self.scan.waiter = waiter = ThreadWaiter()
-        commanding = Commanding(InProcess(self.scan, waiter, SimpleNamespace(nodes={}, link=None)))
+        commanding = CommandDispatcher(InProcess(self.scan, waiter, SimpleNamespace(nodes={}, link=None)))
         self.axes = {name: Axis(core.parameters, commanding) for name, core in cores.items()}
         self.commands: list[Handle] = []
         self._turns = cycle(self.axes)
 
     @staticmethod
-    def _port(node: Node, period: float) -> CanPort:
+    def _port(node: CanopenNode, period: float) -> CanPort:
         number = node.node_id
         device = DevicePdos(
             (rpdo(1, "607A/32 6060/8 6040/16", 1, cob_id=0x200 + number),),
             (tpdo(1, "6041/16 6061/8 6064/32", 1, cob_id=0x180 + number),),
         )
-        plan = make_plan(number, device, objects(), Wanted(INPUTS, OUTPUTS), Policy(remap=False))
+        plan = make_plan(number, device, objects(), PdoRequirements(INPUTS, OUTPUTS), Policy(remap=False))
         port = CanPort(node, plan, scan_period=period)
         port.prime()
         node.nmt.state = NmtState.OPERATIONAL
@@ -89,7 +89,9 @@ class Cell:
             time.sleep(0.01)
         for handle in [axis.enable() for axis in self.axes.values()]:
             handle.wait(5)
-        self.handles = [axis.follow(Trapezoid(0.0, 10_000.0, speed, 400.0)) for axis in self.axes.values()]
+        self.handles = [
+            axis.follow(TrapezoidalTrajectory(0.0, 10_000.0, speed, 400.0)) for axis in self.axes.values()
+        ]
 
     def command(self) -> None:
         """Give one axis after the other a command that leaves it on its way."""

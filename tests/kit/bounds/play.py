@@ -15,7 +15,7 @@ from axisbus.errors import AxisbusError, Interrupted, LimitError
 from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.bounds.ledger import Ledger, Worst
 from kit.cell import MODULE, Cell, Stage
 
@@ -352,14 +352,18 @@ class Player:
     def _trajectory(self) -> Handle:
         self._rest(0.5)
         axis = self.cell[self.random.choice("xyz")]
-        return axis.follow(Trapezoid(axis.position, self.random.uniform(-REACH, REACH), 300.0, 1500.0))
+        return axis.follow(
+            TrapezoidalTrajectory(axis.position, self.random.uniform(-REACH, REACH), 300.0, 1500.0)
+        )
 
     def _laid_over(self) -> Handle:
         """A trajectory with distances laid over it, and overrides meanwhile: none of it is refused on the way."""
         self._rest(1.0)
         random, axis = self.random, self.cell[self.random.choice("xyz")]
         self.cell.end_of(axis.set_override(1.0))
-        handle = axis.follow(Trapezoid(axis.position, random.uniform(-REACH, REACH), 300.0, 1500.0))
+        handle = axis.follow(
+            TrapezoidalTrajectory(axis.position, random.uniform(-REACH, REACH), 300.0, 1500.0)
+        )
         for _ in range(random.randint(1, 4)):
             self.cell.run(random.choice(PAUSES))
             axis.set_override(random.choice([0.0, 0.4, 1.0, 1.2, 1.5]))

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo.configure import configure
-from axisbus.bus.pdo.plan import Policy, Wanted
+from axisbus.bus.pdo.plan import PdoRequirements, Policy
 from axisbus.bus.port import CanPort
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402.port import Inputs, Outputs
@@ -21,11 +21,11 @@ PERIOD = 0.005
 class Master:
     """A scan of a few lines: the same outputs for all ports in every cycle."""
 
-    def __init__(self, channel: Channel, nodes: list[Node], policy: Policy) -> None:
+    def __init__(self, channel: Channel, nodes: list[CanopenNode], policy: Policy) -> None:
         self.ports = []
         for node in nodes:
             node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
-            plan = configure(node.sdo, Wanted(), policy)
+            plan = configure(node.sdo, PdoRequirements(), policy)
             self.ports.append(CanPort(node, plan, scan_period=PERIOD))
             node.command(NmtCommand.START)
             self.ports[-1].prime()

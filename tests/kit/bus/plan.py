@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from axisbus.bus.pdo.mapping import DevicePdos, MapEntry
-from axisbus.bus.pdo.plan import Wanted
-from axisbus.cia301.pdo import MappedObject, Pdo
+from axisbus.bus.pdo.plan import PdoRequirements
+from axisbus.cia301.pdo import MappedObject, PdoConfiguration
 
 NODE = 5
 
@@ -54,9 +54,9 @@ def mapped(text: str) -> tuple[MappedObject, ...]:
 
 def rpdo(
     number: int, text: str, transmission: int = 255, valid: bool = True, cob_id: int | None = None
-) -> Pdo:
+) -> PdoConfiguration:
     default = 0x100 + 0x100 * number + NODE if number <= 4 else 0
-    return Pdo(number, default if cob_id is None else cob_id, valid, transmission, mapped(text))
+    return PdoConfiguration(number, default if cob_id is None else cob_id, valid, transmission, mapped(text))
 
 
 def tpdo(
@@ -67,9 +67,9 @@ def tpdo(
     cob_id: int | None = None,
     event: int | None = None,
     inhibit: int | None = None,
-) -> Pdo:
+) -> PdoConfiguration:
     default = 0x80 + 0x100 * number + NODE if number <= 4 else 0
-    return Pdo(
+    return PdoConfiguration(
         number, default if cob_id is None else cob_id, valid, transmission, mapped(text), inhibit, event
     )
 
@@ -93,7 +93,7 @@ EMPTY = DevicePdos(
     tuple(rpdo(number, "", valid=False) for number in (1, 2, 3, 4)),
     tuple(tpdo(number, "", valid=False) for number in (1, 2, 3, 4)),
 )
-NO_TORQUE = Wanted(
+NO_TORQUE = PdoRequirements(
     inputs=("statusword", "mode", "position", "velocity"),
     outputs=("controlword", "mode", "target_position", "target_velocity"),
 )

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo.mapping import DevicePdos
-from axisbus.bus.pdo.plan import Policy, Wanted, make_plan
+from axisbus.bus.pdo.plan import PdoRequirements, Policy, make_plan
 from axisbus.bus.port import CanPort
 from kit.bus.peer import FakeBus, Slave
 from kit.bus.plan import objects, rpdo, tpdo
 
-WANTED = Wanted(("statusword",), ("controlword", "target_position"))
+WANTED = PdoRequirements(("statusword",), ("controlword", "target_position"))
 
 
 def slave_of(fake: FakeBus, node_id: int) -> Slave:
@@ -27,6 +27,6 @@ def port_of(channel: Channel, node_id: int, rpdos: tuple[str, ...] = ("6040/16 6
         (tpdo(1, "6041/16", 1, cob_id=0x180 + node_id),),
     )
     plan = make_plan(node_id, device, objects(), WANTED, Policy(remap=False))
-    port = CanPort(Node(channel, node_id), plan, scan_period=0.004)
+    port = CanPort(CanopenNode(channel, node_id), plan, scan_period=0.004)
     port.prime()
     return port

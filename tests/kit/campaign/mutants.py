@@ -15,23 +15,23 @@ from axisbus.cell.scales import units_of
 from axisbus.errors import LimitError, MotionTimeout, UncommandedMotion
 from axisbus.machine import axis as axis_calls
 from axisbus.machine.axis import Axis
-from axisbus.machine.request import Request
+from axisbus.machine.request import AxisCall
 from axisbus.motion.axis import accept_motion
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.axis.demand import DemandTrust
 from axisbus.motion.gantry import core as gantry_core
 from axisbus.motion.moves import follow
-from axisbus.motion.moves.arrival import Arrival
+from axisbus.motion.moves.arrival import ArrivalCheck
 from axisbus.motion.moves.prepare import RampTransfers
 from axisbus.motion.parameters import DemandUse
 from axisbus.motion.pathclock import PathClock
 from axisbus.motion.position_limits import UNLIMITED
 from axisbus.motion.stop import limits, supervision
-from axisbus.motion.stop.following import Following
-from axisbus.motion.stop.limits import Guard
+from axisbus.motion.stop.following import FollowingErrorMonitor
+from axisbus.motion.stop.limits import LimitMonitor
 from axisbus.motion.stop.policy import FaultPolicy
-from axisbus.motion.stop.standstill import Standing
-from axisbus.motion.stop.stop_sequence import Rung, StopLadder
+from axisbus.motion.stop.standstill import StandstillCheck
+from axisbus.motion.stop.stop_sequence import StopLevel, StopSequence
 from axisbus.motion.stop.velocity_following import RampedWay
 
 
@@ -51,9 +51,9 @@ def _shifted(original: Callable[..., int]) -> Callable[..., int]:
 
 
 def _twice_as_strong(
-    original: Callable[..., tuple[Rung, float | None]],
-) -> Callable[..., tuple[Rung, float | None]]:
-    def stop(*args: Any) -> tuple[Rung, float | None]:
+    original: Callable[..., tuple[StopLevel, float | None]],
+) -> Callable[..., tuple[StopLevel, float | None]]:
+    def stop(*args: Any) -> tuple[StopLevel, float | None]:
         rung, ramp = original(*args)
         return rung, None if ramp is None else 2.0 * ramp
 
@@ -61,9 +61,9 @@ def _twice_as_strong(
 
 
 def _by_default(
-    original: Callable[..., tuple[Rung, float | None]],
-) -> Callable[..., tuple[Rung, float | None]]:
-    def stop(parameters: Any, course: Any) -> tuple[Rung, float | None]:
+    original: Callable[..., tuple[StopLevel, float | None]],
+) -> Callable[..., tuple[StopLevel, float | None]]:
+    def stop(parameters: Any, course: Any) -> tuple[StopLevel, float | None]:
         rung, ramp = original(parameters, course)
         return rung, None if ramp is None else parameters.slow_ramp
 
@@ -71,9 +71,9 @@ def _by_default(
 
 
 def _done_at_once(original: Callable[..., bool]) -> Callable[..., bool]:
-    def step(self: StopLadder, *args: Any) -> bool:
+    def step(self: StopSequence, *args: Any) -> bool:
         ended = original(self, *args)
-        if self.rung is Rung.HALT and not self.takes_power:
+        if self.rung is StopLevel.HALT and not self.takes_power:
             self.confirmed = ended = True
         return ended
 
@@ -81,7 +81,7 @@ def _done_at_once(original: Callable[..., bool]) -> Callable[..., bool]:
 
 
 def _unanswered(original: Callable[..., bool]) -> Callable[..., bool]:
-    def unpowered(self: StopLadder, image: Any, order: Any, run_down: Any) -> bool:
+    def unpowered(self: StopSequence, image: Any, order: Any, run_down: Any) -> bool:
         original(self, image, order, run_down)
         self.confirmed = True
         return True
@@ -100,7 +100,7 @@ def _harder(original: Callable[..., None]) -> Callable[..., None]:
 def _late(original: Callable[..., bool]) -> Callable[..., bool]:
     """A move has not arrived before a second has passed: every shorter one ends by its time-out."""
 
-    def complete(self: Arrival, activity: Any, done: bool, seen: Any) -> bool:
+    def complete(self: ArrivalCheck, activity: Any, done: bool, seen: Any) -> bool:
         if original(self, activity, done, seen):
             raise MotionTimeout("mutant: not there in time")
         return False
@@ -176,7 +176,7 @@ def _nobody(_: Any) -> Callable[..., frozenset[str]]:
 
 
 def _no_allowance(original: Callable[..., Any]) -> Callable[..., Any]:
-    def error(self: Following, seen: Any, activity: Any) -> Any:
+    def error(self: FollowingErrorMonitor, seen: Any, activity: Any) -> Any:
         with patch.object(type(self._parameters), "lag_allowed", lambda *_args, **_more: 0.0):
             return original(self, seen, activity)
 
@@ -198,25 +198,29 @@ MUTANTS: Mapping[str, Mutant] = {
         "the look-ahead reckons with the default deceleration",
         ((limits, "stop_of", _by_default), (supervision, "stop_of", _by_default)),
     ),
-    "no-look-ahead": Mutant("position limits are not looked at in motion", ((Guard, "danger", _nothing),)),
+    "no-look-ahead": Mutant(
+        "position limits are not looked at in motion", ((LimitMonitor, "danger", _nothing),)
+    ),
     "early-done": Mutant(
-        "a halt is done while the axis still brakes", ((StopLadder, "step", _done_at_once),)
+        "a halt is done while the axis still brakes", ((StopSequence, "step", _done_at_once),)
     ),
     "unanswered-word": Mutant(
         "a stop without power is done while a controlword has not taken effect",
-        ((StopLadder, "_unpowered", _unanswered),),
+        ((StopSequence, "_unpowered", _unanswered),),
     ),
-    "rest-assumed": Mutant("every axis counts as standing", ((Standing, "seen", _true),)),
-    "wrong-way": Mutant("velocities have the other sign", ((Request, "_turn", _mirrored),)),
+    "rest-assumed": Mutant("every axis counts as standing", ((StandstillCheck, "seen", _true),)),
+    "wrong-way": Mutant("velocities have the other sign", ((AxisCall, "_turn", _mirrored),)),
     "no-velocity-limit": Mutant(
-        "velocities are not checked at the call", ((Request, "_velocity", _unchecked),)
+        "velocities are not checked at the call", ((AxisCall, "_velocity", _unchecked),)
     ),
     "no-acceleration-limit": Mutant(
-        "ramps are not checked at the call", ((Request, "_acceleration", _unchecked),)
+        "ramps are not checked at the call", ((AxisCall, "_acceleration", _unchecked),)
     ),
     "hard-brake": Mutant("paths are braked harder than they may be", ((PathClock, "brake", _harder),)),
-    "no-allowance": Mutant("no lag is allowed in motion", ((Following, "error", _no_allowance),)),
-    "never-there": Mutant("a move that has arrived ends by its time-out", ((Arrival, "complete", _late),)),
+    "no-allowance": Mutant("no lag is allowed in motion", ((FollowingErrorMonitor, "error", _no_allowance),)),
+    "never-there": Mutant(
+        "a move that has arrived ends by its time-out", ((ArrivalCheck, "complete", _late),)
+    ),
     "ratio-assumed": Mutant(
         "velocities of an axis in increments count as increments per second, whatever the drive counts",
         ((cell_parameters, "known_units", _ratio_assumed), (booting, "known_units", _ratio_assumed)),

@@ -11,8 +11,8 @@ from axisbus.errors import AxisbusError
 from axisbus.machine.axis import Axis
 from axisbus.machine.cam import Cam
 from axisbus.machine.handle import Handle
-from axisbus.machine.streaming.controller import Measured
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.machine.streaming.controller import AxisFeedback
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.cell import Cell
 from kit.plants import Ramp
 
@@ -43,7 +43,7 @@ class Order(NamedTuple):
 def _controller(cell: Cell, name: str, value: float) -> Handle:
     """A loop that follows a place; it fails where it gets lost, and after some seconds."""
 
-    def loop(seen: Measured) -> float:
+    def loop(seen: AxisFeedback) -> float:
         if seen.position is None or (value < -0.7 and seen.position > 20.0) or cell.now > end:
             raise ValueError("lost sight of it")
         return 3.0 * (60.0 * value * math.sin(2.0 * seen.time) - seen.position)
@@ -53,7 +53,7 @@ def _controller(cell: Cell, name: str, value: float) -> Handle:
 
 
 def _torque_controller(cell: Cell, name: str, value: float) -> Handle:
-    def loop(seen: Measured) -> float:
+    def loop(seen: AxisFeedback) -> float:
         if cell.now > end:
             raise ValueError("seen enough")
         return 0.3 * value - 0.002 * (seen.velocity or 0.0)
@@ -72,7 +72,7 @@ def demand_of(cell: Cell, name: str) -> float:
 
 def _trapezoid(cell: Cell, name: str, value: float) -> Handle:
     start = demand_of(cell, name)
-    return cell[name].follow(Trapezoid(start, start + 200.0 * value, 100.0, 500.0))
+    return cell[name].follow(TrapezoidalTrajectory(start, start + 200.0 * value, 100.0, 500.0))
 
 
 def _master(cell: Cell, name: str) -> Axis:

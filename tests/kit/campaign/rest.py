@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.errors import Interrupted
 from axisbus.motion.states import AxisState
 from kit.campaign.facts import Asked, Facts
@@ -150,7 +150,7 @@ class Rest:
         self._not_long("Standstill is standing", name, BLIND + within, stands)
         held = state is AxisState.STOPPING and self._rests(name) and seen
         self._not_long("what is held in Stopping stands", name, BLIND, held and moves)
-        known = core.image.state is not State.UNKNOWN
+        known = core.image.state is not PowerState.UNKNOWN
         off = state is AxisState.DISABLED and energised and core.touched and known
         self._not_long("Disabled is off", name, BLIND, off and self._rests(name))
         untold = state is AxisState.ERRORSTOP and moves and energised and seen

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from axisbus import eds
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import ValueTransport
 from axisbus.errors import AxisbusError, ConfigError, SdoAbort
 from kit.campaign import beside, offsets, outputs
 from kit.campaign.gantry.scene import AXES, open_pair
@@ -24,18 +24,22 @@ ROOT = Path(__file__).parents[3]
 ACCELERATION = 1000.0  # deg/s²: max_acceleration and the quick stop's deceleration of the usual cell
 _LIMITED = f"max_acceleration = {ACCELERATION}"
 _STIFF = ("stiff", "stiff", "lagging", "lagging-much", "coasting", "compliant", "late-feedback")
-_NO_DEMAND: Mapping[str, object] = {"inputs": {"demand": Source.NONE}}
+_NO_DEMAND: Mapping[str, object] = {"inputs": {"demand": ValueTransport.NONE}}
 _ON_CHANGE: Mapping[str, object] = {
     "event_timer": 0.1,
     "inputs": {
-        "statusword": Source.EVENT_PDO,
-        "mode": Source.EVENT_PDO,
-        "position": Source.EVENT_PDO,
-        "velocity": Source.SDO,
-        "torque": Source.NONE,
-        "demand": Source.SDO,
+        "statusword": ValueTransport.EVENT_PDO,
+        "mode": ValueTransport.EVENT_PDO,
+        "position": ValueTransport.EVENT_PDO,
+        "velocity": ValueTransport.SDO,
+        "torque": ValueTransport.NONE,
+        "demand": ValueTransport.SDO,
     },
-    "outputs": {"controlword": Source.EVENT_PDO, "mode": Source.SDO, "target_position": Source.EVENT_PDO},
+    "outputs": {
+        "controlword": ValueTransport.EVENT_PDO,
+        "mode": ValueTransport.SDO,
+        "target_position": ValueTransport.EVENT_PDO,
+    },
 }
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from types import SimpleNamespace
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.cia402.modes import FACTS, ModeOfOperation
 from axisbus.core.inprocess import InProcess
 from axisbus.core.scan import Scan
@@ -16,10 +16,10 @@ from axisbus.drives.gim6010.can_simple.port import error_words
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings, TorqueSettings
 from axisbus.machine.axis import Axis
-from axisbus.machine.command_dispatch import Commanding
+from axisbus.machine.command_dispatch import CommandDispatcher
 from axisbus.machine.groups import Group
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.parameters import AxisParameters, Defaults, Homing, Limits, Units
+from axisbus.motion.parameters import AxisLimits, AxisParameters, Defaults, HomingParameters, Units
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.device import Device
 from axisbus.sim.direct import DirectCycle, DirectPort
@@ -55,9 +55,9 @@ def parameters(name: str, port: ModulePort, **changes) -> AxisParameters:
             ratio_known=True,
             rated_torque=5.0,
         ),
-        limits=Limits(velocity=800.0),
+        limits=AxisLimits(velocity=800.0),
         defaults=Defaults(velocity=180.0, acceleration=720.0),
-        homing=Homing(method=37),
+        homing=HomingParameters(method=37),
         objects=port.objects.indices,
         modes=frozenset(
             mode
@@ -118,7 +118,7 @@ class ModuleCycle(DirectCycle):
             if not self.lose("module", can_id & 0x1F, self._now):
                 if can_id & 0x1F == 1 and module is self.modules[0][1]:
                     self.states.append((self._now, data[4]))
-                port.receive(Frame(self._now, can_id, bytes(data)), self._now)
+                port.receive(CanFrame(self._now, can_id, bytes(data)), self._now)
 
     def commit(self) -> None:
         super().commit()
@@ -259,7 +259,7 @@ def rig(
     }
     scan = Scan(cycle, {"m": port, **direct}, cores, PERIOD, groups or {})
     scan.waiter_pump = waiter = PumpWaiter(scan)
-    commanding = Commanding(InProcess(scan, waiter, SimpleNamespace(nodes={}, link=None)))
+    commanding = CommandDispatcher(InProcess(scan, waiter, SimpleNamespace(nodes={}, link=None)))
     axes = {name: Axis(core.parameters, commanding) for name, core in cores.items()}
     fronts = {
         name: Group(name, {each: axes[each] for each in members}, commanding)

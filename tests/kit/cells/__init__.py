@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from axisbus.cell.problem import Problem
+from axisbus.cell.problem import CellProblem
 from axisbus.check.run import check
 from axisbus.eds.model import Severity
 
@@ -38,12 +38,12 @@ def line_of(path: Path, marker: str) -> int:
     return lines[0]
 
 
-def serious(path: Path) -> list[Problem]:
+def serious(path: Path) -> list[CellProblem]:
     """Return the errors and warnings of a cell."""
     return [problem for problem in check(path) if problem.severity is not Severity.NOTE]
 
 
-def only(path: Path, severity: str, marker: str) -> Problem:
+def only(path: Path, severity: str, marker: str) -> CellProblem:
     """Return the only error or warning; it must have this severity and stand at the line that holds ``marker``."""
     found = serious(path)
     assert len(found) == 1, "\n".join(map(str, found)) or "nothing was found"
@@ -54,12 +54,12 @@ def only(path: Path, severity: str, marker: str) -> Problem:
     return found[0]
 
 
-def notes(path: Path) -> list[Problem]:
+def notes(path: Path) -> list[CellProblem]:
     """Return the notes of a cell."""
     return [problem for problem in check(path) if problem.severity is Severity.NOTE]
 
 
-def note(path: Path, words: str) -> Problem:
+def note(path: Path, words: str) -> CellProblem:
     """Return the only note whose message holds ``words``."""
     found = [each for each in notes(path) if words in each.message]
     assert len(found) == 1, [each.message for each in notes(path)]

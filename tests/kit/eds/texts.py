@@ -7,7 +7,7 @@ import io
 import canopen
 from canopen.objectdictionary import ODVariable
 
-from axisbus.eds import Eds, Finding, Number, loads
+from axisbus.eds import Eds, EdsFinding, Number, loads
 
 HEAD = "[DeviceInfo]\nVendorNumber=1\n\n[1000]\nParameterName=Device type\nObjectType=0x7\nDataType=0x0007\nAccessType=ro\n\n"
 HEAD_LINES = HEAD.count("\n")
@@ -35,7 +35,7 @@ def read(body: str) -> Eds:
     return loads((HEAD + body).encode(), "test.eds")
 
 
-def only(eds: Eds) -> Finding:
+def only(eds: Eds) -> EdsFinding:
     """Return the one finding that there must be."""
     assert len(eds.findings) == 1, eds.findings
     return eds.findings[0]

@@ -7,7 +7,7 @@ from contextlib import suppress
 
 import zenoh
 
-from axisbus.fleet.network import Network, opened
+from axisbus.fleet.network import ZenohNetwork, opened
 from kit.fleet.stand_in import StandInCell
 
 
@@ -28,7 +28,7 @@ class Plant:
 
     def cell(self, name, axes=("x",), *, endpoint=None, **more):
         endpoint = endpoint or free_endpoint()
-        session = opened(Network(listen=(endpoint,)))
+        session = opened(ZenohNetwork(listen=(endpoint,)))
         cell = StandInCell(session, self.name, name, axes, **more)
         self.endpoints.append(endpoint)
         self._ends += [session.close, cell.end]

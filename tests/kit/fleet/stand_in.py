@@ -14,7 +14,7 @@ import zenoh
 
 from axisbus.errors import LimitError, OwnershipError, StateError
 from axisbus.fleet import messages as m
-from axisbus.fleet.keys import CellKeys
+from axisbus.fleet.keys import ZenohCellKeys
 from axisbus.ipc.errors import to_fields
 from axisbus.version import __version__
 
@@ -33,7 +33,7 @@ class StandInCell:
     ):
         self.name, self.axes, self.rate = name, axes, rate
         self.bridge = uuid.uuid4().hex[:12]
-        self.keys = CellKeys(plant, name)
+        self.keys = ZenohCellKeys(plant, name)
         self.position = dict.fromkeys(axes, 0.0)
         self.moved = Counter()
         self.stopped = Counter()
@@ -115,7 +115,7 @@ class StandInCell:
             "torque": 0.0,
             "following_error": 0.0,
         }
-        return m.AxisState(
+        return m.AxisStateMessage(
             next(self._numbers[axis]), self.bridge, time.time(), "deg", "Standstill", **{**told, **more}
         )  # fmt: skip
 

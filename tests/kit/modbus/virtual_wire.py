@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 from axisbus.drives.gim6010.can_simple.endpoints import parse
 from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
-from axisbus.drives.gim6010.modbus.requests import Reply, Request
-from axisbus.drives.gim6010.modbus.wire import Silence
+from axisbus.drives.gim6010.modbus.requests import ModbusRequest, Reply
+from axisbus.drives.gim6010.modbus.wire import ModbusTimeout
 from axisbus.sim.modbus.framing import checksum, framed
 from axisbus.sim.modbus.station import Station
 
@@ -27,12 +27,12 @@ class VirtualWire:
         self.stations = stations
         self.timeout = timeout
         self.time = 0.0
-        self.asked: list[Request] = []
-        self.before: Callable[[Request], None] = lambda _: None
+        self.asked: list[ModbusRequest] = []
+        self.before: Callable[[ModbusRequest], None] = lambda _: None
         self.broken = self.mute = False
         self.closed = False
 
-    def exchange(self, device: int, request: Request) -> Reply:
+    def exchange(self, device: int, request: ModbusRequest) -> Reply:
         self.before(request)
         self.asked.append(request)
         self._collect()
@@ -47,7 +47,7 @@ class VirtualWire:
             if reply is not None:
                 return reply
             if self.time >= end:
-                raise Silence
+                raise ModbusTimeout
             self._pass(_STEP if self._busy else 0.02)
 
     def drain(self, seconds: float) -> None:

@@ -6,16 +6,16 @@ import random
 from collections.abc import Iterator
 
 from axisbus.cia301.emcy import Emcy
-from axisbus.cia402.port import Inputs, Sample, Source
+from axisbus.cia402.port import Inputs, Sample, ValueTransport
 from axisbus.errors import StateError
 from axisbus.motion import commands as c
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.command_status import Ticket
+from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.moves.homing import HomingJob
-from axisbus.motion.moves.profile import Profile
-from axisbus.motion.parameters import Homing, Limits
-from axisbus.motion.trajectory import Sampled, Trapezoid
+from axisbus.motion.moves.profile import MoveProfile
+from axisbus.motion.parameters import AxisLimits, HomingParameters
+from axisbus.motion.trajectory import SampledTrajectory, TrapezoidalTrajectory
 from axisbus.sim.device import Device
 from axisbus.sim.direct import DirectCycle, DirectPort
 from kit.motion.rig import GENERIC, PERIOD, SCALE, dictionary_of, parameters
@@ -25,15 +25,24 @@ MISHAP = 150  # and between two mishaps
 SAMPLES = ("statusword", "mode", "position", "velocity", "torque", "demand")
 PORTS = (
     {},
-    {"inputs": {"demand": Source.NONE, "velocity": Source.NONE, "torque": Source.NONE}},
-    {"inputs": {"statusword": Source.EVENT_PDO, "demand": Source.SDO}},
-    {"inputs": {"demand": Source.NONE, "torque": Source.EVENT_PDO}},
+    {
+        "inputs": {
+            "demand": ValueTransport.NONE,
+            "velocity": ValueTransport.NONE,
+            "torque": ValueTransport.NONE,
+        }
+    },
+    {"inputs": {"statusword": ValueTransport.EVENT_PDO, "demand": ValueTransport.SDO}},
+    {"inputs": {"demand": ValueTransport.NONE, "torque": ValueTransport.EVENT_PDO}},
 )
 CHANGES = (
     {},
-    {"limits": Limits(position=(-40.0, 60.0), velocity=300.0)},
-    {"limits": Limits(position=(-40.0, 60.0), velocity=300.0), "homing": Homing(method=37, required=True)},
-    {"limits": Limits(velocity=200.0, acceleration=2000.0), "following_error": 3000},
+    {"limits": AxisLimits(position=(-40.0, 60.0), velocity=300.0)},
+    {
+        "limits": AxisLimits(position=(-40.0, 60.0), velocity=300.0),
+        "homing": HomingParameters(method=37, required=True),
+    },
+    {"limits": AxisLimits(velocity=200.0, acceleration=2000.0), "following_error": 3000},
 )
 
 
@@ -51,7 +60,7 @@ class Play:
         self.cores = [
             AxisCore(parameters("x", dictionary, **changes), self.port.capabilities) for _ in range(count)
         ]
-        self.tickets: list[list[Ticket]] = [[] for _ in self.cores]
+        self.tickets: list[list[CommandStatus]] = [[] for _ in self.cores]
         self._mishap, self._left = "", 0
         self._before: Inputs | None = None
 
@@ -74,7 +83,7 @@ class Play:
     def command(self, command: c.Command) -> None:
         """Have every core take a command."""
         for core, tickets in zip(self.cores, self.tickets, strict=True):
-            tickets.append(Ticket(type(command).__name__))
+            tickets.append(CommandStatus(type(command).__name__))
             try:
                 accept(core, command, tickets[-1])
             except StateError as error:
@@ -84,25 +93,35 @@ class Play:
         core, pick = self.cores[0], self.random.choice
         here = 0.0 if core.image.position is None else (core.image.position - core.image.origin) / SCALE
         if self.random.random() < 0.8 and (not core.powered or core.ladder is not None):
-            return pick((c.Reset(), c.Enable(), c.Enable(), c.Release(), c.Reset()))
+            return pick(
+                (c.ResetCommand(), c.EnableCommand(), c.EnableCommand(), c.Release(), c.ResetCommand())
+            )
         speed, ramp = pick((20_000, 90_000, 350_000)), pick((100_000, 500_000))
-        profile = Profile(speed, ramp, ramp, float(speed), float(ramp), None, float(ramp), float(ramp))
+        profile = MoveProfile(speed, ramp, ramp, float(speed), float(ramp), None, float(ramp), float(ramp))
         signed = profile._replace(velocity=speed * pick((1, -1)))
-        path = Trapezoid(here, here + pick((-30.0, 5.0, 45.0)), pick((20.0, 90.0)), 400.0)
-        points = Sampled([here, here, here + pick((0.01, 0.5, 5.0)), here + 0.02, here], 0.1)
+        path = TrapezoidalTrajectory(here, here + pick((-30.0, 5.0, 45.0)), pick((20.0, 90.0)), 400.0)
+        points = SampledTrajectory([here, here, here + pick((0.01, 0.5, 5.0)), here + 0.02, here], 0.1)
         moves = (
             c.FollowTrajectory(path),
             c.FollowTrajectory(path),
             c.FollowTrajectory(points),
-            c.Move(pick(tuple(c.Reference)), pick((-20_000, 0, 30_000)), profile),
+            c.Move(pick(tuple(c.TargetReference)), pick((-20_000, 0, 30_000)), profile),
             c.MoveVelocity(signed, pick((None, 0.2))),
             c.TorqueControl(pick((-200, 100)), None, None),
             c.CyclicVelocity(speed * pick((1, -1)), float(ramp), float(ramp)),
             c.CyclicTorque(pick((-200, 100)), pick((500, 5000))),
             c.Home(HomingJob(37, None, None, None, 5.0)),
         )
-        ends = (c.Halt(), c.Stop(), c.Release(), c.QuickStop(), c.Disable(), c.Disable(coast=True), c.Reset())
-        others = (c.SetPosition(pick((0, 5000))), c.PolicyStop("of another"), c.Enable(moving=True))
+        ends = (
+            c.Halt(),
+            c.Stop(),
+            c.Release(),
+            c.QuickStop(),
+            c.Disable(),
+            c.Disable(coast=True),
+            c.ResetCommand(),
+        )
+        others = (c.SetPosition(pick((0, 5000))), c.PolicyStop("of another"), c.EnableCommand(moving=True))
         return pick(moves) if self.random.random() < 0.6 else pick(ends + others)
 
     def _begin_mishap(self) -> str:

@@ -13,10 +13,10 @@ from axisbus.core.inprocess import InProcess
 from axisbus.core.scan import Scan
 from axisbus.core.waiting import PumpWaiter
 from axisbus.machine.axis import Axis
-from axisbus.machine.command_dispatch import Commanding
+from axisbus.machine.command_dispatch import CommandDispatcher
 from axisbus.machine.groups import Group
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.parameters import AxisParameters, Defaults, Homing, Limits, Units
+from axisbus.motion.parameters import AxisLimits, AxisParameters, Defaults, HomingParameters, Units
 from axisbus.sim.device import Device
 from axisbus.sim.direct import DirectCycle, DirectPort
 from axisbus.sim.motor import MotorParams
@@ -38,9 +38,9 @@ def parameters(name: str, dictionary, **changes) -> AxisParameters:
         Units(
             scale, Scale.of(SCALE, "deg/s"), Scale.of(SCALE, "deg/s²"), ratio_known=True, rated_torque=10.0
         ),
-        limits=Limits(velocity=400.0),
+        limits=AxisLimits(velocity=400.0),
         defaults=Defaults(velocity=100.0, acceleration=500.0),
-        homing=Homing(method=37),
+        homing=HomingParameters(method=37),
         objects=objects,
         modes=frozenset(mode for mode, facts in FACTS.items() if all(o in objects for o in facts.required)),
         scan_period=PERIOD,
@@ -151,7 +151,7 @@ def rig(
     scan = Scan(cycle, ports, cores, PERIOD, groups)
     waiter = PumpWaiter(scan)
     scan.waiter_pump = waiter
-    commanding = Commanding(session := InProcess(scan, waiter, SimpleNamespace(nodes={}, link=None)))
+    commanding = CommandDispatcher(session := InProcess(scan, waiter, SimpleNamespace(nodes={}, link=None)))
     axes = {name: Axis(core.parameters, commanding) for name, core in cores.items()}
     fronts = {
         name: Group(name, {axis: axes[axis] for axis in members}, commanding)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from axisbus.errors import DriveError
-from axisbus.motion.parameters import HoldsLoad, Homing
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.parameters import HoldsLoad, HomingParameters
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.motor import MotorParams
 from kit.motion.rig import Rig, rig
 
@@ -106,7 +106,7 @@ def _found_turning() -> Rig:
 
 def _homing() -> Rig:
     switches = MotorParams(limit_switches=(-40_000.0, 30_000.0), increments_per_turn=16_384)
-    search = Homing(method=37, speed_switch=30.0, speed_zero=5.0, acceleration=100.0)
+    search = HomingParameters(method=37, speed_switch=30.0, speed_zero=5.0, acceleration=100.0)
     r = rig(motor=switches, homing=search).enabled()
     r.axis.home(17)
     r.run(0.3)
@@ -115,7 +115,7 @@ def _homing() -> Rig:
 
 def _following() -> Rig:
     r = _standing()
-    r.axis.follow(Trapezoid(0.0, 40.0, 50.0, 200.0))
+    r.axis.follow(TrapezoidalTrajectory(0.0, 40.0, 50.0, 200.0))
     r.run(0.3)
     return r
 

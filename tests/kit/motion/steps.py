@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply, Source
+from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply, ValueTransport
 from axisbus.errors import BusError
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
-from axisbus.motion.parameters import DemandUse, Timing
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.parameters import DemandUse, DriveTimeouts
 from kit.motion.rig import GENERIC, dictionary_of, parameters
 
 T = 1 / 64  # seconds of a cycle: times that add up exactly show on which side of a limit they lie
-TIMING = Timing(settle=0.125, standstill_time=0.0625)
+TIMING = DriveTimeouts(settle=0.125, standstill_time=0.0625)
 
 
 class Drive:
@@ -19,13 +19,13 @@ class Drive:
     def __init__(
         self, by_event: bool = False, ages: dict | None = None, start: float = 10.0, **changes
     ) -> None:
-        source = Source.EVENT_PDO if by_event else Source.SYNC_PDO
+        source = ValueTransport.EVENT_PDO if by_event else ValueTransport.SYNC_PDO
         changes = {"scan_period": T, "timing": TIMING, "demand": DemandUse.USE} | changes
         self.parameters = parameters("x", dictionary_of(GENERIC), **changes)
         capabilities = Capabilities({"statusword": source}, {}, True, ages or {})
         use, window = self.parameters.demand, self.parameters.pull_window
-        self.image = Image(capabilities, T, 2.0, TIMING.standstill_time, use, window)
-        self.order = Order()
+        self.image = AxisImage(capabilities, T, 2.0, TIMING.standstill_time, use, window)
+        self.order = CycleOutputs()
         self.now = start
         self._samples: dict[str, Sample | None] = {}
         self._replies: tuple[SdoReply, ...] = ()
@@ -43,7 +43,7 @@ class Drive:
         self._replies += (SdoReply(request, value, abort),)
         return self
 
-    def cycle(self, **values: int | None) -> tuple[Image, Order]:
+    def cycle(self, **values: int | None) -> tuple[AxisImage, CycleOutputs]:
         """One cycle later, with these values new."""
         self.now += T
         self.says(**values)

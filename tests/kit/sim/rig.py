@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from axisbus.sim.drive import Drive
-from axisbus.sim.fault_injection import DriveDials
+from axisbus.sim.fault_injection import DriveFaults
 from axisbus.sim.motor import MotorParams
 from kit.sim.eds import drive_eds
 
@@ -36,7 +36,7 @@ class Rig:
     """A drive that steps by ``dt``."""
 
     def __init__(self, *, dt: float = 0.001, params: MotorParams | None = None, **changes: int) -> None:
-        self.dials = DriveDials()
+        self.dials = DriveFaults()
         self.drive = Drive(drive_eds(**changes), params=params, dials=self.dials)
         self.dt = dt
 

@@ -22,10 +22,10 @@ from enum import Enum
 from types import FunctionType, MethodType
 from typing import Any
 
-from axisbus.cia301.sdo import Way
-from axisbus.cia301.sdo_session import Request
+from axisbus.cia301.sdo import SdoTransferType
+from axisbus.cia301.sdo_session import SdoTransferRequest
 from axisbus.sim.dictionary import Dictionary
-from axisbus.sim.fault_injection import NodeDials
+from axisbus.sim.fault_injection import NodeFaults
 from kit.sim.sdo_wire import FILE, TIMEOUT, SdoWire
 
 _OLD = b"old"
@@ -39,7 +39,9 @@ class Sweep:
 
     def __init__(self, data: bytes, writing: bool, tries: int = 3) -> None:
         self._data = data
-        self._request = Request(*FILE, data if writing else None, TIMEOUT, tries, Way.BLOCK)
+        self._request = SdoTransferRequest(
+            *FILE, data if writing else None, TIMEOUT, tries, SdoTransferType.BLOCK
+        )
         self._before = _OLD if writing else data
         self._good: set[bytes] = set()
         self._sent: list[int] = []  # frames that were sent before each step of the undisturbed transfer
@@ -153,7 +155,7 @@ def _plain(value: Any) -> Any:
 class _Pickler(pickle.Pickler):
     def reducer_override(self, value: object) -> Any:
         return (
-            (_own, (type(value).__name__,)) if isinstance(value, Dictionary | NodeDials) else NotImplemented
+            (_own, (type(value).__name__,)) if isinstance(value, Dictionary | NodeFaults) else NotImplemented
         )
 
 

@@ -6,10 +6,10 @@ from collections import deque
 from collections.abc import Callable, Iterable
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.cia301.sdo import Way
-from axisbus.cia301.sdo_session import Request, Session
+from axisbus.cia301.sdo import SdoTransferType
+from axisbus.cia301.sdo_session import SdoSession, SdoTransferRequest
 from axisbus.sim.dictionary import Dictionary
-from axisbus.sim.fault_injection import NodeDials
+from axisbus.sim.fault_injection import NodeFaults
 from axisbus.sim.node.sdo import SdoServer
 from kit.sim.eds import make_eds
 
@@ -30,14 +30,14 @@ class SdoWire:
             (0x1001, 0, DataType.UNSIGNED8, "ro", 0),
             (*FILE, DataType.DOMAIN, "rw", None),
         ]
-        self.dials = NodeDials()
+        self.dials = NodeFaults()
         self.dictionary = Dictionary(make_eds(rows), 5)
         self.server = SdoServer(self.dictionary, self.dials)
         self.content = content
         self.fate: Callable[[int, bytes], float | None] = lambda _number, _frame: 0.0
         self.frames: list[tuple[str, bytes]] = []
         self.now = 0.0
-        self.session: Session
+        self.session: SdoSession
         self.heard = 0.0  # when the session was last told of the time
         self._to_server: deque[tuple[float, bytes]] = deque()
         self._to_client: deque[tuple[float, bytes]] = deque()
@@ -56,21 +56,23 @@ class SdoWire:
     def content(self, data: bytes) -> None:
         self.dictionary.values[FILE[0] << 8] = data
 
-    def upload(self, way: Way = Way.BLOCK, tries: int = 3) -> Session:
-        return self.run(Request(*FILE, None, TIMEOUT, tries, way))
+    def upload(self, way: SdoTransferType = SdoTransferType.BLOCK, tries: int = 3) -> SdoSession:
+        return self.run(SdoTransferRequest(*FILE, None, TIMEOUT, tries, way))
 
-    def download(self, data: bytes, way: Way = Way.BLOCK, tries: int = 3) -> Session:
-        return self.run(Request(*FILE, data, TIMEOUT, tries, way))
+    def download(
+        self, data: bytes, way: SdoTransferType = SdoTransferType.BLOCK, tries: int = 3
+    ) -> SdoSession:
+        return self.run(SdoTransferRequest(*FILE, data, TIMEOUT, tries, way))
 
-    def run(self, request: Request) -> Session:
+    def run(self, request: SdoTransferRequest) -> SdoSession:
         session = self.begin(request)
         while not session.done:
             self.step()
         return session
 
-    def begin(self, request: Request) -> Session:
+    def begin(self, request: SdoTransferRequest) -> SdoSession:
         """Send the first frames of a request; ``step`` goes on until the session is done."""
-        self.session = Session(request, late=self._late)
+        self.session = SdoSession(request, late=self._late)
         self._send(self.session.start())
         self.heard = self.now
         return self.session

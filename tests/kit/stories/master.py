@@ -17,7 +17,7 @@ from axisbus.errors import AxisbusError
 from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.stories.bridge import Bridge
 from kit.stories.nets import cut
 
@@ -26,7 +26,7 @@ SPEED = 90.0  # deg/s
 
 def following(x: Axis) -> Handle:
     """Follow a trajectory of some seconds: every target comes from this program."""
-    return x.follow(Trapezoid(0.0, 180.0, SPEED, 500.0))
+    return x.follow(TrapezoidalTrajectory(0.0, 180.0, SPEED, 500.0))
 
 
 def turning(x: Axis) -> Handle:

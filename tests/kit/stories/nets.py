@@ -6,17 +6,17 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, nullcontext
 from unittest.mock import patch
 
-from axisbus.boot.configure import Watch
+from axisbus.boot.configure import DriveMonitoringSetup
 from axisbus.boot.stop_report import NO_WATCHDOG
 from axisbus.bus.cycle import CanCycle
 from axisbus.core.node_stop import NodeStop
 from axisbus.core.supervisor import Supervisor
 from axisbus.motion.stop.shutdown_stop import AxisLeaving
-from axisbus.motion.stop.stop_sequence import StopLadder
+from axisbus.motion.stop.stop_sequence import StopSequence
 from axisbus.sim.direct import DirectCycle
 
 
-def _says_it_stands(ladder: StopLadder, *_: object) -> bool:
+def _says_it_stands(ladder: StopSequence, *_: object) -> bool:
     ladder.confirmed = True
     return True
 
@@ -33,7 +33,7 @@ _RESCUE = (
 # Net: what is replaced (owner, attribute, replacement).
 NETS: dict[str, tuple[tuple[type, str, object], ...]] = {
     "the stop ladder": (
-        (StopLadder, "step", _says_it_stands),
+        (StopSequence, "step", _says_it_stands),
         (AxisLeaving, "_seen_at_rest", True),
     ),
     "the quick stop of a dead scan": (
@@ -44,8 +44,8 @@ NETS: dict[str, tuple[tuple[type, str, object], ...]] = {
     ),
     "the supervisor": ((Supervisor, "_take_over", _nothing),),
     "the drive's watchdog": (
-        (Watch, "arm", lambda *_: NO_WATCHDOG),
-        (Watch, "arm_deadlines", lambda *_: NO_WATCHDOG),
+        (DriveMonitoringSetup, "arm", lambda *_: NO_WATCHDOG),
+        (DriveMonitoringSetup, "arm_deadlines", lambda *_: NO_WATCHDOG),
     ),
     "the stop beside": _RESCUE,
 }

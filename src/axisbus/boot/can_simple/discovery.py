@@ -13,11 +13,11 @@ from typing import Protocol, TypeVar, cast
 
 from axisbus.bus.gim6010.request import Sends, send
 from axisbus.cia301 import cob
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, Heartbeats
 from axisbus.drives.gim6010.can_simple.identifier import can_id
 from axisbus.drives.gim6010.discovery.protocol_29bit import is_beat
-from axisbus.drives.gim6010.discovery.questions import Question
+from axisbus.drives.gim6010.discovery.questions import ProbeFrame
 
 T = TypeVar("T")
 
@@ -26,14 +26,14 @@ _ANSWER = 0.1  # s that an answer may take
 _KEPT = 1000  # frames that wait to be looked at
 
 
-class Line(Sends, Protocol):
+class BootChannel(Sends, Protocol):
     """What leads to the module: a ``bus.link.channel.Channel``, or what stands for it in virtual time."""
 
     @property
     def name(self) -> str:
         """What it is called."""
 
-    def overheard(self, ear: Callable[[Frame], None]) -> AbstractContextManager[None]:
+    def overheard(self, ear: Callable[[CanFrame], None]) -> AbstractContextManager[None]:
         """Have ``ear`` called for every frame within the block."""
 
     def check(self) -> None:
@@ -44,13 +44,13 @@ class Line(Sends, Protocol):
 
 
 @dataclass(slots=True)
-class Listening:
+class NodeListener:
     """What was heard of one node ID; holds state. ``clock`` and ``sleep`` are those of the frames' stamps (s).
 
     ``canopen`` counts the heartbeats of a CANopen node of this ID, ``extended`` those of the 29-bit protocol.
     """
 
-    channel: Line
+    channel: BootChannel
     node: int
     clock: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
@@ -59,9 +59,9 @@ class Listening:
     stamps: list[tuple[float, bytes]] = field(default_factory=list)
     canopen: int = 0
     extended: int = 0
-    _heard: deque[Frame] = field(default_factory=lambda: deque(maxlen=_KEPT))
+    _heard: deque[CanFrame] = field(default_factory=lambda: deque(maxlen=_KEPT))
 
-    def hear(self, frame: Frame) -> None:
+    def hear(self, frame: CanFrame) -> None:
         """Take a frame, in the receive thread."""
         self._heard.append(frame)
 
@@ -80,7 +80,7 @@ class Listening:
         times = [stamp for stamp, _ in self.stamps]
         return min((after - before for before, after in pairwise(times)), default=math.inf)
 
-    def ask(self, asking: Generator[Question, Frame | None, T]) -> T:
+    def ask(self, asking: Generator[ProbeFrame, CanFrame | None, T]) -> T:
         """Ask all of its questions, one after the other, and return what came of it; blocks for at most 0.1 s each."""
         try:
             question = next(asking)
@@ -89,7 +89,7 @@ class Listening:
         except StopIteration as end:
             return cast("T", end.value)
 
-    def _answer(self, question: Question) -> Frame | None:
+    def _answer(self, question: ProbeFrame) -> CanFrame | None:
         self._take_all()
         send(self.channel, question.frame)
         end = self.clock() + self.answer
@@ -100,13 +100,13 @@ class Listening:
             self.sleep(_TICK)
         return None
 
-    def _take_all(self) -> list[Frame]:
+    def _take_all(self) -> list[CanFrame]:
         frames = [self._heard.popleft() for _ in range(len(self._heard))]
         for frame in frames:
             self._take(frame)
         return frames
 
-    def _take(self, frame: Frame) -> None:
+    def _take(self, frame: CanFrame) -> None:
         self.extended += is_beat(frame)
         if frame.extended or frame.remote or frame.error:
             return

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from axisbus.boot.can_simple.discovery import Listening
-from axisbus.drives.gim6010.can_simple.heartbeat import Layout
+from axisbus.boot.can_simple.discovery import NodeListener
+from axisbus.drives.gim6010.can_simple.heartbeat import HeartbeatLayout
 from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
-from axisbus.drives.gim6010.discovery.duplicate_node_ids import voices
+from axisbus.drives.gim6010.discovery.duplicate_node_ids import count_senders
 from axisbus.drives.gim6010.discovery.questions import SimpleFacts
 from axisbus.errors import BootError
 
@@ -17,7 +17,7 @@ _SLOW = 1.5  # periods that axisbus counts on
 _FIND = "axisbus gim6010 find shows who is there and what it speaks"
 
 
-def nobody(listening: Listening, seconds: float, health: str) -> BootError:
+def no_answer_error(listening: NodeListener, seconds: float, health: str) -> BootError:
     """Return the error of a module of which no heartbeat came in so many seconds."""
     node = listening.node
     if listening.canopen:
@@ -48,14 +48,14 @@ def cob(node: int) -> str:
     return f"{0x700 + node:03X}h"
 
 
-def require_one(listening: Listening, expected: float) -> None:
+def require_one(listening: NodeListener, expected: float) -> None:
     """Check that it is one module, which beats as often as its port counts on (s).
 
     Raises:
         BootError: it is not.
     """
     node = listening.node
-    if voices(listening.stamps) > 1:
+    if count_senders(listening.stamps) > 1:
         raise _told(
             f"several modules have the node ID {node}",
             node,
@@ -73,7 +73,7 @@ def require_one(listening: Listening, expected: float) -> None:
         )
 
 
-def require_firmware(listening: Listening, facts: SimpleFacts, text: str | None) -> None:
+def require_firmware(listening: NodeListener, facts: SimpleFacts, text: str | None) -> None:
     """Check the firmware that the cell file names (None: none) against what the module tells, and what its heartbeats show.
 
     Raises:
@@ -98,7 +98,7 @@ def require_firmware(listening: Listening, facts: SimpleFacts, text: str | None)
         )
 
 
-def words(listening: Listening, facts: SimpleFacts, text: str | None) -> str:
+def words(listening: NodeListener, facts: SimpleFacts, text: str | None) -> str:
     """Return who it is, as far as it is known."""
     if facts.version is not None:
         serial = "" if facts.serial is None else f", serial number ends in {facts.serial:08X}h"
@@ -108,10 +108,10 @@ def words(listening: Listening, facts: SimpleFacts, text: str | None) -> str:
     return f"it answers no endpoint, so its heartbeats alone tell: {layouts}{asked}"
 
 
-def _layout(firmware: Firmware) -> Layout:
+def _layout(firmware: Firmware) -> HeartbeatLayout:
     if firmware < _COUNTS:
-        return Layout.FIRST
-    return Layout.COUNTED if firmware < _NEWEST else Layout.NEWEST
+        return HeartbeatLayout.FIRST
+    return HeartbeatLayout.COUNTED if firmware < _NEWEST else HeartbeatLayout.NEWEST
 
 
 def _told(message: str, node: int, observed: str, remedy: str) -> BootError:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from axisbus.boot.can_simple import identity
-from axisbus.boot.can_simple.discovery import Line, Listening
+from axisbus.boot.can_simple.discovery import BootChannel, NodeListener
 from axisbus.boot.can_simple.stop_report import ladder, watchdog_of
 from axisbus.boot.failure import at_step
 from axisbus.boot.report import AxisReport, NodeReport
@@ -19,7 +19,7 @@ from axisbus.cell.scale_proposal import ScaleReport
 from axisbus.cia402 import modes
 from axisbus.cia402 import objects as o
 from axisbus.drives.gim6010 import faults
-from axisbus.drives.gim6010.can_simple.port.objects import Objects
+from axisbus.drives.gim6010.can_simple.port.objects import ModuleObjects
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.can_simple.port.synthetic_eds import MAKE
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
@@ -53,8 +53,8 @@ class ModuleBoot:
         self,
         cell: CellConfig,
         settings: ModuleSettings,
-        objects: Objects,
-        channel: Line,
+        objects: ModuleObjects,
+        channel: BootChannel,
         find_time: float,
         *,
         clock: Callable[[], float] = time.monotonic,
@@ -71,7 +71,7 @@ class ModuleBoot:
         self._channel = channel
         self._find_time = find_time
         self._report = NodeReport(settings.node)
-        self._listening = Listening(channel, settings.node, clock, sleep, settings.fresh)
+        self._listening = NodeListener(channel, settings.node, clock, sleep, settings.fresh)
         self._facts = SimpleFacts()
         self._armed = Armed()
         self._parameters: dict[str, AxisParameters] = {}
@@ -97,7 +97,7 @@ class ModuleBoot:
             health = (
                 self._channel.health() or f"nothing is wrong with the channel {self._channel.name} itself"
             )
-            raise identity.nobody(listening, self._find_time, health)
+            raise identity.no_answer_error(listening, self._find_time, health)
         listening.wait(_BEATS)
         listening.wait(_SELDOM, lambda: len(listening.stamps) > 1)
         identity.require_one(listening, self._settings.heartbeat)

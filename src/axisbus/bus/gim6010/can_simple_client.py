@@ -14,7 +14,7 @@ from axisbus.bus.link.channel import Channel, Receiver, require_other_thread
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, Heartbeats
 from axisbus.drives.gim6010.can_simple.identifier import can_id
-from axisbus.drives.gim6010.discovery.duplicate_node_ids import voices
+from axisbus.drives.gim6010.discovery.duplicate_node_ids import count_senders
 from axisbus.errors import NodeError
 
 LISTEN = 1.1  # s before the first request: heartbeats of 100 ms, and those of a second module of this ID
@@ -66,7 +66,7 @@ class SimpleLine:
         require_other_thread(self.channel, "listening to a module")
         time.sleep(seconds)
         self.channel.check()
-        if voices(list(self._stamps)) > 1:
+        if count_senders(list(self._stamps)) > 1:
             raise several(self.node)
         self._expected = self.beats
 

@@ -82,18 +82,18 @@ class CanSimpleParameters:
         return self._list.listed
 
     def endpoint(self, path: str) -> Endpoint:
-        """Return what its firmware says of a parameter; see ``Parameters.endpoint``."""
+        """Return what its firmware says of a parameter; see ``ModuleParameters.endpoint``."""
         return self._list.endpoint(path)
 
     def read(self, path: str) -> Value:
-        """Return a parameter's value in RAM; see ``Parameters.read``. Blocks for at most 0.2 s."""
+        """Return a parameter's value in RAM; see ``ModuleParameters.read``. Blocks for at most 0.2 s."""
         endpoint = self._list.endpoint(path)
         frame = endpoint_messages.read(self.line.node, self._list, path)
         self.line.require_there()
         return endpoint_messages.value(endpoint, self._ask(frame, endpoint.id, endpoint.path).data)
 
     def write(self, path: str, value: Value, *, by_name: bool = False) -> Value:
-        """Write a parameter into RAM and return what it holds then; see ``Parameters.write``."""
+        """Write a parameter into RAM and return what it holds then; see ``ModuleParameters.write``."""
         endpoint = self._list.endpoint(path)
         rules.require_setting(endpoint, by_name=by_name)
         frame = endpoint_messages.write(self.line.node, self._list, path, value, by_name=by_name)
@@ -147,7 +147,7 @@ class CanSimpleParameters:
         return 0 if last is None else last.axis_error
 
     def clear_errors(self) -> None:
-        """Clear its errors by the message for it; see ``Parameters.clear_errors``."""
+        """Clear its errors by the message for it; see ``ModuleParameters.clear_errors``."""
         ModuleByMessage(self.line).clear()
 
     def require_idle(self) -> None:

@@ -7,7 +7,7 @@ from typing import Protocol
 _LENGTH = 8  # bytes that a remote frame asks for
 
 
-class Request(Protocol):
+class RequestFrame(Protocol):
     """A frame to be sent: 11 bits, its data, or a ``remote`` one without."""
 
     @property
@@ -33,7 +33,7 @@ class Sends(Protocol):
         """Send a remote frame."""
 
 
-def send(channel: Sends, request: Request) -> None:
+def send(channel: Sends, request: RequestFrame) -> None:
     """Send it; raises as ``Channel.send``."""
     if request.remote:
         channel.send_remote(request.can_id, _LENGTH)

@@ -6,34 +6,34 @@ import time
 from collections import deque
 from typing import Protocol
 
-from axisbus.bus.gim6010.request import Request, send
+from axisbus.bus.gim6010.request import RequestFrame, send
 from axisbus.bus.link.channel import Channel, require_other_thread
-from axisbus.bus.link.errorframe import Condition
-from axisbus.cia301.frame import Frame
+from axisbus.bus.link.errorframe import CanErrorState
+from axisbus.cia301.frame import CanFrame
 from axisbus.errors import AdapterError
 
 _TICK = 0.001  # s between two looks
 _NO_ACKNOWLEDGE = "no acknowledge"  # as ``errorframe`` describes it
 
 
-class Dialogue(Protocol):
+class ModuleProcedure(Protocol):
     """What decides; times are those of ``time.monotonic()``, in s."""
 
     @property
     def done(self) -> bool:
         """Whether it has ended."""
 
-    def note(self, frame: Frame) -> None:
+    def note(self, frame: CanFrame) -> None:
         """Take a frame that was heard, in the order of time."""
 
     def trouble(self, words: str) -> None:
         """Hear that a request was not acknowledged, or not sent."""
 
-    def step(self, now: float) -> Request | None:
+    def step(self, now: float) -> RequestFrame | None:
         """Let time pass, and return what is to be sent now."""
 
 
-def run(channel: Channel, dialogue: Dialogue) -> None:
+def run(channel: Channel, dialogue: ModuleProcedure) -> None:
     """Run a dialogue to its end; blocks so long.
 
     Raises:
@@ -41,7 +41,7 @@ def run(channel: Channel, dialogue: Dialogue) -> None:
         StateError: called in the receive thread.
     """
     require_other_thread(channel, "a dialogue with modules")
-    heard: deque[Frame] = deque()
+    heard: deque[CanFrame] = deque()
     watch = _Watch(channel)
     with channel.overheard(heard.append):
         while not dialogue.done:
@@ -60,7 +60,7 @@ def run(channel: Channel, dialogue: Dialogue) -> None:
         channel.check()
 
 
-def _send(channel: Channel, dialogue: Dialogue, request: Request) -> None:
+def _send(channel: Channel, dialogue: ModuleProcedure, request: RequestFrame) -> None:
     try:
         send(channel, request)
     except AdapterError as error:
@@ -82,7 +82,7 @@ class _Watch:
         channel = self._channel
         if channel.failure is not None or channel.off is not None:
             return (channel.failure or channel.off or AdapterError("")).message
-        if channel.controller.condition is not Condition.ACTIVE:
+        if channel.controller.condition is not CanErrorState.ACTIVE:
             return f"the CAN controller is {channel.controller.condition.value}"
         new = channel.counters.error_frames - self._before
         errors = list(channel.counters.errors)[-new:] if new else []

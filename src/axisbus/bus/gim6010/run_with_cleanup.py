@@ -15,10 +15,10 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Protocol
 
-from axisbus.bus.gim6010.request import Request, send
+from axisbus.bus.gim6010.request import RequestFrame, send
 from axisbus.bus.gim6010.run import run
 from axisbus.bus.link.channel import Channel
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.errors import AxisbusError
 
 Tell = Callable[[str], None]
@@ -36,16 +36,16 @@ class Interruptible(Protocol):
         """As of ``Dialogue``."""
 
     @property
-    def parting(self) -> Sequence[Request]:
+    def parting(self) -> Sequence[RequestFrame]:
         """What takes the power away, where it cannot go on itself."""
 
-    def note(self, frame: Frame) -> None:
+    def note(self, frame: CanFrame) -> None:
         """As of ``Dialogue``."""
 
     def trouble(self, words: str) -> None:
         """As of ``Dialogue``."""
 
-    def step(self, now: float) -> Request | None:
+    def step(self, now: float) -> RequestFrame | None:
         """As of ``Dialogue``."""
 
     def interrupt(self, why: str) -> None:
@@ -63,7 +63,7 @@ class _Told:
     def done(self) -> bool:
         return self._dialogue.done and not self._dialogue.news
 
-    def step(self, now: float) -> Request | None:
+    def step(self, now: float) -> RequestFrame | None:
         request = None if self._dialogue.done else self._dialogue.step(now)
         if request is None and self._dialogue.news:
             self._tell(self._dialogue.news.popleft())

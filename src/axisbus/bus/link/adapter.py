@@ -46,7 +46,7 @@ def open_adapter(
     channel: str | int | None,
     bitrate: int | None,
     options: Mapping[str, object],
-    link: Callable[[str], socketcan.Link | None] = socketcan.link,
+    link: Callable[[str], socketcan.CanInterface | None] = socketcan.link,
 ) -> can.BusABC:
     """Open the adapter; may block as long as its driver does (a second or so).
 
@@ -92,7 +92,7 @@ def check_interface(interface: str) -> None:
     )
 
 
-def check_link(name: str, bitrate: int | None, ask: Callable[[str], socketcan.Link | None]) -> None:
+def check_link(name: str, bitrate: int | None, ask: Callable[[str], socketcan.CanInterface | None]) -> None:
     """Check that the SocketCAN link exists, is up, and runs at ``bitrate`` (None: at whatever it is set to).
 
     Raises:

@@ -23,7 +23,7 @@ from axisbus.bus.link.channel import Channel
 from axisbus.bus.lss import LssMaster
 from axisbus.bus.node import discover
 from axisbus.cia305.services import LssAddress
-from axisbus.errors import AdapterError, LssError, in_a_line
+from axisbus.errors import AdapterError, LssError, one_line
 
 ANSWER_TIME = 5.0  # seconds that a slave may take to answer at the new rate; some restart for it
 _PAUSE = 0.2
@@ -128,7 +128,7 @@ def _half_changed(opening: Opening, bitrate: int, error: AdapterError) -> Adapte
     return AdapterError(
         f"the slaves were changed over to {bitrate} bit/s, but the adapter {opening.interface}:{opening.channel} cannot be used "
         "at it",
-        observed=in_a_line(error),
+        observed=one_line(error),
         remedy=f"mend that and open the bus at {bitrate} bit/s (axisbus scan): at the old rate this computer would destroy the "
         "frames of those that have changed over; those that have not come back by switching them off and on, unless it was stored",
     )

@@ -11,7 +11,7 @@ from axisbus.cia301.nmt import NmtState
 _SLICE = 0.05  # s between two looks at what came
 
 
-def signs_of_operation(channel: Channel, listen: float) -> list[str]:
+def bus_activity(channel: Channel, listen: float) -> list[str]:
     """Listen for ``listen`` s and return in words what shows that a machine is running: SYNC, PDOs, operational nodes.
 
     Raises:

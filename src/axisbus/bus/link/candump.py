@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from datetime import datetime
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 
 _ERROR_FLAG = 0x2000_0000  # CAN_ERR_FLAG of linux/can.h, in the identifier of an error frame
 _MASK = 0x1FFF_FFFF
@@ -24,7 +24,7 @@ _SCREEN = re.compile(
 )
 
 
-def parse(line: str) -> Frame | None:
+def parse(line: str) -> CanFrame | None:
     """Return the frame of a line, None where the line is none that ``candump`` writes for a classic CAN frame.
 
     Without a time stamp the time is 0; a relative one (-t d, -t z) is taken as it stands.
@@ -36,7 +36,7 @@ def parse(line: str) -> Frame | None:
     return None if found is None else _of_screen(found)
 
 
-def _of_screen(found: re.Match[str]) -> Frame | None:
+def _of_screen(found: re.Match[str]) -> CanFrame | None:
     data, count = found["data"].strip(), int(found["count"])
     digits = "R" if data == "remote request" else "".join(data.split())
     if data == "ERRORFRAME":
@@ -57,7 +57,7 @@ def _time(text: str | None) -> float:
         return 0.0
 
 
-def _frame(found: re.Match[str], digits: str, error: bool = False) -> Frame | None:
+def _frame(found: re.Match[str], digits: str, error: bool = False) -> CanFrame | None:
     identifier, time = found["id"], _time(found["time"])
     number = int(identifier, 16)
     remote = digits[:1] == "R"
@@ -67,6 +67,6 @@ def _frame(found: re.Match[str], digits: str, error: bool = False) -> Frame | No
         return None
     data = b"" if remote else bytes.fromhex(digits)
     error = error or bool(number & _ERROR_FLAG and len(identifier) == 8)
-    return Frame(
+    return CanFrame(
         time, number & _MASK, data, len(identifier) == 8 and not error, remote, error, found["channel"]
     )

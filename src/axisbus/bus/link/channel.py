@@ -39,23 +39,23 @@ from typing import TypeVar
 import can
 
 from axisbus.bus.link import adapter, errorframe, failures
-from axisbus.bus.link.controller import Controller, ControllerEvent
-from axisbus.bus.link.errorframe import Condition
+from axisbus.bus.link.controller import CanController, ControllerEvent
+from axisbus.bus.link.errorframe import CanErrorState
 from axisbus.bus.link.fork_guard import disown_in_children
 from axisbus.bus.link.frame_files import of_message
-from axisbus.bus.link.network import Network
+from axisbus.bus.link.network import CanopenNetwork
 from axisbus.bus.link.raw.cyclic import CyclicSocket, cyclic_socket
 from axisbus.bus.link.raw.receiver import intake_of
 from axisbus.bus.link.raw.transmitter import line_of
 from axisbus.cia301 import cob
-from axisbus.cia301.dropped_frames import Drops, Fault
-from axisbus.cia301.frame import Carried, Frame
+from axisbus.cia301.dropped_frames import DropReason, Drops
+from axisbus.cia301.frame import BusTraffic, CanFrame
 from axisbus.cia301.sdo_counts import SdoCounts
 from axisbus.cia301.sync import SyncTimes
 from axisbus.errors import AdapterError, BusError, BusOff, StateError, TransmitQueueFull
 
 Receiver = Callable[[bytes, float], None]
-Ear = Callable[[Frame], None]
+Ear = Callable[[CanFrame], None]
 _T = TypeVar("_T", bytes, int)  # a frame's data, or what a remote frame asks for
 
 RECEIVE_SLICE = 0.05  # seconds; the longest that close() waits for the receive thread
@@ -122,7 +122,7 @@ class Channel:
         self._cyclic_ids: frozenset[int] = frozenset()
         self._socketcan = name.startswith("socketcan:")
         self._linux_classes = name.partition(":")[0] in errorframe.LINUX_CLASSES
-        self.controller = Controller(name)
+        self.controller = CanController(name)
         self.last_off: BusOff | None = None
         self.offs = 0
         # Why nothing is sent now: the controller is bus-off, or takes no frames of the scan.
@@ -132,7 +132,7 @@ class Channel:
         self._state_lock = threading.Lock()
         self._closing = False
         self._inherited = False  # by a forked child
-        self.network = Network(self)
+        self.network = CanopenNetwork(self)
         # Of simulated drives: whether they have not yet taken what they were sent.
         self.behind: Callable[[], bool] | None = None
         self._thread = threading.Thread(target=self._receive, name=f"axisbus receive {name}", daemon=True)
@@ -164,10 +164,10 @@ class Channel:
         return self._failure
 
     @property
-    def carried(self) -> Carried:
+    def carried(self) -> BusTraffic:
         """What it has sent and received so far; of frames that come and go at the same time one may be missing."""
         counters = self.counters
-        return Carried(time.monotonic(), counters.sent + counters.received, counters.octets)
+        return BusTraffic(time.monotonic(), counters.sent + counters.received, counters.octets)
 
     @property
     def in_receive_thread(self) -> bool:
@@ -234,7 +234,7 @@ class Channel:
             counters.octets += sum([len(data) for _, data, _ in taken])
             for can_id, data, stamp in taken:
                 if self._ears or self._taps:
-                    self._tell_ears(Frame(stamp, can_id, data))
+                    self._tell_ears(CanFrame(stamp, can_id, data))
                 for receiver in receivers.get(can_id, ()):
                     try:
                         receiver(data, stamp)
@@ -354,7 +354,7 @@ class Channel:
     def health(self) -> str:
         """Say what the wire looks like in one line, for the text of an error that something did not answer; may be empty."""
         counters, condition = self.counters, self.controller.condition
-        now = "" if condition is Condition.ACTIVE else f"the CAN controller is {condition.value}"
+        now = "" if condition is CanErrorState.ACTIVE else f"the CAN controller is {condition.value}"
         if not counters.error_frames:
             return now
         last = counters.errors[-1] if counters.errors else ""
@@ -408,7 +408,7 @@ class Channel:
         """Tell of a frame that was sent; a number: a remote one."""
         data = what if isinstance(what, bytes) else b""
         extended, remote = can_id > cob.ID_MASK_11, data is not what
-        self._tell_all(self._taps, Frame(time.monotonic(), can_id, data, extended, remote))
+        self._tell_all(self._taps, CanFrame(time.monotonic(), can_id, data, extended, remote))
 
     def _insist(
         self, give: Callable[[int, _T], None], can_id: int, what: _T, patience: float, error: Exception | None
@@ -527,7 +527,7 @@ class Channel:
     def _take(self, can_id: int, data: bytes, came: float, stamp: float) -> None:
         """A data frame with 11 bits of identifier; ``came``: the adapter's own time."""
         if self._ears or self._taps:
-            self._tell_ears(Frame(stamp, can_id, data))
+            self._tell_ears(CanFrame(stamp, can_id, data))
         self._hear(can_id, data, came, stamp)
 
     def _hear(self, can_id: int, data: bytes, came: float, stamp: float) -> None:
@@ -551,10 +551,10 @@ class Channel:
     def _overhear(self, message: can.Message, stamp: float) -> None:
         self._tell_ears(of_message(message)._replace(time=stamp))
 
-    def _tell_ears(self, frame: Frame) -> None:
+    def _tell_ears(self, frame: CanFrame) -> None:
         self._tell_all((*self._ears, *self._taps), frame)
 
-    def _tell_all(self, ears: tuple[Ear, ...], frame: Frame) -> None:
+    def _tell_all(self, ears: tuple[Ear, ...], frame: CanFrame) -> None:
         for ear in ears:
             try:
                 ear(frame)
@@ -580,11 +580,11 @@ class Channel:
         """Stop sending at a bus-off, and let it begin again after a restart."""
         if event is None:
             return
-        if (event.condition is Condition.OFF or event.restarted) and not isinstance(self.off, BusOff):
+        if (event.condition is CanErrorState.OFF or event.restarted) and not isinstance(self.off, BusOff):
             self.off = self.last_off = failures.bus_off(self.name, event.counters)
             self.offs += 1
             self._tell(self.off)
-        if event.condition is not Condition.OFF and isinstance(self.off, BusOff):
+        if event.condition is not CanErrorState.OFF and isinstance(self.off, BusOff):
             self.off = None
 
     def fail(self, error: BusError) -> None:
@@ -616,12 +616,12 @@ def require_other_thread(channel: Channel, what: str) -> None:
         )
 
 
-def _unfit(message: can.Message) -> Fault | None:
+def _unfit(message: can.Message) -> DropReason | None:
     """Why a frame is none of CANopen's data frames, whatever its identifier; None where it is one."""
     if message.is_remote_frame:
-        return Fault.REMOTE
+        return DropReason.REMOTE
     if message.is_fd or len(message.data) > _DATA:
-        return Fault.FD
+        return DropReason.FD
     if message.is_extended_id and message.arbitration_id <= cob.ID_MASK_11:
-        return Fault.EXTENDED
+        return DropReason.EXTENDED
     return None

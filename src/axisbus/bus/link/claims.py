@@ -42,14 +42,14 @@ _REMOTE = 0xC0000000  # an extended remote frame, which CANopen does not have
 
 
 @dataclass(frozen=True, slots=True)
-class CellKeys:
+class CellFileId:
     """What names a cell file: its real path (a digest), and its device and inode; a rename or a new text changes one of them."""
 
     path: str
     inode: str
 
     @classmethod
-    def of(cls, file: str | Path | None) -> CellKeys:
+    def of(cls, file: str | Path | None) -> CellFileId:
         """Return the keys of a cell file; of None, keys that match no claim."""
         if file is None:
             return cls(_NONE, _NONE)
@@ -59,13 +59,13 @@ class CellKeys:
             inode = f"{found.st_dev:x}.{found.st_ino:x}"
         return cls(digest(real), inode)
 
-    def match(self, other: CellKeys) -> bool:
+    def match(self, other: CellFileId) -> bool:
         """Whether both may be of one file."""
         return _NONE != self.path == other.path or _NONE != self.inode == other.inode
 
 
 @dataclass(frozen=True, slots=True)
-class Claim:
+class ChannelClaim:
     """A claim that is there. ``exclusive``: its channel is to be its holder's alone; ``door``: programs can come in by its socket.
 
     ``process``, ``user`` and ``group`` are those that began to listen, or ``NOBODY`` where the kernel does not say.
@@ -75,14 +75,14 @@ class Claim:
     exclusive: bool
     door: bool
     channel: str
-    cell: CellKeys
+    cell: CellFileId
     token: str
     process: int
     user: int
     group: int
 
 
-class Held:
+class HeldClaim:
     """A claim of this process; holds its socket and its mark until it is closed. The descriptors may be inherited."""
 
     def __init__(self, name: str, link: str | None) -> None:
@@ -126,26 +126,26 @@ def digest(text: str) -> str:
 
 
 def claim(
-    channel: str | None, cell: CellKeys, *, exclusive: bool, door: bool, link: str | None = None
-) -> Held:
+    channel: str | None, cell: CellFileId, *, exclusive: bool, door: bool, link: str | None = None
+) -> HeldClaim:
     """Make a claim on a channel (by its key), a cell file, or both; ``link``: the SocketCAN link that is to be marked."""
     token = f"{time.clock_gettime_ns(time.CLOCK_BOOTTIME):016x}{secrets.token_hex(4)}"
     kind = ("x" if exclusive else "s") + ("d" if door else "n")
     key = _NONE if channel is None else digest(channel)
-    return Held(f"\0axisbus {kind} {key} {cell.path} {cell.inode} {token}", link)
+    return HeldClaim(f"\0axisbus {kind} {key} {cell.path} {cell.inode} {token}", link)
 
 
-def claims(*, channel: str | None = None, cell: CellKeys | None = None) -> list[Claim]:
+def claims(*, channel: str | None = None, cell: CellFileId | None = None) -> list[ChannelClaim]:
     """Return the claims on a channel (by its key) or on a cell file, the oldest first."""
     key = None if channel is None else digest(channel)
     found = []
     for name, inode in _listening():
         exclusive, door, claimed, path, file, token = re.fullmatch(_NAME, name[1:]).groups()  # type: ignore[union-attr]
-        keys = CellKeys(path, file)
+        keys = CellFileId(path, file)
         if claimed == key or (cell is not None and cell.match(keys)):
             holder = _holder(name, inode)
             if holder is not None:
-                found.append(Claim(name, exclusive == "x", door == "d", claimed, keys, token, *holder))
+                found.append(ChannelClaim(name, exclusive == "x", door == "d", claimed, keys, token, *holder))
     return sorted(found, key=lambda each: each.token)
 
 

@@ -16,7 +16,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from axisbus.bus.link import errorframe
-from axisbus.bus.link.errorframe import Condition, ErrorCounters
+from axisbus.bus.link.errorframe import CanErrorState, ErrorCounters
 
 HISTORY = 64
 
@@ -27,7 +27,7 @@ class ControllerEvent:
 
     stamp: float
     channel: str
-    condition: Condition
+    condition: CanErrorState
     counters: ErrorCounters | None = None
     restarted: bool = False
 
@@ -40,7 +40,7 @@ class ControllerEvent:
         )
 
 
-class Controller:
+class CanController:
     """Follows one controller; holds state: its condition, the newest error counters, and the last 64 events.
 
     Belongs to the receive thread; others may read.
@@ -48,7 +48,7 @@ class Controller:
 
     def __init__(self, channel: str) -> None:
         """``channel``: its name, for the events."""
-        self.condition = Condition.ACTIVE
+        self.condition = CanErrorState.ACTIVE
         self.counters: ErrorCounters | None = None
         self.events: deque[ControllerEvent] = deque(maxlen=HISTORY)
         self._channel = channel
@@ -68,16 +68,16 @@ class Controller:
 
     def state(self, off: bool, stamp: float) -> ControllerEvent | None:
         """Take what the driver's own state says: bus-off or not; return the event where it is a change."""
-        if off and self.condition is not Condition.OFF:
+        if off and self.condition is not CanErrorState.OFF:
             self._off_by_state = True
-            return self._change(Condition.OFF, stamp)
+            return self._change(CanErrorState.OFF, stamp)
         if not off and self._off_by_state:
             self._off_by_state = False
-            return self._change(Condition.ACTIVE, stamp)
+            return self._change(CanErrorState.ACTIVE, stamp)
         return None
 
-    def _change(self, told: Condition, stamp: float, restart: bool = False) -> ControllerEvent:
-        restarted = restart or self.condition is Condition.OFF
+    def _change(self, told: CanErrorState, stamp: float, restart: bool = False) -> ControllerEvent:
+        restarted = restart or self.condition is CanErrorState.OFF
         if restarted:
             self.counters = None  # a restart clears them
         self.condition = told

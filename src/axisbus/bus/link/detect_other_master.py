@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterable
 
 from axisbus.bus.link.channel import Channel, require_other_thread
-from axisbus.cia301.master_detection import Cast, Heard, Sign, Signs, words
+from axisbus.cia301.master_detection import ExpectedMasters, MasterDetector, MasterEvidence, Sign, words
 from axisbus.errors import SecondMasterError
 
 # What a sign may be instead of another master, and what to do then.
@@ -17,7 +17,7 @@ _DEVICES = {
 _LINE = "\n            "  # under the text of ``observed``
 
 
-def require_alone(channel: Channel, cast: Cast, seconds: float) -> None:
+def require_alone(channel: Channel, cast: ExpectedMasters, seconds: float) -> None:
     """Listen for ``seconds`` and send nothing; blocks so long.
 
     Raises:
@@ -26,7 +26,7 @@ def require_alone(channel: Channel, cast: Cast, seconds: float) -> None:
         StateError: called in the receive thread.
     """
     require_other_thread(channel, "listening to the bus")
-    signs = Signs(cast)
+    signs = MasterDetector(cast)
     begin = time.monotonic()
     with channel.overheard(signs.note):
         time.sleep(seconds)
@@ -35,7 +35,7 @@ def require_alone(channel: Channel, cast: Cast, seconds: float) -> None:
         raise refusal(channel.name, signs.heard, begin, seconds)
 
 
-def refusal(name: str, heard: Iterable[Heard], begin: float, seconds: float) -> SecondMasterError:
+def refusal(name: str, heard: Iterable[MasterEvidence], begin: float, seconds: float) -> SecondMasterError:
     """Return the error of a bus where ``heard`` came in the ``seconds`` after ``begin``."""
     found = list(heard)
     first = min(one.first for one in found) - begin

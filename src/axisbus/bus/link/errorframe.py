@@ -39,7 +39,7 @@ _CONTROLLER_BITS = (
 )
 
 
-class Condition(Enum):
+class CanErrorState(Enum):
     """What a controller may be in by its error counters (ISO 11898-1; a warning is error active with a counter from 96 on)."""
 
     ACTIVE = "error active"
@@ -50,9 +50,9 @@ class Condition(Enum):
 
 # Bits of data byte 1, the worst first: a frame may hold several.
 _CONDITIONS = (
-    (0x30, Condition.PASSIVE),
-    (0x0C, Condition.WARNING),
-    (0x40, Condition.ACTIVE),
+    (0x30, CanErrorState.PASSIVE),
+    (0x0C, CanErrorState.WARNING),
+    (0x40, CanErrorState.ACTIVE),
 )
 
 
@@ -66,15 +66,15 @@ class ErrorCounters(NamedTuple):
         return f"transmit errors {self.transmit}, receive errors {self.receive}"
 
 
-def condition(error_class: int, data: bytes) -> Condition | None:
+def condition(error_class: int, data: bytes) -> CanErrorState | None:
     """Return what the frame says that the controller is in now; None where it speaks of something else."""
     if error_class & _BUS_OFF:
-        return Condition.OFF
+        return CanErrorState.OFF
     if error_class & _CONTROLLER and len(data) > _STATUS:
         found = next((worst for bits, worst in _CONDITIONS if data[_STATUS] & bits), None)
         if found is not None:
             return found
-    return Condition.ACTIVE if error_class & _RESTARTED else None
+    return CanErrorState.ACTIVE if error_class & _RESTARTED else None
 
 
 def is_restart(error_class: int) -> bool:

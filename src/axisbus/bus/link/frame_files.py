@@ -13,7 +13,7 @@ from typing import Any, BinaryIO, TextIO, cast
 import can
 
 from axisbus.bus.link import candump
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.errors import UserError
 from axisbus.wording import counted
 
@@ -32,7 +32,7 @@ _COUNTED_FROM_0 = frozenset({".asc", ".blf"})
 
 
 @dataclass(slots=True)
-class Skipped:
+class SkippedLines:
     """The lines that a reader could not use, and the buses that it saw; holds state: counts while reading goes on.
 
     ``channels``: frames by the name of their bus; ``times_back``: frames with an earlier time than the frame before on their bus.
@@ -69,7 +69,7 @@ class Skipped:
         self.first = self.first or f"{number}: {line.strip()[:_SHOWN]}"
 
 
-def read(path: Path, skipped: Skipped, channel: str | None = None) -> Iterator[Frame]:
+def read(path: Path, skipped: SkippedLines, channel: str | None = None) -> Iterator[CanFrame]:
     """Return the frames of a recording; lines that are no frames are counted in ``skipped``. Each blocks as its file does.
 
     ``channel``: of this bus alone, as the file names it.
@@ -83,8 +83,8 @@ def read(path: Path, skipped: Skipped, channel: str | None = None) -> Iterator[F
 
 
 def of_channel(
-    frames: Iterable[Frame], skipped: Skipped, channel: str | None, source: str
-) -> Iterator[Frame]:
+    frames: Iterable[CanFrame], skipped: SkippedLines, channel: str | None, source: str
+) -> Iterator[CanFrame]:
     """Yield the frames of one bus, of all if ``channel`` is None; counts those of each.
 
     Raises:
@@ -125,7 +125,7 @@ def require(path: Path) -> None:
     raise UserError(f"there is no recording {path}", remedy=remedy)
 
 
-def _frames(path: Path, skipped: Skipped) -> Iterator[Frame]:
+def _frames(path: Path, skipped: SkippedLines) -> Iterator[CanFrame]:
     yield from _text(path, skipped) if path.suffix.lower() in _TEXT else _by_library(path, skipped)
     if not skipped.frames:
         seen = f"the first line is {skipped.first!r}" if skipped.first else "it is empty"
@@ -136,7 +136,7 @@ def _frames(path: Path, skipped: Skipped) -> Iterator[Frame]:
         )
 
 
-def lines(source: Iterable[str], skipped: Skipped) -> Iterator[Frame]:
+def lines(source: Iterable[str], skipped: SkippedLines) -> Iterator[CanFrame]:
     """Yield the frames of candump's output, as it comes; other lines are counted in ``skipped``."""
     for number, line in enumerate(source, start=1):
         frame = candump.parse(line)
@@ -147,10 +147,10 @@ def lines(source: Iterable[str], skipped: Skipped) -> Iterator[Frame]:
             skipped.note(number, line)
 
 
-def of_message(message: can.Message, first_channel: int = 0) -> Frame:
+def of_message(message: can.Message, first_channel: int = 0) -> CanFrame:
     """Return python-can's message as a frame; ``first_channel``: the number of its channel 0."""
     channel = message.channel
-    return Frame(
+    return CanFrame(
         message.timestamp if math.isfinite(message.timestamp) else 0.0,
         message.arbitration_id,
         b"" if message.is_remote_frame else bytes(message.data),
@@ -161,7 +161,7 @@ def of_message(message: can.Message, first_channel: int = 0) -> Frame:
     )
 
 
-def _text(path: Path, skipped: Skipped) -> Iterator[Frame]:
+def _text(path: Path, skipped: SkippedLines) -> Iterator[CanFrame]:
     try:
         with path.open(encoding="utf-8", errors="replace") as file:
             yield from lines(file, skipped)
@@ -169,7 +169,7 @@ def _text(path: Path, skipped: Skipped) -> Iterator[Frame]:
         raise UserError(f"{path} cannot be read", observed=str(error)) from error
 
 
-def _by_library(path: Path, skipped: Skipped) -> Iterator[Frame]:
+def _by_library(path: Path, skipped: SkippedLines) -> Iterator[CanFrame]:
     try:
         with ExitStack() as stack:
             first_channel = int(path.suffix.lower() in _COUNTED_FROM_0)
@@ -182,7 +182,7 @@ def _by_library(path: Path, skipped: Skipped) -> Iterator[Frame]:
         raise _unreadable(path, error, skipped) from error
 
 
-def _reader(stack: ExitStack, path: Path, skipped: Skipped) -> Iterable[can.Message]:
+def _reader(stack: ExitStack, path: Path, skipped: SkippedLines) -> Iterable[can.Message]:
     kind = path.suffix.lower()
     if kind == ".blf":  # its reader leaves a file open that it cannot read
         return can.BLFReader(
@@ -218,7 +218,9 @@ class _Lines:
     Its reader of ASC drops the line that ends the head: with ``headed`` that is an empty one, and not the first frame.
     """
 
-    def __init__(self, file: TextIO, no_event: re.Pattern[str], skipped: Skipped, *, headed: bool) -> None:
+    def __init__(
+        self, file: TextIO, no_event: re.Pattern[str], skipped: SkippedLines, *, headed: bool
+    ) -> None:
         self._lines = self._taken(file, headed)
         self._no_event = no_event
         self._skipped = skipped
@@ -261,7 +263,7 @@ class _Lines:
         """Whoever has opened the file closes it."""
 
 
-def _unreadable(path: Path, error: Exception, skipped: Skipped) -> UserError:
+def _unreadable(path: Path, error: Exception, skipped: SkippedLines) -> UserError:
     if isinstance(error, ValueError) and "unknown" in str(error).lower() and not skipped.frames:
         known = ", ".join(sorted(can.io.player.MESSAGE_READERS))
         return UserError(

@@ -14,7 +14,7 @@ from typing import Generic, TypeVar
 T = TypeVar("T")
 
 
-class Inbox(Generic[T]):
+class UnboundedQueue(Generic[T]):
     """First in, first out, without a bound; holds state: what nobody has taken yet. May be used from any thread."""
 
     __slots__ = ("_arrived", "_items")

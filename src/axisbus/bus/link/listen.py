@@ -10,7 +10,7 @@ import can
 
 from axisbus.bus.link import adapter, errorframe, failures, socketcan
 from axisbus.bus.link.frame_files import of_message
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 
 _SLICE = 0.1  # seconds; the longest that a stop is noticed late
 
@@ -23,7 +23,7 @@ class Listener:
         self._name = name
         self._linux_classes = name.partition(":")[0] in errorframe.LINUX_CLASSES
 
-    def frames(self, seconds: float | None = None) -> Iterator[Frame]:
+    def frames(self, seconds: float | None = None) -> Iterator[CanFrame]:
         """Yield frames as they come, for ``seconds`` (None: for ever); blocks between them.
 
         Raises:
@@ -38,7 +38,7 @@ class Listener:
             if message is not None:
                 yield self._frame(message)
 
-    def _frame(self, message: can.Message) -> Frame:
+    def _frame(self, message: can.Message) -> CanFrame:
         """Return it as a frame; of an error frame only what is known to mean what it means to Linux."""
         frame = of_message(message)
         return frame._replace(can_id=0, data=b"") if frame.error and not self._linux_classes else frame

@@ -8,13 +8,13 @@ from collections.abc import Mapping
 
 import can
 
-from axisbus.bus.link.frame_queue import Inbox
+from axisbus.bus.link.frame_queue import UnboundedQueue
 from axisbus.drives.gim6010.can_simple.endpoints import EndpointList
 from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
 from axisbus.drives.gim6010.modbus.can_emulation.bus import Relay
 from axisbus.drives.gim6010.modbus.registers import FACTORY_RATE
 from axisbus.drives.gim6010.modbus.serial_wire import Parity, SerialWire
-from axisbus.errors import AdapterError, AxisbusError, in_a_line
+from axisbus.errors import AdapterError, AxisbusError, one_line
 
 _PARTING = 1.5  # s that what stops may take to get out when the line is closed
 _IDLE = 0.01  # s
@@ -45,7 +45,7 @@ class RelayedBus(can.BusABC):
             raise ValueError(f"parity {parity!r}: give none, even or odd") from None
         self._wire = SerialWire(channel, rate=bitrate, parity=bits, timeout=_TIMEOUT)
         self._relay = Relay(self._wire, modules or {})
-        self._told: Inbox[can.Message | Exception] = Inbox()
+        self._told: UnboundedQueue[can.Message | Exception] = UnboundedQueue()
         self._gone: Exception | None = None
         self._failed = False
         self._closing = threading.Event()
@@ -60,7 +60,7 @@ class RelayedBus(can.BusABC):
             CanOperationError: the line is gone. After any other failure what stops a module is still carried out.
         """
         if self._gone is not None:
-            raise can.CanOperationError(in_a_line(self._gone))
+            raise can.CanOperationError(one_line(self._gone))
         if not (msg.is_extended_id or msg.is_error_frame):
             self._relay.take(msg.arbitration_id, bytes(msg.data), msg.is_remote_frame)
 
@@ -69,7 +69,7 @@ class RelayedBus(can.BusABC):
         if found is None:
             return None, False
         if isinstance(found, Exception):
-            raise can.CanOperationError(in_a_line(found)) from found
+            raise can.CanOperationError(one_line(found)) from found
         return found, False
 
     def shutdown(self) -> None:

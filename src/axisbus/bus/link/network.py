@@ -8,7 +8,7 @@ import can
 import canopen
 
 
-class Sender(Protocol):
+class NetworkChannel(Protocol):
     """What of a channel the network needs."""
 
     bus: can.BusABC
@@ -23,10 +23,10 @@ class Sender(Protocol):
         """Raise the channel's failure, if it has one."""
 
 
-class Network(canopen.Network):
+class CanopenNetwork(canopen.Network):
     """canopen's network on our channel: its frames go out paced, and come in from our receive thread."""
 
-    def __init__(self, channel: Sender) -> None:
+    def __init__(self, channel: NetworkChannel) -> None:
         super().__init__(channel.bus)
         self._channel = channel
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from axisbus.bus.link import interfaces, listenonly
 from axisbus.bus.link.listen import listen
 from axisbus.cia301 import cob
-from axisbus.cia301.frame import Frame
-from axisbus.drives.gim6010.factory_protocols import Listening, Speaker
+from axisbus.cia301.frame import CanFrame
+from axisbus.drives.gim6010.factory_protocols import ProtocolListener, Speaker
 from axisbus.errors import AdapterError, ArgumentError
 
 RATES = (
@@ -33,7 +33,7 @@ _PROOF = 2  # sound frames; a wrong rate gives none but by chance
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class BitRateTraffic:
     """What was heard at a bit rate (bit/s): sound frames, CANopen nodes by their heartbeats, and who speaks another protocol."""
 
     bitrate: int
@@ -53,7 +53,7 @@ def find(
     tried: int | None,
     options: Mapping[str, object],
     tell: Callable[[int], None] = lambda rate: None,  # noqa: ARG005
-) -> Heard | None:
+) -> BitRateTraffic | None:
     """Listen at each rate of CiA 301 but the one that was tried, and return what was heard first; None where nothing was.
 
     The adapter must be closed. ``tell`` is told each rate before. Blocks some 6 s where nothing is heard.
@@ -81,8 +81,10 @@ def find(
     return None
 
 
-def _at(interface: str, channel: str | int | None, rate: int, options: Mapping[str, object]) -> Heard:
-    listening, nodes = Listening(), set[int]()
+def _at(
+    interface: str, channel: str | int | None, rate: int, options: Mapping[str, object]
+) -> BitRateTraffic:
+    listening, nodes = ProtocolListener(), set[int]()
     with listen(interface, channel, rate, listenonly.forced(interface, options)) as listener:
         for seconds in (SECONDS, _MORE - SECONDS):
             for frame in listener.frames(seconds):
@@ -91,10 +93,10 @@ def _at(interface: str, channel: str | int | None, rate: int, options: Mapping[s
                     nodes.add(frame.can_id & 0x7F)
             if not listening.frames:
                 break
-    return Heard(rate, listening.frames, tuple(sorted(nodes)), tuple(listening.speakers))
+    return BitRateTraffic(rate, listening.frames, tuple(sorted(nodes)), tuple(listening.speakers))
 
 
-def _heartbeat(frame: Frame) -> bool:
+def _heartbeat(frame: CanFrame) -> bool:
     if frame.error or frame.remote or frame.extended or len(frame.data) != 1:
         return False
     return frame.can_id - cob.HEARTBEAT in cob.NODE_IDS

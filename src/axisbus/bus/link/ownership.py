@@ -30,7 +30,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 
-from axisbus.bus.link.claims import CellKeys, Claim, Held, claim, claims, is_marked
+from axisbus.bus.link.claims import CellFileId, ChannelClaim, HeldClaim, claim, claims, is_marked
 from axisbus.bus.link.interfaces import NO_RATE
 from axisbus.errors import SecondMasterError
 
@@ -83,7 +83,7 @@ def take(
     beside: bool = False,
     cell: str | None = None,
     door: bool = False,
-) -> Held | None:
+) -> HeldClaim | None:
     """Take a channel for this process; return what holds it until it is closed.
 
     None where there is nothing to be taken: a channel without an adapter, or a platform without such locks, or ``beside``, where it
@@ -94,7 +94,7 @@ def take(
     """
     if sys.platform != "linux" or kind_of(interface) in NO_RATE:
         return None
-    adapter, keys = Adapter.of(interface, channel), CellKeys.of(cell)
+    adapter, keys = Adapter.of(interface, channel), CellFileId.of(cell)
     for _ in range(_TRIES):
         other = _other(adapter, "")
         if other is not None:
@@ -113,7 +113,7 @@ def take(
 
 def hold(
     interface: str, channel: str | int | None, cell: str, *, beside: bool, door: bool, simulated: bool
-) -> Held | None:
+) -> HeldClaim | None:
     """Take a channel for the machine of a cell, as ``take``; where there is none to be taken, only say that the machine runs.
 
     None on a platform without claims. Raises as ``take``.
@@ -121,10 +121,10 @@ def hold(
     if sys.platform != "linux":
         return None
     lock = None if simulated else take(interface, channel, beside=beside, cell=cell, door=door)
-    return lock or claim(None, CellKeys.of(cell), exclusive=False, door=door)
+    return lock or claim(None, CellFileId.of(cell), exclusive=False, door=door)
 
 
-def holder(interface: str, channel: str | int | None) -> Claim | None:
+def holder(interface: str, channel: str | int | None) -> ChannelClaim | None:
     """Return the claim of the program that has a channel, None where none has it."""
     if sys.platform != "linux" or kind_of(interface) in NO_RATE:
         return None
@@ -136,7 +136,7 @@ def kind_of(interface: str) -> str:
     return _OLD_NAMES.sub("", interface.strip().casefold())
 
 
-def _other(adapter: Adapter, own: str) -> Claim | None:
+def _other(adapter: Adapter, own: str) -> ChannelClaim | None:
     """Return the oldest claim that keeps others off the adapter, but for that of the name ``own``."""
     found = [each for each in claims(channel=adapter.key) if each.exclusive and each.name != own]
     for each in found:
@@ -151,7 +151,7 @@ def _other(adapter: Adapter, own: str) -> Claim | None:
     return None
 
 
-def _counts(other: Claim, adapter: Adapter) -> bool:
+def _counts(other: ChannelClaim, adapter: Adapter) -> bool:
     """Whether the holder of a claim can own the bus; see above."""
     if other.user in (os.geteuid(), _ROOT):
         return True
@@ -160,7 +160,7 @@ def _counts(other: Claim, adapter: Adapter) -> bool:
     return adapter.device is None or _may_open(adapter.device, other)
 
 
-def _may_open(device: Path, other: Claim) -> bool:
+def _may_open(device: Path, other: ChannelClaim) -> bool:
     """Whether the user of a claim may read and write a device file, by its mode; an access list is taken to permit it."""
     try:
         found = device.stat()
@@ -172,7 +172,7 @@ def _may_open(device: Path, other: Claim) -> bool:
     return (found.st_mode >> shift) & 0o6 == 0o6
 
 
-def _groups(other: Claim) -> set[int]:
+def _groups(other: ChannelClaim) -> set[int]:
     with suppress(KeyError):
         return {other.group, *os.getgrouplist(pwd.getpwuid(other.user).pw_name, other.group)}
     return {other.group}
@@ -198,7 +198,7 @@ def _handle(kind: str, channel: str) -> str:
     return str(int(channel))
 
 
-def _taken(what: str, other: Claim) -> SecondMasterError:
+def _taken(what: str, other: ChannelClaim) -> SecondMasterError:
     who = described(other.process)
     user = "" if other.user == os.geteuid() else f", of user {user_name(other.user)}"
     return SecondMasterError(

@@ -15,7 +15,7 @@ _IP_TIMEOUT = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class CanInterface:
     """A CAN network interface; ``bitrate`` (bit/s) and ``queue_length`` (frames) are None where Linux does not tell."""
 
     name: str
@@ -33,7 +33,7 @@ def links() -> list[str]:
     return sorted(entry.name for entry in _NET.iterdir() if _read(entry / "type") == _ARPHRD_CAN)
 
 
-def link(name: str) -> Link | None:
+def link(name: str) -> CanInterface | None:
     """Return what is known of the CAN interface ``name``, None where there is none.
 
     Asks sysfs, and ``ip -details -json link`` for the bitrate (blocks up to 2 s in the worst case; where ``ip`` is missing the
@@ -46,10 +46,10 @@ def link(name: str) -> Link | None:
         return found
     flags = int(_read(_NET / name / "flags") or "0", 16)
     length = _read(_NET / name / "tx_queue_len")
-    return Link(name, bool(flags & _IFF_UP), queue_length=int(length) if length.isdigit() else None)
+    return CanInterface(name, bool(flags & _IFF_UP), queue_length=int(length) if length.isdigit() else None)
 
 
-def parse_ip(text: str) -> Link | None:
+def parse_ip(text: str) -> CanInterface | None:
     """Read the answer of ``ip -details -json link show dev NAME``; None where it is not one."""
     try:
         rows = json.loads(text)
@@ -60,7 +60,7 @@ def parse_ip(text: str) -> Link | None:
         return None
     info = row.get("linkinfo", {})
     data = info.get("info_data", {})
-    return Link(
+    return CanInterface(
         name=row["ifname"],
         up="UP" in row.get("flags", ()),
         kind=info.get("info_kind", "can"),

@@ -25,7 +25,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.device_type import device_kind
-from axisbus.drives.gim6010.factory_protocols import Listening, Protocol, simple_node
+from axisbus.drives.gim6010.factory_protocols import Protocol, ProtocolListener, simple_node
 from axisbus.errors import SdoError
 
 PACE = 0.0015  # seconds between two frames
@@ -40,7 +40,7 @@ _DEVICE_TYPE = b"\x43" + o.DEVICE_TYPE.to_bytes(2, "little") + b"\0"  # an answe
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class DiscoveredNode:
     """One node that was found; ``nmt`` is None where it sent no heartbeat while we listened."""
 
     node_id: int
@@ -58,8 +58,8 @@ def scan(
     channel: Channel,
     ids: Iterable[int] = cob.NODE_IDS,
     listen: float = LISTEN,
-    listening: Listening | None = None,
-) -> list[Found]:
+    listening: ProtocolListener | None = None,
+) -> list[DiscoveredNode]:
     """Find the nodes among ``ids``; blocks ``listen`` seconds, and up to 1.2 s more for details (under 3 s for 127 IDs).
 
     To be used before nodes are opened on the channel: it talks to their SDO servers. ``listening`` hears every frame meanwhile, and
@@ -70,7 +70,7 @@ def scan(
         StateError: called in the receive thread.
     """
     require_other_thread(channel, "a scan of the bus")
-    others = Listening() if listening is None else listening
+    others = ProtocolListener() if listening is None else listening
     ears = _Ears(channel, tuple(ids))
     try:
         with channel.overheard(others.note):
@@ -81,7 +81,7 @@ def scan(
     details = _details(channel, sorted(ears.answers))
     channel.check()
     return [
-        Found(
+        DiscoveredNode(
             node_id,
             node_id in ears.answers,
             ears.states.get(node_id),
@@ -91,7 +91,7 @@ def scan(
     ]
 
 
-def _ask(ears: _Ears, others: Listening, listen: float) -> None:
+def _ask(ears: _Ears, others: ProtocolListener, listen: float) -> None:
     begin = time.monotonic()
     quiet = listen * _QUIET
     _pause_until(begin + quiet)
@@ -101,7 +101,7 @@ def _ask(ears: _Ears, others: Listening, listen: float) -> None:
     _pause_until(begin + listen)
 
 
-def _safe(ids: Iterable[int], others: Listening) -> list[int]:
+def _safe(ids: Iterable[int], others: ProtocolListener) -> list[int]:
     """The node IDs whose request no module takes for a command of another protocol."""
     taken = {each.node for each in others.speakers if each.protocol is Protocol.CAN_SIMPLE}
     return [node_id for node_id in ids if simple_node(cob.SDO_RX + node_id) not in taken]

@@ -6,7 +6,7 @@ from collections import deque
 
 from axisbus.bus.link.channel import Channel
 from axisbus.cia301 import cob
-from axisbus.cia301.dropped_frames import Fault
+from axisbus.cia301.dropped_frames import DropReason
 from axisbus.cia301.emcy import Emcy, parse
 from axisbus.cia301.incident import EmcyLog
 from axisbus.cia301.nmt import is_boot_up
@@ -76,7 +76,7 @@ class EmcyMonitor(EmcyLog):
     def _on_frame(self, data: bytes, stamp: float) -> None:
         if len(data) < _SHORTEST:
             self.malformed += 1
-            self._channel.drops.note(Fault.EMCY, self._node_id, stamp, self._cob_id, data)
+            self._channel.drops.note(DropReason.EMCY, self._node_id, stamp, self._cob_id, data)
             return
         emcy = parse(data, stamp)
         self.note(emcy)

@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from datetime import datetime
 
-from axisbus.bus.sdo.access import Sdo, require_answering, try_upload
+from axisbus.bus.sdo.access import SdoObjectAccess, require_answering, try_upload
 from axisbus.bus.sdo.transfer import Progress
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as c301
 from axisbus.cia301.datatypes import DataType, Value, decode
 from axisbus.cia402 import dictionary as catalogue
-from axisbus.cia402.dictionary import Row
+from axisbus.cia402.dictionary import StandardObject
 from axisbus.eds.dcf import BAUD_RATES
 from axisbus.eds.device_to_dcf import printable
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
@@ -37,7 +37,7 @@ _CONSTANT = frozenset((0x6502, 0x67FF))  # of the profile area: what a value rea
 _NOT_FOR_A_DOWNLOAD = frozenset((c301.STORE_PARAMETERS, c301.RESTORE_DEFAULTS))
 
 
-def stored_eds(sdo: Sdo, progress: Progress | None = None) -> bytes | None:
+def stored_eds(sdo: SdoObjectAccess, progress: Progress | None = None) -> bytes | None:
     """Return the EDS that the device keeps in 1021h, None where it has none; blocks for a long transfer.
 
     ``progress(done, all)`` counts its bytes.
@@ -85,14 +85,14 @@ def _damaged(node_id: int, size: int, observed: str) -> EdsError:
     )
 
 
-def _format(sdo: Sdo) -> int:
+def _format(sdo: SdoObjectAccess) -> int:
     try:
         return int.from_bytes(sdo.upload(STORE_FORMAT), "little")
     except SdoAbort:
         return _PLAIN
 
 
-def skeleton(sdo: Sdo, progress: Callable[[int, int], None] | None = None) -> Eds:
+def skeleton(sdo: SdoObjectAccess, progress: Callable[[int, int], None] | None = None) -> Eds:
     """Ask the device for every object of CiA 301 and CiA 402 and describe those that it has; blocks, writes nothing.
 
     Names and types are the standard's; where the device sends another size, the type is an unsigned one of that size. Access is the
@@ -145,21 +145,21 @@ def as_file(eds: Eds, name: str, now: datetime, bitrate: int | None = None) -> E
     return replace(eds, info={**eds.info, "fileinfo": entries, "deviceinfo": device})
 
 
-def _candidates() -> dict[int, Row]:
+def _candidates() -> dict[int, StandardObject]:
     """Return the standard's row of every index worth asking for."""
-    heads: dict[int, Row] = {}
+    heads: dict[int, StandardObject] = {}
     for row in catalogue.ROWS:
         for index in row.indices if row.single else row.indices[: _ASKED.get(row.index, 0)]:
             heads.setdefault(index, row)
     return heads
 
 
-def _name(index: int, row: Row) -> str:
+def _name(index: int, row: StandardObject) -> str:
     """Return an object's name, with a number where the standard has one name for a range of PDO parameters."""
     return row.name if row.single else f"{row.name} {index - row.index + 1}"
 
 
-def _object(sdo: Sdo, index: int, name: str, row: Row) -> Object | None:
+def _object(sdo: SdoObjectAccess, index: int, name: str, row: StandardObject) -> Object | None:
     first = _upload(sdo, index, 0)
     if first is None:
         return None
@@ -175,14 +175,14 @@ def _object(sdo: Sdo, index: int, name: str, row: Row) -> Object | None:
     return Object(index, name, kind, subs)
 
 
-def _subs(sdo: Sdo, index: int, name: str, count: int) -> Iterator[tuple[int, Variable]]:
+def _subs(sdo: SdoObjectAccess, index: int, name: str, count: int) -> Iterator[tuple[int, Variable]]:
     for subindex in range(1, count + 1):
         data = _upload(sdo, index, subindex)
         if data is not None:
             yield subindex, _variable(sdo, index, subindex, f"{name} {subindex}", data)
 
 
-def _upload(sdo: Sdo, index: int, subindex: int) -> bytes | None:
+def _upload(sdo: SdoObjectAccess, index: int, subindex: int) -> bytes | None:
     """Return an entry's bytes, empty if it is there but cannot be read, None if it is not there.
 
     An object that gets no answer counts as one that the device does not have: some devices are silent for those.
@@ -198,7 +198,7 @@ def _count(data: bytes) -> int:
     return min(data[0] if data else 0, _LARGEST_RECORD)
 
 
-def _variable(sdo: Sdo, index: int, subindex: int, name: str, data: bytes) -> Variable:
+def _variable(sdo: SdoObjectAccess, index: int, subindex: int, name: str, data: bytes) -> Variable:
     entry = sdo.dictionary.entry(index, subindex)
     known = entry.data_type
     bits = known.bits if known is not None else None

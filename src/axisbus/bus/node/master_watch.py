@@ -23,8 +23,8 @@ from functools import partial
 from axisbus.bus.link.channel import Channel, Receiver
 from axisbus.bus.node.events import EVERY, NodeEvent, NodeEventKind
 from axisbus.cia301 import cob
-from axisbus.cia301.frame import Frame
-from axisbus.cia301.master_detection import Cast, Sign, commanded, nodes_text, sign_of
+from axisbus.cia301.frame import CanFrame
+from axisbus.cia301.master_detection import ExpectedMasters, Sign, commanded, nodes_text, sign_of
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import SecondMasterError
 from axisbus.wording import counted
@@ -58,14 +58,14 @@ class Echoes:
         sent = self._both - self._received
         return sent >= _FEWEST and self._received > sent / 2
 
-    def _see(self, frame: Frame) -> None:
+    def _see(self, frame: CanFrame) -> None:
         self._both += _is_request(frame)
 
-    def _hear(self, frame: Frame) -> None:
+    def _hear(self, frame: CanFrame) -> None:
         self._received += _is_request(frame)
 
 
-def _is_request(frame: Frame) -> bool:
+def _is_request(frame: CanFrame) -> bool:
     return cob.SDO_RX < frame.can_id <= cob.SDO_RX + cob.NODE_IDS[-1]
 
 
@@ -87,16 +87,16 @@ class MasterWatch:
         self.on_command: OnCommand | None = None
         self._channel = channel
         self._stops = stops
-        self._cast = Cast(frozenset(), frozenset())
+        self._cast = ExpectedMasters(frozenset(), frozenset())
         self._receivers: dict[int, Receiver] = {}
         self._heard: dict[tuple[int, frozenset[int]], _Heard] = {}
         self._history: deque[NodeEvent] = deque(maxlen=_KEPT)
 
-    def begin(self, cast: Cast) -> None:
+    def begin(self, cast: ExpectedMasters) -> None:
         """Listen to what ``cast`` makes a sign; called again where nodes have come later."""
         self._cast = cast
         for can_id in range(cob.ID_MASK_11 + 1):
-            if can_id not in self._receivers and sign_of(Frame(0.0, can_id, _ANY), cast) is not None:
+            if can_id not in self._receivers and sign_of(CanFrame(0.0, can_id, _ANY), cast) is not None:
                 self._receivers[can_id] = partial(self._hear, can_id)
                 self._channel.subscribe(can_id, self._receivers[can_id])
 
@@ -112,7 +112,7 @@ class MasterWatch:
         return sorted([*self._history, *waits], key=lambda event: event.stamp)
 
     def _hear(self, can_id: int, data: bytes, stamp: float) -> None:
-        frame = Frame(stamp, can_id, data)
+        frame = CanFrame(stamp, can_id, data)
         if sign_of(frame, self._cast) is None:  # of a heartbeat, its data tells
             return
         nodes = commanded(frame, self._cast)
@@ -155,7 +155,7 @@ class MasterWatch:
         )
 
     def _words(self, can_id: int, nodes: frozenset[int]) -> str:
-        sign, node = sign_of(Frame(0.0, can_id, _ANY), self._cast) or (Sign.NMT, None)
+        sign, node = sign_of(CanFrame(0.0, can_id, _ANY), self._cast) or (Sign.NMT, None)
         writes = " that write" if sign is Sign.SDO and nodes else ""
         of = "of" if sign is Sign.HEARTBEAT else "to"
         whose = {node} if node is not None else nodes if sign is Sign.NMT else frozenset()
@@ -165,7 +165,7 @@ class MasterWatch:
 
     def _node(self, can_id: int, nodes: frozenset[int]) -> int:
         """Return the node that it concerns, 0 for the bus."""
-        _, node = sign_of(Frame(0.0, can_id, _ANY), self._cast) or (None, None)
+        _, node = sign_of(CanFrame(0.0, can_id, _ANY), self._cast) or (None, None)
         if node is not None:
             return node
         return next(iter(nodes)) if len(nodes) == 1 else 0

@@ -16,7 +16,7 @@ from enum import Enum
 
 from axisbus.bus.link.channel import Channel, require_other_thread
 from axisbus.cia301 import cob
-from axisbus.cia301.dropped_frames import Fault
+from axisbus.cia301.dropped_frames import DropReason
 from axisbus.cia301.nmt import RESULT, TOGGLE_BIT, NmtCommand, NmtState, is_boot_up
 from axisbus.errors import BusOff, NodeRefused, NodeTimeout
 from axisbus.wording import counted
@@ -204,12 +204,12 @@ class NodeMonitor:
 
     def _on_report(self, data: bytes, stamp: float) -> None:
         if not data:
-            self._drop(Fault.HEARTBEAT, data, stamp)
+            self._drop(DropReason.HEARTBEAT, data, stamp)
             return
         value = data[0] & ~TOGGLE_BIT
         with self._changed:
             if self._is_stale(data[0]):
-                self._drop(Fault.TOGGLE, data, stamp)
+                self._drop(DropReason.TOGGLE, data, stamp)
                 return
             if is_boot_up(data):  # boot-up; the node then enters pre-operational by itself
                 self.bootups += 1
@@ -232,7 +232,7 @@ class NodeMonitor:
         if self._turns >= _TURNS:
             self.note_duplicate(f"its heartbeats say {self.state.text} and {state.text} in turn")
 
-    def _drop(self, fault: Fault, data: bytes, stamp: float) -> None:
+    def _drop(self, fault: DropReason, data: bytes, stamp: float) -> None:
         self._channel.drops.note(fault, self.node_id, stamp, cob.HEARTBEAT + self.node_id, data)
 
     def _is_stale(self, value: int) -> bool:

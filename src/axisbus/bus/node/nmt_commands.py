@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node import nmt
 from axisbus.bus.node.nmt import Confirmation
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.parallel import in_parallel
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
@@ -34,7 +34,7 @@ _RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class NmtConfirmation:
     """How a node can show its state: by what, its state before (None: not known), and its heartbeat's period in s (0: none).
 
     ``heard`` says whether anything came from it while that was found out.
@@ -52,7 +52,7 @@ class NodeReaction:
 
     node_id: int
     ok: bool
-    way: Way
+    way: NmtConfirmation
     state: NmtState | None
     seconds: float
 
@@ -87,7 +87,7 @@ class NodeReaction:
         return f"SILENT: {before}, and nothing came in {self.seconds:.1f} s after it (looked for {self.way.by.value})"
 
 
-def ways(nodes: Iterable[Node]) -> dict[int, Way]:
+def ways(nodes: Iterable[CanopenNode]) -> dict[int, NmtConfirmation]:
     """Find out how each node shows its state; blocks up to ``LISTEN`` seconds, and for some SDO transfers where one is silent.
 
     Raises:
@@ -101,7 +101,12 @@ def ways(nodes: Iterable[Node]) -> dict[int, Way]:
 
 
 def command(
-    channel: Channel, nodes: Sequence[Node], wanted: NmtCommand, found: dict[int, Way], *, everybody: bool
+    channel: Channel,
+    nodes: Sequence[CanopenNode],
+    wanted: NmtCommand,
+    found: dict[int, NmtConfirmation],
+    *,
+    everybody: bool,
 ) -> list[NodeReaction]:
     """Send an NMT command to each node, or one to all (``everybody``), and see what they do; blocks up to about 5 s.
 
@@ -115,24 +120,26 @@ def command(
     for node_id in (0,) if everybody else tuple(marks):
         nmt.send(channel, wanted, node_id)
 
-    def look(node: Node) -> NodeReaction:
+    def look(node: CanopenNode) -> NodeReaction:
         return _look(node, wanted, found[node.node_id], marks[node.node_id], begin)
 
     return in_parallel(look, nodes)
 
 
-def _way(node: Node) -> Way:
+def _way(node: CanopenNode) -> NmtConfirmation:
     if node.nmt.reports:
-        return Way(Confirmation.HEARTBEAT, node.nmt.state, _read(node, o.PRODUCER_HEARTBEAT) / 1000)
+        return NmtConfirmation(
+            Confirmation.HEARTBEAT, node.nmt.state, _read(node, o.PRODUCER_HEARTBEAT) / 1000
+        )
     period = _read(node, o.PRODUCER_HEARTBEAT) / 1000
     if period:
-        return Way(Confirmation.HEARTBEAT, None, period)
+        return NmtConfirmation(Confirmation.HEARTBEAT, None, period)
     if _read(node, o.GUARD_TIME) * _read(node, o.LIFE_TIME_FACTOR) == 0 and _guarded(node) is not None:
-        return Way(Confirmation.GUARDING, node.nmt.state)
-    return Way(Confirmation.SDO, None, heard=node.answers_sdo(_SDO_TIMEOUT))
+        return NmtConfirmation(Confirmation.GUARDING, node.nmt.state)
+    return NmtConfirmation(Confirmation.SDO, None, heard=node.answers_sdo(_SDO_TIMEOUT))
 
 
-def _read(node: Node, index: int) -> int:
+def _read(node: CanopenNode, index: int) -> int:
     """Return a number of the node, 0 where it has none or does not answer (a stopped one does not)."""
     try:
         return int.from_bytes(node.sdo.upload(index, timeout=_SDO_TIMEOUT, tries=1), "little")
@@ -140,7 +147,9 @@ def _read(node: Node, index: int) -> int:
         return 0
 
 
-def _look(node: Node, wanted: NmtCommand, way: Way, marks: tuple[int, int], begin: float) -> NodeReaction:
+def _look(
+    node: CanopenNode, wanted: NmtCommand, way: NmtConfirmation, marks: tuple[int, int], begin: float
+) -> NodeReaction:
     reports, bootups = marks
     if wanted in _RESETS:
         way = replace(way, by=Confirmation.BOOT_UP)
@@ -151,7 +160,7 @@ def _look(node: Node, wanted: NmtCommand, way: Way, marks: tuple[int, int], begi
     return NodeReaction(node.node_id, ok, way, state, time.monotonic() - begin)
 
 
-def _reaches(node: Node, state: NmtState, way: Way, reports: int, begin: float) -> bool:
+def _reaches(node: CanopenNode, state: NmtState, way: NmtConfirmation, reports: int, begin: float) -> bool:
     deadline = begin + max(PATIENCE, 2.5 * way.period)
     if way.by is Confirmation.HEARTBEAT:
         return node.nmt.wait_state(state, max(0.0, deadline - time.monotonic()), after=reports)
@@ -164,7 +173,7 @@ def _reaches(node: Node, state: NmtState, way: Way, reports: int, begin: float) 
     return False
 
 
-def _guarded(node: Node) -> NmtState | None:
+def _guarded(node: CanopenNode) -> NmtState | None:
     """Ask once by remote frame; None where nothing comes."""
     asked = node.nmt.reports
     node.channel.send_remote(cob.HEARTBEAT + node.node_id)

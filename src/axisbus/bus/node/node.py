@@ -10,7 +10,7 @@ from axisbus.bus.node import nmt
 from axisbus.bus.node.emcy import EmcyMonitor
 from axisbus.bus.node.nmt import Confirmation, NodeMonitor
 from axisbus.bus.pdo.tpdo_timeout import HISTORY, PdoEvent
-from axisbus.bus.sdo.access import Sdo, try_upload
+from axisbus.bus.sdo.access import SdoObjectAccess, try_upload
 from axisbus.bus.sdo.client import TIMEOUT, TRIES, SdoClient
 from axisbus.bus.sdo.worker import SdoWorker
 from axisbus.cia301 import cob
@@ -42,7 +42,7 @@ class NodeIdentity:
         return None if self.device_type is None else self.device_type & 0xFFFF
 
 
-def read_identity(sdo: Sdo) -> NodeIdentity:
+def read_identity(sdo: SdoObjectAccess) -> NodeIdentity:
     """Read 1000h, 1018h:1-4, 1008h, 1009h and 100Ah; blocks for up to eight transfers. None: the device refuses it, or
     does not answer with a value (see ``access.try_upload``).
 
@@ -61,17 +61,17 @@ def read_identity(sdo: Sdo) -> NodeIdentity:
     )
 
 
-def _number(sdo: Sdo, index: int, subindex: int) -> int | None:
+def _number(sdo: SdoObjectAccess, index: int, subindex: int) -> int | None:
     data = try_upload(sdo, index, subindex)
     return int.from_bytes(data, "little") if isinstance(data, bytes) else None
 
 
-def _text(sdo: Sdo, index: int) -> str | None:
+def _text(sdo: SdoObjectAccess, index: int) -> str | None:
     data = try_upload(sdo, index)
     return str(decode(data, DataType.VISIBLE_STRING)).strip("\0 ") if isinstance(data, bytes) else None
 
 
-class Node:
+class CanopenNode:
     """One device; holds state: the listeners and the worker thread that belong to it. ``eds`` is None where no file is given."""
 
     def __init__(
@@ -130,7 +130,7 @@ class Node:
         self.nmt.close()
         self.emcy.close()
 
-    def __enter__(self) -> Node:
+    def __enter__(self) -> CanopenNode:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -15,7 +15,7 @@ from canopen.objectdictionary.eds import import_eds
 from canopen.sdo.client import SdoClient as CanopenClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301 import cob
 from axisbus.eds import Eds, canopen_text
@@ -62,11 +62,11 @@ class SharedSdo(CanopenClient):
         )
 
 
-def remote_node(node: Node) -> canopen.RemoteNode:
+def remote_node(node: CanopenNode) -> canopen.RemoteNode:
     """Return the node as canopen sees it; reading the EDS may take a second, once per file.
 
     For objects by name (``remote.sdo["Profile velocity"].raw``) and NMT commands. What it would have to hear (PDO, EMCY,
-    heartbeats) is ours: see ``Node``.
+    heartbeats) is ours: see ``CanopenNode``.
     """
     dictionary = _empty() if node.eds is None else canopen_dictionary(node.eds, node.node_id)
     remote = canopen.RemoteNode(node.node_id, dictionary)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 
-from axisbus.bus.sdo.access import Sdo, try_upload, why_unread
+from axisbus.bus.sdo.access import SdoObjectAccess, try_upload, why_unread
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType, Value, decode, size_in_bytes
@@ -26,7 +26,7 @@ _IDENTITY = (
 _NO_FIXED_VALUE = frozenset({o.ERROR_REGISTER, o.PREDEFINED_ERROR_FIELD})
 
 
-class Kind(Enum):
+class VerifiedAspect(Enum):
     """What was compared."""
 
     IDENTITY = "identity"
@@ -39,10 +39,10 @@ class Kind(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class EdsMismatch:
     """One entry of the EDS that the device does not bear out; a default that differs is only a note."""
 
-    kind: Kind
+    kind: VerifiedAspect
     severity: Severity
     index: int
     subindex: int
@@ -57,7 +57,7 @@ class Verification:
 
     read: int
     left_out: int
-    differences: tuple[Difference, ...]
+    differences: tuple[EdsMismatch, ...]
 
     @property
     def agrees(self) -> bool:
@@ -65,7 +65,9 @@ class Verification:
         return all(each.severity is Severity.NOTE for each in self.differences)
 
 
-def verify(sdo: Sdo, eds: Eds, progress: Callable[[int, int], None] | None = None) -> Verification:
+def verify(
+    sdo: SdoObjectAccess, eds: Eds, progress: Callable[[int, int], None] | None = None
+) -> Verification:
     """Read every entry of ``eds`` from the device and compare; blocks for one transfer per entry, writes nothing.
 
     ``progress(done, all)`` is called after each. Entries whose ObjFlags refuse reading, and DOMAINs, are left out.
@@ -75,7 +77,7 @@ def verify(sdo: Sdo, eds: Eds, progress: Callable[[int, int], None] | None = Non
     """
     entries = [variable for entry in eds for variable in entry.subs.values()]
     wanted = [variable for variable in entries if may_read(variable)]
-    found: list[Difference] = []
+    found: list[EdsMismatch] = []
     for number, variable in enumerate(wanted, start=1):
         found += _compare(sdo, variable)
         if progress is not None:
@@ -93,37 +95,41 @@ def is_domain(variable: Variable) -> bool:
     return variable.data_type is DataType.DOMAIN or variable.object_type is ObjectType.DOMAIN
 
 
-def _compare(sdo: Sdo, variable: Variable) -> Iterator[Difference]:
+def _compare(sdo: SdoObjectAccess, variable: Variable) -> Iterator[EdsMismatch]:
     data = try_upload(sdo, variable.index, variable.subindex)
     if isinstance(data, SdoAbort):
         yield from _refused(variable, data.code)
         return
     if isinstance(data, SdoError):
         text = f"could not be read: {why_unread(data)}"
-        yield _difference(Kind.UNREAD, Severity.WARNING, variable, text)
+        yield _difference(VerifiedAspect.UNREAD, Severity.WARNING, variable, text)
         return
     if not variable.readable:
-        yield _difference(Kind.ACCESS, Severity.WARNING, variable, "is wo in the EDS, and can be read")
+        yield _difference(
+            VerifiedAspect.ACCESS, Severity.WARNING, variable, "is wo in the EDS, and can be read"
+        )
     size = size_in_bytes(variable.data_type)
     if size is not None and len(data) != size:
         text = f"is {variable.data_type.name} ({counted(size, 'byte')}) in the EDS, the device sends {counted(len(data), 'byte')}"
-        yield _difference(Kind.TYPE, Severity.ERROR, variable, text)
+        yield _difference(VerifiedAspect.TYPE, Severity.ERROR, variable, text)
         return
     yield from _value(sdo, variable, decode(data, variable.data_type))
 
 
-def _refused(variable: Variable, code: int) -> Iterator[Difference]:
+def _refused(variable: Variable, code: int) -> Iterator[EdsMismatch]:
     if code in _MISSING:
-        yield _difference(Kind.EXISTENCE, Severity.ERROR, variable, "is not in the device")
+        yield _difference(VerifiedAspect.EXISTENCE, Severity.ERROR, variable, "is not in the device")
     elif code == abort.WRITE_ONLY:
         if variable.readable:
             text = f"is {variable.access} in the EDS, and cannot be read"
-            yield _difference(Kind.ACCESS, Severity.ERROR, variable, text)
+            yield _difference(VerifiedAspect.ACCESS, Severity.ERROR, variable, text)
     else:
-        yield _difference(Kind.UNREAD, Severity.NOTE, variable, f"could not be read: {abort.describe(code)}")
+        yield _difference(
+            VerifiedAspect.UNREAD, Severity.NOTE, variable, f"could not be read: {abort.describe(code)}"
+        )
 
 
-def _value(sdo: Sdo, variable: Variable, value: Value) -> Iterator[Difference]:
+def _value(sdo: SdoObjectAccess, variable: Variable, value: Value) -> Iterator[EdsMismatch]:
     expected = variable.initial(sdo.node_id)
     if expected is None or expected == value or variable.index in _NO_FIXED_VALUE:
         return
@@ -131,15 +137,15 @@ def _value(sdo: Sdo, variable: Variable, value: Value) -> Iterator[Difference]:
     yield _difference(kind, severity, variable, f"is {_shown(value)}, the EDS says {_shown(expected)}")
 
 
-def _weight(variable: Variable, expected: Value) -> tuple[Kind, Severity]:
+def _weight(variable: Variable, expected: Value) -> tuple[VerifiedAspect, Severity]:
     """How bad another value is: identity and fixed PDO maps must agree, what may be written may differ."""
     if (variable.index, variable.subindex) in _IDENTITY:
-        return Kind.IDENTITY, Severity.ERROR if expected else Severity.NOTE
+        return VerifiedAspect.IDENTITY, Severity.ERROR if expected else Severity.NOTE
     if any(variable.index in area for area in _PDO_AREAS):
-        return Kind.PDO, Severity.NOTE if variable.writable else Severity.ERROR
+        return VerifiedAspect.PDO, Severity.NOTE if variable.writable else Severity.ERROR
     if variable.access == "const":
-        return Kind.DEFAULT, Severity.WARNING
-    return Kind.DEFAULT, Severity.NOTE
+        return VerifiedAspect.DEFAULT, Severity.WARNING
+    return VerifiedAspect.DEFAULT, Severity.NOTE
 
 
 def _shown(value: Value) -> str:
@@ -152,7 +158,7 @@ def _shown(value: Value) -> str:
     )
 
 
-def _difference(kind: Kind, severity: Severity, variable: Variable, message: str) -> Difference:
-    return Difference(
+def _difference(kind: VerifiedAspect, severity: Severity, variable: Variable, message: str) -> EdsMismatch:
+    return EdsMismatch(
         kind, severity, variable.index, variable.subindex, variable.name, variable.line, message
     )

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from axisbus.bus.pdo.mapping import MapEntry
-from axisbus.cia301.pdo import MAX_BITS, MappedObject, Pdo
+from axisbus.cia301.pdo import MAX_BITS, MappedObject, PdoConfiguration
 
 PDOS_PER_AXIS = 4  # in a device with one row of PDOs
 BLOCK = 64  # distance of the axes' PDOs where a device keeps them in blocks (CiA 402-3)
@@ -17,7 +17,7 @@ Entries = Mapping[str, MapEntry]
 class Chosen(NamedTuple):
     """PDOs with the mapping that each shall have, and the names of the values that they carry."""
 
-    pdos: tuple[tuple[Pdo, tuple[MappedObject, ...]], ...]
+    pdos: tuple[tuple[PdoConfiguration, tuple[MappedObject, ...]], ...]
     carried: frozenset[str]
 
 
@@ -27,7 +27,7 @@ def names_in(mapping: Sequence[MappedObject], entries: Entries) -> tuple[str | N
     return tuple(by_object.get(mapped) for mapped in mapping)
 
 
-def keep(pdos: Sequence[Pdo], entries: Entries, switch_on: bool) -> Chosen:
+def keep(pdos: Sequence[PdoConfiguration], entries: Entries, switch_on: bool) -> Chosen:
     """Choose among the present mappings, always the PDO that adds most: then a valid one, one with fewer other objects, the first.
 
     ``switch_on``: whether a PDO that is off may be chosen.
@@ -37,7 +37,7 @@ def keep(pdos: Sequence[Pdo], entries: Entries, switch_on: bool) -> Chosen:
         for pdo in pdos
         if 0 < pdo.bits <= MAX_BITS and (pdo.valid or switch_on)
     }
-    chosen: list[Pdo] = []
+    chosen: list[PdoConfiguration] = []
     left = frozenset(entries)
     while left and (best := _best(carries, left)) is not None:
         chosen.append(best)
@@ -46,8 +46,10 @@ def keep(pdos: Sequence[Pdo], entries: Entries, switch_on: bool) -> Chosen:
     return Chosen(tuple((pdo, pdo.mapping) for pdo in chosen), frozenset(entries) - left)
 
 
-def _best(carries: Mapping[Pdo, frozenset[str]], left: frozenset[str]) -> Pdo | None:
-    def merit(pdo: Pdo) -> tuple[int, bool, int, int]:
+def _best(
+    carries: Mapping[PdoConfiguration, frozenset[str]], left: frozenset[str]
+) -> PdoConfiguration | None:
+    def merit(pdo: PdoConfiguration) -> tuple[int, bool, int, int]:
         return len(carries[pdo] & left), pdo.valid, len(carries[pdo]) - len(pdo.mapping), -pdo.number
 
     best = max(carries, key=merit, default=None)
@@ -55,7 +57,10 @@ def _best(carries: Mapping[Pdo, frozenset[str]], left: frozenset[str]) -> Pdo | 
 
 
 def lay_out(
-    slots: Sequence[Pdo], entries: Entries, layout: Sequence[Sequence[str]], last: str | None = None
+    slots: Sequence[PdoConfiguration],
+    entries: Entries,
+    layout: Sequence[Sequence[str]],
+    last: str | None = None,
 ) -> Chosen:
     """Map the entries by ``layout``, one group per slot; what has no slot of its own takes the first one with room, in order.
 
@@ -86,7 +91,7 @@ def _place(name: str, rooms: Sequence[list[str]], entries: Entries) -> bool:
     return False
 
 
-def slots(pdos: Sequence[Pdo], axis: int) -> tuple[Pdo, ...]:
+def slots(pdos: Sequence[PdoConfiguration], axis: int) -> tuple[PdoConfiguration, ...]:
     """Return the PDOs that may be remapped for an axis (1 to 8): of its block of 64 where the device has one, else its four."""
     block = range(BLOCK * (axis - 1) + 1, BLOCK * (axis - 1) + 1 + PDOS_PER_AXIS)
     row = range(PDOS_PER_AXIS * (axis - 1) + 1, PDOS_PER_AXIS * axis + 1)

@@ -7,7 +7,7 @@ from itertools import chain
 
 from axisbus.bus.pdo.mapping import DevicePdos
 from axisbus.cia301 import cob
-from axisbus.cia301.pdo import Pdo
+from axisbus.cia301.pdo import PdoConfiguration
 
 _PDO_COB_IDS = range(0x181, 0x580)
 _NODE_BITS = 0x7F
@@ -25,7 +25,7 @@ class CobIds:
         self._spare: Iterator[int] = iter(spare)
         self._owners = {pdo.cob_id: pdo for pdo in (*device.rpdos, *device.tpdos) if pdo.valid}
 
-    def choose(self, pdo: Pdo, receive: bool) -> int | None:
+    def choose(self, pdo: PdoConfiguration, receive: bool) -> int | None:
         """Return the predefined COB-ID of PDOs 1 to 4, else the PDO's own, else a spare one; None where none is free.
 
         The predefined one comes first because files and drives with another node's COB-ID written in are common.
@@ -38,7 +38,7 @@ class CobIds:
                 return candidate
         return None
 
-    def _is_free(self, cob_id: int, pdo: Pdo) -> bool:
+    def _is_free(self, cob_id: int, pdo: PdoConfiguration) -> bool:
         return cob_id not in self._used and self._owners.get(cob_id, pdo) is pdo
 
 

@@ -15,12 +15,12 @@ from contextlib import suppress
 from dataclasses import replace
 
 from axisbus.bus.pdo.mapping import DevicePdos, axis_objects
-from axisbus.bus.pdo.plan import Change, Plan, PlannedPdo, Policy, Wanted, make_plan
+from axisbus.bus.pdo.plan import PdoChange, PdoPlan, PdoRequirements, PlannedPdo, Policy, make_plan
 from axisbus.bus.pdo.read import Indices, read_number, read_pdo, read_pdos
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
-from axisbus.cia301.pdo import MappedObject, Pdo
+from axisbus.cia301.pdo import MappedObject, PdoConfiguration
 from axisbus.errors import BootError, SdoAbort
 from axisbus.wording import counted
 
@@ -44,12 +44,12 @@ class _Refusal(Exception):
 
 def configure(
     sdo: SdoClient,
-    wanted: Wanted | None = None,
+    wanted: PdoRequirements | None = None,
     policy: Policy | None = None,
     axis: int = 1,
-    on_plan: Callable[[Plan], None] | None = None,
+    on_plan: Callable[[PdoPlan], None] | None = None,
     also: Collection[tuple[bool, int]] = (),
-) -> Plan:
+) -> PdoPlan:
     """Plan the PDOs of one axis and bring the drive there, which should be pre-operational; blocks for some dozen transfers.
 
     Returns the plan that holds now, with what the drive reads back. ``on_plan`` sees each plan before it is applied. ``also``: see
@@ -60,7 +60,7 @@ def configure(
         SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
     """
 
-    def made(device: DevicePdos, policy: Policy) -> Plan:
+    def made(device: DevicePdos, policy: Policy) -> PdoPlan:
         return make_plan(
             sdo.node_id, device, axis_objects(sdo.dictionary, device, axis), wanted, policy, axis
         )
@@ -70,11 +70,11 @@ def configure(
 
 def negotiate(
     sdo: SdoClient,
-    made: Callable[[DevicePdos, Policy], Plan],
+    made: Callable[[DevicePdos, Policy], PdoPlan],
     policy: Policy,
-    on_plan: Callable[[Plan], None] | None = None,
+    on_plan: Callable[[PdoPlan], None] | None = None,
     also: Collection[tuple[bool, int]] = (),
-) -> Plan:
+) -> PdoPlan:
     """Bring the device to the plan that is ``made`` of its PDOs and a policy; it allows less after each refusal."""
     learnt: list[str] = []
     for _ in range(_ATTEMPTS):
@@ -103,7 +103,7 @@ def set_pdo(
     cob_id: int | None = None,
     sync_start: int | None = None,
     rtr: bool | None = None,
-) -> Pdo:
+) -> PdoConfiguration:
     """Set one PDO as a user wants it, read it back and return it; None leaves a parameter as it is. Blocks.
 
     ``event_timer`` in ms, ``inhibit_time`` in 100 µs, ``sync_start`` a value of the SYNC counter (0: none). ``rtr``: whether the
@@ -133,12 +133,12 @@ def set_pdo(
         cob_id=before.cob_id if cob_id is None else cob_id,
         sync_start=before.sync_start if sync_start is None else sync_start,
     )
-    change = Change.COMMUNICATION if target.mapping == before.mapping else Change.MAPPING
+    change = PdoChange.COMMUNICATION if target.mapping == before.mapping else PdoChange.MAPPING
     planned = PlannedPdo(receive, before, target, change, (), ())
     if target == before and (rtr is None or _answers_rtr(sdo, planned) is rtr):
         return before
     try:
-        plan = _apply(sdo, Plan(sdo.node_id, 1, (planned,), {}, {}), rtr)
+        plan = _apply(sdo, PdoPlan(sdo.node_id, 1, (planned,), {}, {}), rtr)
     except _Refusal as refusal:
         raise _boot_error(sdo, refusal.what, refusal.abort) from refusal.abort
     return plan.pdos[0].target
@@ -159,11 +159,11 @@ def _less(sdo: SdoClient, policy: Policy, refusal: _Refusal) -> Policy:
 # -- applying ---------------------------------------------------------------------------------------------------------------------
 
 
-def _apply(sdo: SdoClient, plan: Plan, rtr: bool | None = None) -> Plan:
+def _apply(sdo: SdoClient, plan: PdoPlan, rtr: bool | None = None) -> PdoPlan:
     """Bring the drive where the plan says; return the plan with what was read back; raises ``_Refusal`` after restoring."""
-    changed = [pdo for pdo in plan.pdos if pdo.change is not Change.KEEP]
+    changed = [pdo for pdo in plan.pdos if pdo.change is not PdoChange.KEEP]
     # An event timer may change while its PDO is on (CiA 301 7.5.2.37), and on such a drive nothing else may.
-    switched = [pdo for pdo in changed if pdo.change is not Change.TIMER]
+    switched = [pdo for pdo in changed if pdo.change is not PdoChange.TIMER]
     touched: list[PlannedPdo] = []
     try:
         for pdo in switched:
@@ -196,9 +196,9 @@ def _switch_off(sdo: SdoClient, pdo: PlannedPdo) -> None:
 
 def _write(sdo: SdoClient, pdo: PlannedPdo) -> None:
     at = Indices.of(pdo.receive, pdo.before.number)
-    if pdo.change is Change.MAPPING:
+    if pdo.change is PdoChange.MAPPING:
         _write_mapping(sdo, pdo.name, at.mapping, pdo.target.mapping)
-    if pdo.change is not Change.DISABLE:
+    if pdo.change is not PdoChange.DISABLE:
         _write_communication(sdo, pdo.name, at.communication, pdo.before, pdo.target)
 
 
@@ -211,7 +211,9 @@ def _write_mapping(sdo: SdoClient, name: str, index: int, mapping: tuple[MappedO
     _step(sdo, f"{name} does not take {counted(len(mapping), 'entry', 'entries')}", index, 0, len(mapping), 1)
 
 
-def _write_communication(sdo: SdoClient, name: str, index: int, before: Pdo, target: Pdo) -> None:
+def _write_communication(
+    sdo: SdoClient, name: str, index: int, before: PdoConfiguration, target: PdoConfiguration
+) -> None:
     if target.transmission_type != before.transmission_type:
         what = f"{name} does not take transmission type {target.transmission_type}"
         _step(sdo, what, index, o.PDO_TRANSMISSION_TYPE, target.transmission_type, 1)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from axisbus.bus.pdo.plan import Plan, PlannedPdo
-from axisbus.cia402.port import Source
+from axisbus.bus.pdo.plan import PdoPlan, PlannedPdo
+from axisbus.cia402.port import ValueTransport
 
 SYNC_PERIODS = 5
 SYNC_LEAST = 0.1  # seconds: a busy computer may skip some cycles without the axis being lost
@@ -28,7 +28,7 @@ POLL_PERIODS = {
 _WATCHED = frozenset({"statusword", "position"})
 
 
-def polls(plan: Plan) -> dict[str, float]:
+def polls(plan: PdoPlan) -> dict[str, float]:
     """Return the period in seconds of each input that is polled by SDO.
 
     Those are the inputs without a PDO, and statusword and position where their PDO may stay silent: without an event timer silence
@@ -37,14 +37,14 @@ def polls(plan: Plan) -> dict[str, float]:
     return {name: period for name, period in POLL_PERIODS.items() if _is_polled(plan, name)}
 
 
-def _is_polled(plan: Plan, name: str) -> bool:
-    source = plan.inputs.get(name, Source.NONE)
-    if source is Source.EVENT_PDO:
+def _is_polled(plan: PdoPlan, name: str) -> bool:
+    source = plan.inputs.get(name, ValueTransport.NONE)
+    if source is ValueTransport.EVENT_PDO:
         return name in _WATCHED and _pdo_age(plan, name, 0.0) == math.inf
-    return source is Source.SDO
+    return source is ValueTransport.SDO
 
 
-def max_ages(plan: Plan, scan_period: float) -> dict[str, float]:
+def max_ages(plan: PdoPlan, scan_period: float) -> dict[str, float]:
     """Return the maximum age in seconds of each input that the axis has; infinite where silence says nothing.
 
     ``scan_period`` (seconds) is the distance of two SYNCs.
@@ -54,12 +54,12 @@ def max_ages(plan: Plan, scan_period: float) -> dict[str, float]:
     for name, source in plan.inputs.items():
         if name in polled:
             ages[name] = POLLS * polled[name] + POLL_MARGIN
-        elif source is not Source.NONE:
+        elif source is not ValueTransport.NONE:
             ages[name] = _pdo_age(plan, name, scan_period)
     return ages
 
 
-def _pdo_age(plan: Plan, name: str, scan_period: float) -> float:
+def _pdo_age(plan: PdoPlan, name: str, scan_period: float) -> float:
     """The age by the PDO that comes most often among those that carry the value."""
     carriers = [pdo for pdo in plan.active if not pdo.receive and name in pdo.values]
     return min((pdo_age(pdo, scan_period) for pdo in carriers), default=math.inf)

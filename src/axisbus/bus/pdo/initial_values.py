@@ -5,12 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 
-from axisbus.bus.pdo.plan import Plan
+from axisbus.bus.pdo.plan import PdoPlan
 from axisbus.bus.pdo.rpdo import RpdoImage
 from axisbus.bus.sdo.access import require_answering, try_upload
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301.pdo import MappedObject
-from axisbus.cia402.port import INPUT_OBJECTS, OFFSET_OBJECTS, Sample, Source
+from axisbus.cia402.port import INPUT_OBJECTS, OFFSET_OBJECTS, Sample, ValueTransport
 from axisbus.errors import BootError, SdoError
 
 _STEP = "priming"
@@ -20,11 +20,11 @@ _INSTEAD = {"target_position": "position", "interpolation_target": "position", "
 _REST = frozenset({"target_velocity", "target_torque", *OFFSET_OBJECTS})
 
 
-def prime_inputs(sdo: SdoClient, plan: Plan, index_of: Callable[[int], int]) -> dict[str, Sample]:
+def prime_inputs(sdo: SdoClient, plan: PdoPlan, index_of: Callable[[int], int]) -> dict[str, Sample]:
     """Read every input that the axis has; one that cannot be read is left out. Blocks, raises as ``SdoClient.read``."""
     samples = {}
     for name, source in plan.inputs.items():
-        if source is Source.NONE:
+        if source is ValueTransport.NONE:
             continue
         try:
             value = sdo.read(index_of(INPUT_OBJECTS[name]))
@@ -37,7 +37,7 @@ def prime_inputs(sdo: SdoClient, plan: Plan, index_of: Callable[[int], int]) -> 
 
 
 def prime_outputs(
-    sdo: SdoClient, plan: Plan, images: Sequence[RpdoImage], samples: Mapping[str, Sample]
+    sdo: SdoClient, plan: PdoPlan, images: Sequence[RpdoImage], samples: Mapping[str, Sample]
 ) -> None:
     """Give every entry of every RPDO the value that the drive has now; blocks.
 
@@ -52,7 +52,7 @@ def prime_outputs(
 
 def _first_value(
     sdo: SdoClient,
-    plan: Plan,
+    plan: PdoPlan,
     image: RpdoImage,
     mapped: MappedObject,
     name: str | None,

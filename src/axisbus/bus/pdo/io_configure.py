@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from axisbus.bus.pdo.configure import negotiate
 from axisbus.bus.pdo.io_plan import IoObjects, Used, make_io_plan
-from axisbus.bus.pdo.plan import Plan, Policy
+from axisbus.bus.pdo.plan import PdoPlan, Policy
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.errors import BootError
 
 
-def configure_io(sdo: SdoClient, objects: IoObjects, policy: Policy, used: Used, also: Used = ()) -> Plan:
+def configure_io(sdo: SdoClient, objects: IoObjects, policy: Policy, used: Used, also: Used = ()) -> PdoPlan:
     """Plan them and bring the node there, which should be pre-operational, as ``configure`` does; blocks for some dozen transfers.
 
     Raises:

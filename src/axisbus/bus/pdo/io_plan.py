@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 from axisbus.bus.pdo.cobids import CobIds
 from axisbus.bus.pdo.mapping import DevicePdos, MapEntry, map_entry_of
-from axisbus.bus.pdo.plan import Plan, PlannedPdo, Policy, Side
-from axisbus.cia301.pdo import Pdo
+from axisbus.bus.pdo.plan import DirectionPlan, PdoPlan, PlannedPdo, Policy
+from axisbus.cia301.pdo import PdoConfiguration
 from axisbus.cia401.signal import Address
 from axisbus.cia402.axes import first_axis
-from axisbus.cia402.port import OUTPUT_OBJECTS, Source
+from axisbus.cia402.port import OUTPUT_OBJECTS, ValueTransport
 from axisbus.eds.dictionary import Dictionary
 
 _MOTION = frozenset(OUTPUT_OBJECTS.values())
@@ -43,13 +43,13 @@ def name_of(address: Address) -> str:
 
 def make_io_plan(
     node_id: int, device: DevicePdos, objects: IoObjects, policy: Policy, used: Used = ()
-) -> Plan:
+) -> PdoPlan:
     """Plan the PDOs of a node's inputs and outputs; ``used`` are those of its axes. What none carries stands in ``impossible``."""
     ids = CobIds(node_id, device, policy.taken, policy.spare)
     for receive, pdo in _of(device, used):
         ids.choose(pdo, receive)  # an axis has it
     sides = [
-        Side(
+        DirectionPlan(
             receive,
             {name_of((entry.index, entry.subindex)): entry for entry in entries},
             replace(policy, slow=1, requests={}),  # nobody asks for inputs
@@ -62,17 +62,17 @@ def make_io_plan(
         f"{name} is in no PDO: {side.reason(name)}"
         for side, found in zip(sides, sources, strict=True)
         for name, source in found.items()
-        if source not in (Source.SYNC_PDO, Source.EVENT_PDO)
+        if source not in (ValueTransport.SYNC_PDO, ValueTransport.EVENT_PDO)
     )
-    return Plan(node_id, 0, (*plans[0], *plans[1]), sources[1], sources[0], impossible=impossible)
+    return PdoPlan(node_id, 0, (*plans[0], *plans[1]), sources[1], sources[0], impossible=impossible)
 
 
-def _of(device: DevicePdos, used: Used) -> list[tuple[bool, Pdo]]:
+def _of(device: DevicePdos, used: Used) -> list[tuple[bool, PdoConfiguration]]:
     rows = [*((True, pdo) for pdo in device.rpdos), *((False, pdo) for pdo in device.tpdos)]
     return [(receive, pdo) for receive, pdo in rows if (receive, pdo.number) in used]
 
 
-def _planned(side: Side, device: DevicePdos, ids: CobIds, used: Used) -> list[PlannedPdo]:
+def _planned(side: DirectionPlan, device: DevicePdos, ids: CobIds, used: Used) -> list[PlannedPdo]:
     if not side.entries:
         return []
     pdos = device.rpdos if side.receive else device.tpdos
@@ -81,6 +81,6 @@ def _planned(side: Side, device: DevicePdos, ids: CobIds, used: Used) -> list[Pl
     return side.chosen(usable, free, [list(side.entries)], ids)
 
 
-def _moves(pdo: Pdo) -> bool:
+def _moves(pdo: PdoConfiguration) -> bool:
     """Whether it holds what belongs to an axis: it is not ours to send."""
     return any(first_axis(mapped.index) in _MOTION for mapped in pdo.mapping)

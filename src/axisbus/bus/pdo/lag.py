@@ -26,11 +26,11 @@ import math
 from collections.abc import Sequence
 from typing import Protocol
 
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo import freshness
 from axisbus.bus.pdo.plan import PlannedPdo
 from axisbus.bus.sdo.round_trips import RoundTrips
-from axisbus.bus.sdo.worker import Job
+from axisbus.bus.sdo.worker import SdoJob
 from axisbus.cia301.objects import ERROR_REGISTER
 from axisbus.cia301.sync import SyncTimes
 
@@ -51,10 +51,10 @@ class Counted(Protocol):
     latest: tuple[bytes, float]
 
 
-class Asked(Protocol):
+class SdoSubmitter(Protocol):
     """The SDO worker of a node."""
 
-    def submit(self, job: Job) -> None:
+    def submit(self, job: SdoJob) -> None:
         """Queue a job; does not block."""
 
 
@@ -222,14 +222,14 @@ class Lags:
         self.late = max((one - other for one, other in pairs if other > -math.inf), default=delay)
         return sampled
 
-    def ask(self, now: float, operational: bool, worker: Asked) -> None:
+    def ask(self, now: float, operational: bool, worker: SdoSubmitter) -> None:
         """Have the node asked where that is due; does not block. Its answer comes by the round trips."""
         if not operational or self._asking or now < self._due:
             return
         if self._link is not None or any(one is not None and one.doubtful for one in self.counts):
             self._asking = True
             self._due = now + (ASK_PAUSE if self._link is None else ASK_PERIOD)
-            worker.submit(Job((self, "lag"), ERROR_REGISTER, 0, None, self._ended))
+            worker.submit(SdoJob((self, "lag"), ERROR_REGISTER, 0, None, self._ended))
 
     def _ended(self, _value: int | None, _abort: int | None) -> None:
         self._asking = False
@@ -240,7 +240,7 @@ class Lags:
 
 
 def lags_of(
-    slots: Sequence[tuple[Counted, PlannedPdo]], scan_period: float, node: Node, foreign_sync: bool
+    slots: Sequence[tuple[Counted, PlannedPdo]], scan_period: float, node: CanopenNode, foreign_sync: bool
 ) -> Lags:
     """Return the lags of the TPDOs of a node's port; ``foreign_sync``: another device sends SYNC, so that none is counted."""
     counted = [

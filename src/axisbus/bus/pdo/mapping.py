@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.cia301.pdo import MappedObject, Pdo
+from axisbus.cia301.pdo import MappedObject, PdoConfiguration
 from axisbus.cia402 import dictionary as catalogue
 from axisbus.cia402 import objects
 from axisbus.cia402.axes import own_index
@@ -39,8 +39,8 @@ class MapEntry:
 class DevicePdos:
     """The PDOs that a device has, as its parameters say now."""
 
-    rpdos: tuple[Pdo, ...]
-    tpdos: tuple[Pdo, ...]
+    rpdos: tuple[PdoConfiguration, ...]
+    tpdos: tuple[PdoConfiguration, ...]
 
     @property
     def mapped(self) -> Iterable[MappedObject]:

@@ -24,7 +24,7 @@ from axisbus.bus.pdo.cobids import CobIds
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.bus.pdo.mapping import DevicePdos, MapEntry
 from axisbus.cia301 import cob
-from axisbus.cia301.pdo import Carried, MappedObject, Pdo
+from axisbus.cia301.pdo import MappedObject, PdoConfiguration, PdoLocation
 from axisbus.cia402 import dictionary as catalogue
 from axisbus.cia402.axes import PROFILE_AREA, axis_of, own_index
 from axisbus.cia402.port import (
@@ -33,7 +33,7 @@ from axisbus.cia402.port import (
     INTERPOLATION_OBJECTS,
     OFFSET_OBJECTS,
     OUTPUT_OBJECTS,
-    Source,
+    ValueTransport,
 )
 
 SYNC_EVERY = 1  # transmission type: with every SYNC (CiA 301 table 72)
@@ -52,7 +52,7 @@ LAYOUT_INPUTS = (("statusword", "mode", "position"), ("velocity", "torque"), ("d
 EVERY_SYNC = frozenset(LAYOUT_INPUTS[0])  # what a cyclic mode lives on
 
 
-class Change(Enum):
+class PdoChange(Enum):
     """What is to be done with one PDO."""
 
     KEEP = "as the drive has it"
@@ -91,7 +91,7 @@ class Policy:
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class PdoRequirements:
     """Which values motion wants (names of ``cia402.port``), and which of them must travel with SYNC."""
 
     inputs: tuple[str, ...] = tuple(INPUT_OBJECTS)
@@ -109,9 +109,9 @@ class PlannedPdo:
     """
 
     receive: bool
-    before: Pdo
-    target: Pdo
-    change: Change
+    before: PdoConfiguration
+    target: PdoConfiguration
+    change: PdoChange
     values: tuple[str | None, ...]
     signed: tuple[bool, ...]
     request: float = 0.0
@@ -124,29 +124,29 @@ class PlannedPdo:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class PdoPlan:
     """The plan of one axis: its PDOs, how each value travels, why some travel by SDO, and what cannot be had."""
 
     node_id: int
     axis: int
     pdos: tuple[PlannedPdo, ...]
-    inputs: dict[str, Source]
-    outputs: dict[str, Source]
+    inputs: dict[str, ValueTransport]
+    outputs: dict[str, ValueTransport]
     notes: tuple[str, ...] = ()
     impossible: tuple[str, ...] = ()
 
     @property
     def active(self) -> tuple[PlannedPdo, ...]:
         """The PDOs that carry values."""
-        return tuple(pdo for pdo in self.pdos if pdo.change is not Change.DISABLE)
+        return tuple(pdo for pdo in self.pdos if pdo.change is not PdoChange.DISABLE)
 
-    def carrier(self, index: int, subindex: int) -> Carried | None:
+    def carrier(self, index: int, subindex: int) -> PdoLocation | None:
         """Return where a PDO in use carries an object, None where none does."""
         for pdo in (pdo for pdo in self.active if pdo.target.valid):
             shift = 0
             for entry in pdo.target.mapping:
                 if (entry.index, entry.subindex) == (index, subindex):
-                    return Carried(pdo.target.cob_id, pdo.name, shift, entry.bits)
+                    return PdoLocation(pdo.target.cob_id, pdo.name, shift, entry.bits)
                 shift += entry.bits
         return None
 
@@ -173,27 +173,27 @@ class Plan:
     @property
     def remapped(self) -> bool:
         """Whether a mapping changes."""
-        return any(pdo.change is Change.MAPPING for pdo in self.pdos)
+        return any(pdo.change is PdoChange.MAPPING for pdo in self.pdos)
 
 
 def make_plan(
     node_id: int,
     device: DevicePdos,
     objects: Mapping[int, MapEntry],
-    wanted: Wanted | None = None,
+    wanted: PdoRequirements | None = None,
     policy: Policy | None = None,
     axis: int = 1,
-) -> Plan:
+) -> PdoPlan:
     """Plan one axis (1 to 8); ``objects``: see ``mapping.axis_objects``. Raises nothing: what is wrong stands in the plan."""
-    wanted = wanted or Wanted()
+    wanted = wanted or PdoRequirements()
     policy = policy or Policy()
     ids = CobIds(node_id, device, policy.taken, policy.spare)
-    outputs = Side(True, _entries(ALL_OUTPUTS, wanted.outputs, objects, axis), policy)
-    inputs = Side(False, _entries(INPUT_OBJECTS, wanted.inputs, objects, axis), policy)
+    outputs = DirectionPlan(True, _entries(ALL_OUTPUTS, wanted.outputs, objects, axis), policy)
+    inputs = DirectionPlan(False, _entries(INPUT_OBJECTS, wanted.inputs, objects, axis), policy)
     pdos = (*outputs.plan(device.rpdos, axis, ids), *inputs.plan(device.tpdos, axis, ids))
     sources_out = outputs.sources(wanted.outputs, pdos)
     sources_in = inputs.sources(wanted.inputs, pdos)
-    return Plan(
+    return PdoPlan(
         node_id,
         axis,
         pdos,
@@ -227,14 +227,14 @@ def _entries(
 
 
 @dataclass(frozen=True, slots=True)
-class Side:
+class DirectionPlan:
     """One direction: the wanted objects that the axis has, by the value's name."""
 
     receive: bool
     entries: dict[str, MapEntry]
     policy: Policy
 
-    def plan(self, pdos: tuple[Pdo, ...], axis: int, ids: CobIds) -> tuple[PlannedPdo, ...]:
+    def plan(self, pdos: tuple[PdoConfiguration, ...], axis: int, ids: CobIds) -> tuple[PlannedPdo, ...]:
         """Plan the PDOs of an axis, out of all that the device has."""
         usable = [pdo for pdo in pdos if self._usable(pdo, axis)]
         slots = choose.slots([pdo for pdo in pdos if self.travels(pdo)], axis)
@@ -243,7 +243,11 @@ class Side:
         return (*chosen, *self._redundant(pdos, chosen))
 
     def chosen(
-        self, usable: Sequence[Pdo], slots: Sequence[Pdo], layout: Sequence[Sequence[str]], ids: CobIds
+        self,
+        usable: Sequence[PdoConfiguration],
+        slots: Sequence[PdoConfiguration],
+        layout: Sequence[Sequence[str]],
+        ids: CobIds,
     ) -> list[PlannedPdo]:
         """Plan by what ``usable`` PDOs map already, or by a ``layout`` over ``slots``, where that may be made and carries more."""
         kept = choose.keep(usable, self.entries, switch_on=self.policy.communication)
@@ -254,7 +258,7 @@ class Side:
         planned = [self._planned(pdo, mapping, ids) for pdo, mapping in kept.pdos]
         return [pdo for pdo in planned if pdo is not None]
 
-    def travels(self, pdo: Pdo) -> bool:
+    def travels(self, pdo: PdoConfiguration) -> bool:
         """Whether it may be used: it is sent or taken by itself, or can be made so, or is one that we ask for."""
         if self._may_retype(pdo) or self._requested(pdo):
             return True
@@ -272,36 +276,36 @@ class Side:
             return "the mapping is fixed and does not hold it"
         return f"{direction} with room for it is not there"
 
-    def sources(self, wanted: tuple[str, ...], pdos: Sequence[PlannedPdo]) -> dict[str, Source]:
+    def sources(self, wanted: tuple[str, ...], pdos: Sequence[PlannedPdo]) -> dict[str, ValueTransport]:
         """Return how each value travels by these PDOs."""
-        found = {name: Source.SDO if name in self.entries else Source.NONE for name in wanted}
+        found = {name: ValueTransport.SDO if name in self.entries else ValueTransport.NONE for name in wanted}
         for pdo in pdos:
             if pdo.receive is self.receive:
                 found.update((name, _source(pdo)) for name in pdo.values if name is not None)
         return found
 
-    def notes(self, sources: Mapping[str, Source], axis: int) -> list[str]:
+    def notes(self, sources: Mapping[str, ValueTransport], axis: int) -> list[str]:
         table = ALL_OUTPUTS if self.receive else INPUT_OBJECTS
         texts = []
         for name, source in sources.items():
             index = table[name]
             what = f"{own_index(index, axis):04X}h ({catalogue.name(index)})"
-            if source is Source.NONE:
+            if source is ValueTransport.NONE:
                 texts.append(f"{what} is not in the drive's dictionary")
-            elif source is Source.SDO:
+            elif source is ValueTransport.SDO:
                 texts.append(f"{what} travels by SDO: {self.reason(name)}")
         return texts
 
-    def _usable(self, pdo: Pdo, axis: int) -> bool:
+    def _usable(self, pdo: PdoConfiguration, axis: int) -> bool:
         """Whether its present mapping may serve: no other axis's targets beside ours, and sent or taken without being asked for."""
         if self.receive and any(_is_of_other_axis(mapped, axis) for mapped in pdo.mapping):
             return False
         return self.travels(pdo)
 
-    def _may_retype(self, pdo: Pdo) -> bool:
+    def _may_retype(self, pdo: PdoConfiguration) -> bool:
         return self.policy.communication and (self.receive, pdo.number) not in self.policy.fixed
 
-    def _requested(self, pdo: Pdo) -> bool:
+    def _requested(self, pdo: PdoConfiguration) -> bool:
         return not self.receive and pdo.on_request and pdo.number in self.policy.requests
 
     def _mappable(self) -> dict[str, MapEntry]:
@@ -310,7 +314,9 @@ class Side:
     def _may_map(self, entry: MapEntry) -> bool:
         return (entry.receive if self.receive else entry.transmit) and entry.index not in self.policy.refused
 
-    def _planned(self, pdo: Pdo, mapping: tuple[MappedObject, ...], ids: CobIds) -> PlannedPdo | None:
+    def _planned(
+        self, pdo: PdoConfiguration, mapping: tuple[MappedObject, ...], ids: CobIds
+    ) -> PlannedPdo | None:
         target = replace(pdo, mapping=mapping)
         if self.policy.communication:
             cob_id = ids.choose(pdo, self.receive)
@@ -319,21 +325,21 @@ class Side:
             target = self._communication(replace(target, cob_id=cob_id, valid=True))
         elif self.policy.timers:
             target = self._quicker(target)
-        change = Change.COMMUNICATION if self.policy.communication else Change.TIMER
+        change = PdoChange.COMMUNICATION if self.policy.communication else PdoChange.TIMER
         if target == pdo:
-            change = Change.KEEP
+            change = PdoChange.KEEP
         return PlannedPdo(
             self.receive,
             pdo,
             target,
-            change if mapping == pdo.mapping else Change.MAPPING,
+            change if mapping == pdo.mapping else PdoChange.MAPPING,
             choose.names_in(mapping, self.entries),
             tuple(self._signed(mapped) for mapped in mapping),
             self.policy.requests[target.number] if self._requested(target) else 0.0,
             target.event_timer if target.event_timer != pdo.event_timer else None,
         )
 
-    def _communication(self, pdo: Pdo) -> Pdo:
+    def _communication(self, pdo: PdoConfiguration) -> PdoConfiguration:
         if not self._may_retype(pdo):
             return self._quicker(pdo)
         if self.policy.sync:
@@ -344,24 +350,24 @@ class Side:
             pdo = replace(pdo, transmission_type=EVENT_PROFILE)
         return pdo if self.receive else self._timers(pdo)
 
-    def _pace(self, pdo: Pdo) -> int:
+    def _pace(self, pdo: PdoConfiguration) -> int:
         """With which SYNC a TPDO comes: each, unless the wire is too full for what may come less often."""
         carried = choose.names_in(pdo.mapping, self.entries)
         return SYNC_EVERY if EVERY_SYNC.intersection(carried) else self.policy.slow
 
-    def _timers(self, pdo: Pdo) -> Pdo:
+    def _timers(self, pdo: PdoConfiguration) -> PdoConfiguration:
         """Event timer and inhibit time of an event-driven TPDO, where the drive has them and they are not set tighter."""
         inhibit = self.policy.inhibit_time if pdo.inhibit_time == 0 else pdo.inhibit_time
         return self._timed(replace(pdo, inhibit_time=inhibit), start=True)
 
-    def _quicker(self, pdo: Pdo) -> Pdo:
+    def _quicker(self, pdo: PdoConfiguration) -> PdoConfiguration:
         """The statusword's TPDO, event-driven by the user's wish or because the drive keeps it so: the handshake lives on it."""
         carries = "statusword" in choose.names_in(pdo.mapping, self.entries)
         if not carries or pdo.transmission_type not in _EVENT_TYPES:
             return pdo
         return self._timed(pdo, start=False)
 
-    def _timed(self, pdo: Pdo, *, start: bool) -> Pdo:
+    def _timed(self, pdo: PdoConfiguration, *, start: bool) -> PdoConfiguration:
         if pdo.number in self.policy.timed:
             return pdo
         event = eventtimer.quicker(pdo.event_timer, self.policy.event_timer, start=start)
@@ -370,7 +376,7 @@ class Side:
     def _signed(self, mapped: MappedObject) -> bool:
         return any(entry.mapped == mapped and entry.signed for entry in self.entries.values())
 
-    def _redundant(self, pdos: tuple[Pdo, ...], chosen: list[PlannedPdo]) -> list[PlannedPdo]:
+    def _redundant(self, pdos: tuple[PdoConfiguration, ...], chosen: list[PlannedPdo]) -> list[PlannedPdo]:
         """TPDOs that are on, are not chosen and hold only what the chosen ones carry: they would only load the bus."""
         if self.receive or not self.policy.communication:
             return []
@@ -378,7 +384,7 @@ class Side:
         numbers = {planned.target.number for planned in chosen}
         numbers |= {number for receive, number in self.policy.fixed if not receive}  # the user wants it
         return [
-            PlannedPdo(False, pdo, replace(pdo, valid=False), Change.DISABLE, (), ())
+            PlannedPdo(False, pdo, replace(pdo, valid=False), PdoChange.DISABLE, (), ())
             for pdo in pdos
             if pdo.valid and pdo.number not in numbers and pdo.mapping and carried.issuperset(pdo.mapping)
         ]
@@ -388,16 +394,18 @@ def _is_of_other_axis(mapped: MappedObject, axis: int) -> bool:
     return mapped.index in PROFILE_AREA and axis_of(mapped.index) != axis
 
 
-def _source(pdo: PlannedPdo) -> Source:
+def _source(pdo: PlannedPdo) -> ValueTransport:
     """How its values travel; a TPDO of type 0 comes at SYNC, but only when something changed: its silence means nothing."""
     on_change = not pdo.receive and pdo.target.transmission_type == 0
-    return Source.SYNC_PDO if pdo.target.synchronous and not on_change else Source.EVENT_PDO
+    return ValueTransport.SYNC_PDO if pdo.target.synchronous and not on_change else ValueTransport.EVENT_PDO
 
 
-def _not_synchronous(names: frozenset[str], sources: Mapping[str, Source], policy: Policy) -> list[str]:
+def _not_synchronous(
+    names: frozenset[str], sources: Mapping[str, ValueTransport], policy: Policy
+) -> list[str]:
     return [
         f"{name.replace('_', ' ')} must travel in a synchronous PDO, but "
         + (f"travels by {sources[name].value}" if policy.sync else "the bus has no SYNC (sync = false)")
         for name in sorted(names)
-        if sources.get(name, Source.NONE) is not Source.SYNC_PDO
+        if sources.get(name, ValueTransport.NONE) is not ValueTransport.SYNC_PDO
     ]

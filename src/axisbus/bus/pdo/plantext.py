@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from axisbus.bus.pdo.plan import Change, Plan, PlannedPdo
-from axisbus.cia402.port import Source
+from axisbus.bus.pdo.plan import PdoChange, PdoPlan, PlannedPdo
+from axisbus.cia402.port import ValueTransport
 
 
-def describe(plan: Plan) -> str:
+def describe(plan: PdoPlan) -> str:
     """Return the plan as lines: each PDO with what it carries, what travels by SDO and why, and what is impossible."""
     lines = [f"node {plan.node_id}, axis {plan.axis}: {_summary(plan)}"]
     lines += [f"  {_pdo(pdo)}" for pdo in plan.pdos]
@@ -15,14 +15,14 @@ def describe(plan: Plan) -> str:
     return "\n".join(lines)
 
 
-def _summary(plan: Plan) -> str:
-    changed = [pdo.name for pdo in plan.pdos if pdo.change is not Change.KEEP]
+def _summary(plan: PdoPlan) -> str:
+    changed = [pdo.name for pdo in plan.pdos if pdo.change is not PdoChange.KEEP]
     return f"PDOs to be changed: {', '.join(changed)}" if changed else "PDOs as the drive has them"
 
 
 def _pdo(pdo: PlannedPdo) -> str:
     target = pdo.target
-    if pdo.change is Change.DISABLE:
+    if pdo.change is PdoChange.DISABLE:
         return f"{pdo.name} {target.cob_id:03X}h {pdo.change.value}"
     entries = ", ".join(
         f"{mapped}{' ' + name.replace('_', ' ') if name else ' (not used)'}"
@@ -46,6 +46,6 @@ def _timing(pdo: PlannedPdo) -> str:
     )
 
 
-def source_words(sources: dict[str, Source]) -> str:
+def source_words(sources: dict[str, ValueTransport]) -> str:
     """Return how values travel in one line, such as ``statusword: synchronous PDO, torque: SDO``."""
     return ", ".join(f"{name.replace('_', ' ')}: {source.value}" for name, source in sources.items())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 
-from axisbus.bus.sdo.worker import Job, SdoWorker
+from axisbus.bus.sdo.worker import SdoJob, SdoWorker
 from axisbus.cia402.port import INPUT_OBJECTS, Sample
 
 
@@ -46,7 +46,7 @@ class Poller:
             if known is None or known.stamp <= began:
                 samples[name] = sample
 
-    def _job(self, name: str) -> Job:
+    def _job(self, name: str) -> SdoJob:
         began = time.monotonic()
 
         def done(value: int | None, abort: int | None) -> None:
@@ -54,4 +54,4 @@ class Poller:
                 self._answers[name] = Sample(value, self._worker.began), began
             self._under_way.discard(name)
 
-        return Job((self, name), self._index_of(INPUT_OBJECTS[name]), 0, None, done)
+        return SdoJob((self, name), self._index_of(INPUT_OBJECTS[name]), 0, None, done)

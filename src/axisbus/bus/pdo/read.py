@@ -9,7 +9,7 @@ from axisbus.bus.pdo.mapping import DevicePdos
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
-from axisbus.cia301.pdo import MAX_BITS, MappedObject, Pdo
+from axisbus.cia301.pdo import MAX_BITS, MappedObject, PdoConfiguration
 from axisbus.eds.dictionary import Dictionary
 from axisbus.errors import SdoAbort
 
@@ -49,14 +49,14 @@ def read_pdos(sdo: SdoClient, also: Collection[tuple[bool, int]] = ()) -> Device
     )
 
 
-def read_pdo(sdo: SdoClient, receive: bool, number: int) -> Pdo | None:
+def read_pdo(sdo: SdoClient, receive: bool, number: int) -> PdoConfiguration | None:
     """Read one PDO (number from 1); None where the device has none of that number. Blocks, raises as ``read_pdos``."""
     at = Indices.of(receive, number)
     cob_id = read_number(sdo, at.communication, o.PDO_COB_ID)
     transmission = read_number(sdo, at.communication, o.PDO_TRANSMISSION_TYPE)
     if cob_id is None or transmission is None:
         return None
-    return Pdo(
+    return PdoConfiguration(
         number,
         cob_id & (cob.ID_MASK_29 if cob_id & cob.EXTENDED else cob.ID_MASK_11),
         not cob_id & cob.INVALID,
@@ -68,7 +68,9 @@ def read_pdo(sdo: SdoClient, receive: bool, number: int) -> Pdo | None:
     )
 
 
-def _read_existing(sdo: SdoClient, receive: bool, also: Collection[tuple[bool, int]]) -> Iterable[Pdo]:
+def _read_existing(
+    sdo: SdoClient, receive: bool, also: Collection[tuple[bool, int]]
+) -> Iterable[PdoConfiguration]:
     own = {number for way, number in also if way is receive}
     for number in sorted(own.union(_numbers(sdo.dictionary, receive))):
         pdo = read_pdo(sdo, receive, number)

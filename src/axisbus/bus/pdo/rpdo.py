@@ -23,7 +23,7 @@ from collections.abc import Mapping, Sequence
 from axisbus.bus.pdo.plan import PlannedPdo
 from axisbus.bus.pdo.setpoint_edge_order import CONTROLWORD
 from axisbus.cia301.pdo import MappedObject, PdoCodec
-from axisbus.cia402.controlword import Command
+from axisbus.cia402.controlword import PowerCommand
 from axisbus.cia402.port import ALL_OUTPUTS, OFFSET_OBJECTS, Outputs
 from axisbus.errors import StateError
 
@@ -83,7 +83,7 @@ class RpdoImage:
             if at in self._offsets_at:
                 found |= (1 << mapped.bits) - 1 << shift
             elif at in self._controlwords_at[1:]:
-                found |= (1 << mapped.bits) - 1 - Command.QUICK_STOP.word << shift
+                found |= (1 << mapped.bits) - 1 - PowerCommand.QUICK_STOP.word << shift
             shift += mapped.bits
         return found
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 
-from axisbus.bus.sdo.worker import Job, SdoWorker
+from axisbus.bus.sdo.worker import SdoJob, SdoWorker
 from axisbus.cia402 import controlword as cw
-from axisbus.cia402.port import ALL_OUTPUTS, Source
+from axisbus.cia402.port import ALL_OUTPUTS, ValueTransport
 
 RETRY = 0.25  # seconds after a refusal before the same value is written again
 _ENABLED = cw.SWITCH_ON | cw.ENABLE_VOLTAGE | cw.QUICK_STOP | cw.ENABLE_OPERATION
@@ -42,7 +42,7 @@ class _Output:
             return False
         return value != self.refused or time.monotonic() - self.refused_at >= RETRY
 
-    def job(self, owner: object, value: int) -> Job:
+    def job(self, owner: object, value: int) -> SdoJob:
         """Return the write of ``value``, which counts as written unless it fails."""
         self.written = value
         token = object()
@@ -54,20 +54,20 @@ class _Output:
                 self.written = None
                 self.refused, self.refused_at = value, time.monotonic()
 
-        return Job((owner, self.index), self.index, 0, value, done)
+        return SdoJob((owner, self.index), self.index, 0, value, done)
 
 
 class SdoOutputs:
     """All outputs of an axis that travel by SDO; holds state. Used by the scan's thread; the answers come in the worker's."""
 
     def __init__(
-        self, worker: SdoWorker, outputs: Mapping[str, Source], index_of: Callable[[int], int]
+        self, worker: SdoWorker, outputs: Mapping[str, ValueTransport], index_of: Callable[[int], int]
     ) -> None:
         self._worker = worker
         self._outputs = {
             name: _Output(index_of(ALL_OUTPUTS[name]))
             for name, source in outputs.items()
-            if source is Source.SDO
+            if source is ValueTransport.SDO
         }
         self._controlword = self._outputs.pop("controlword", None)
         self.commanded = False  # whether a controlword was ever written by SDO

@@ -13,14 +13,14 @@ from axisbus.eds.model import Eds
 from axisbus.errors import SdoAbort, SdoError, SdoTimeout
 
 
-class Uploads(Protocol):
+class SdoUploads(Protocol):
     """The objects of one node as bytes; ``SdoClient`` is one."""
 
     def upload(self, index: int, subindex: int = 0) -> bytes:
         """Read an object's bytes."""
 
 
-class Sdo(Protocol):
+class SdoObjectAccess(Protocol):
     """The objects of one node by SDO; calls block and raise as those of ``SdoClient``, which is one."""
 
     @property
@@ -53,7 +53,7 @@ class ByObjects(Protocol):
         """Its EDS; None where no file is given."""
 
     @property
-    def sdo(self) -> Sdo:
+    def sdo(self) -> SdoObjectAccess:
         """Its objects."""
 
 
@@ -67,7 +67,7 @@ def decoded(data: bytes, known: DataType | None) -> Value:
     return int.from_bytes(data, "little") if len(data) in (1, 2, 3, 4, 8) else data
 
 
-def try_upload(sdo: Uploads, index: int, subindex: int = 0) -> bytes | SdoError:
+def try_upload(sdo: SdoUploads, index: int, subindex: int = 0) -> bytes | SdoError:
     """Return an object's bytes, or the reason why this one object cannot be read; blocks as ``upload``.
 
     The node may refuse it, answer with something that is no answer, or be silent for it while it answers for others.
@@ -82,13 +82,13 @@ def try_upload(sdo: Uploads, index: int, subindex: int = 0) -> bytes | SdoError:
         return error
 
 
-def require_answering(sdo: Uploads, error: SdoError) -> None:
+def require_answering(sdo: SdoUploads, error: SdoError) -> None:
     """Raise ``error`` again if its node answers for no object; blocks for a transfer if it was a time-out."""
     if isinstance(error, SdoTimeout) and not _answers(sdo, error):
         raise error
 
 
-def _answers(sdo: Uploads, error: SdoTimeout) -> bool:
+def _answers(sdo: SdoUploads, error: SdoTimeout) -> bool:
     mandatory = o.ERROR_REGISTER if error.index == o.DEVICE_TYPE else o.DEVICE_TYPE
     try:
         sdo.upload(mandatory)

@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-One lock per client: transfers of several threads queue up behind it. Each call is one ``Session``, which makes up to ``tries``
+One lock per client: transfers of several threads queue up behind it. Each call is one ``SdoSession``, which makes up to ``tries``
 attempts, and no answer that comes too late is ever taken for another one's (see ``axisbus.cia301.sdo_session``). Between two calls
 the client remembers what may still be answered, and whether the server has shown that it does not know block transfers.
 """
@@ -18,13 +18,13 @@ from axisbus.bus.link.channel import Channel, require_other_thread
 from axisbus.bus.sdo import errors as sdo_errors
 from axisbus.bus.sdo.access import decoded
 from axisbus.bus.sdo.round_trips import RoundTrips
-from axisbus.bus.sdo.transfer import Call, Cancelled, Line, Progress, carry_out
+from axisbus.bus.sdo.transfer import Call, Cancelled, Progress, SdoConnection, carry_out
 from axisbus.bus.sdo.value import checked_bytes
 from axisbus.cia301.datatypes import DataType, Value, encode, size_in_bytes
-from axisbus.cia301.sdo import LONGEST, Way
-from axisbus.cia301.sdo_counts import End, end_of
-from axisbus.cia301.sdo_session import Request, Session
-from axisbus.eds.dictionary import Dictionary, Entry
+from axisbus.cia301.sdo import LONGEST, SdoTransferType
+from axisbus.cia301.sdo_counts import SdoOutcome, end_of
+from axisbus.cia301.sdo_session import SdoSession, SdoTransferRequest
+from axisbus.eds.dictionary import Dictionary, DictionaryEntry
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError
 
@@ -70,7 +70,7 @@ class SdoClient:
         self.timeout = timeout
         self.tries = tries
         self._channel = channel
-        self._line = Line(channel, node_id, *(cob_ids or (None, None)))
+        self._line = SdoConnection(channel, node_id, *(cob_ids or (None, None)))
         self._lock = threading.Lock()
         self._calls: list[Call] = []
         self._late: tuple[int, int] | None = None  # the object of a request that may still be answered
@@ -86,7 +86,7 @@ class SdoClient:
         timeout: float | None = None,
         tries: int | None = None,
         call: Call | None = None,
-        way: Way = Way.AUTO,
+        way: SdoTransferType = SdoTransferType.AUTO,
         progress: Progress | None = None,
         most: int | None = None,
     ) -> bytes:
@@ -109,7 +109,7 @@ class SdoClient:
         if most is None:
             most = _most(data_type)
         usual = None if data_type is None else size_in_bytes(data_type)
-        request = Request(
+        request = SdoTransferRequest(
             index, subindex, None, timeout or self.timeout, tries or self.tries, way, most, usual
         )
         return self._run(request, call, progress)
@@ -123,7 +123,7 @@ class SdoClient:
         timeout: float | None = None,
         tries: int | None = None,
         call: Call | None = None,
-        way: Way = Way.AUTO,
+        way: SdoTransferType = SdoTransferType.AUTO,
         progress: Progress | None = None,
     ) -> None:
         """Write an object's bytes (CiA 301 7.2.4.3.3, in blocks 7.2.4.3.8); blocks. An empty value goes in a segmented transfer.
@@ -133,7 +133,9 @@ class SdoClient:
         Raises:
             as ``upload``.
         """
-        request = Request(index, subindex, bytes(data), timeout or self.timeout, tries or self.tries, way)
+        request = SdoTransferRequest(
+            index, subindex, bytes(data), timeout or self.timeout, tries or self.tries, way
+        )
         self._run(request, call, progress)
 
     def download_urgent(self, index: int, subindex: int, data: bytes) -> None:
@@ -145,7 +147,7 @@ class SdoClient:
             as ``upload``.
         """
         require_other_thread(self._channel, "an SDO transfer")
-        request = Request(index, subindex, bytes(data), self.timeout, self.tries)
+        request = SdoTransferRequest(index, subindex, bytes(data), self.timeout, self.tries)
         locked = self._take_lock_from_others()
         try:
             with self._calling(Call(urgent=True)) as call:
@@ -242,7 +244,7 @@ class SdoClient:
 
     # -- the way of a call --------------------------------------------------------------------------------------------------------
 
-    def _run(self, request: Request, call: Call | None, progress: Progress | None) -> bytes:
+    def _run(self, request: SdoTransferRequest, call: Call | None, progress: Progress | None) -> bytes:
         require_other_thread(self._channel, "an SDO transfer")
         with self._calling(call or Call()) as known, self._lock:
             return self._attempts(known, request, progress)
@@ -263,9 +265,9 @@ class SdoClient:
                 return True
         return False  # the frame matters more than the order of answers
 
-    def _attempts(self, call: Call, request: Request, progress: Progress | None = None) -> bytes:
-        session = Session(request, late=self._late, no_block=self._no_block, urgent=call.urgent)
-        end = End.CUT_SHORT
+    def _attempts(self, call: Call, request: SdoTransferRequest, progress: Progress | None = None) -> bytes:
+        session = SdoSession(request, late=self._late, no_block=self._no_block, urgent=call.urgent)
+        end = SdoOutcome.CUT_SHORT
         try:
             carry_out(self._line, call, session, progress)
             end = end_of(session.failure)
@@ -279,5 +281,5 @@ class SdoClient:
             raise sdo_errors.failed(self.node_id, entry, request, session, health)
         return session.data
 
-    def _entry(self, request: Request) -> Entry:
+    def _entry(self, request: SdoTransferRequest) -> DictionaryEntry:
         return self.dictionary.entry(request.index, request.subindex)

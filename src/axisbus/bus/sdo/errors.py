@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from axisbus.cia301 import abort
-from axisbus.cia301.sdo import Garbled, Refused
-from axisbus.cia301.sdo_session import BROKEN_DIALOGUE, Request, Session
-from axisbus.eds.dictionary import Entry
+from axisbus.cia301.sdo import Garbled, SdoAborted
+from axisbus.cia301.sdo_session import BROKEN_DIALOGUE, SdoSession, SdoTransferRequest
+from axisbus.eds.dictionary import DictionaryEntry
 from axisbus.errors import Interrupted, SdoAbort, SdoError, SdoTimeout
 from axisbus.wording import counted
 
 _SHOWN = 8  # bytes of a value that are shown
 
 
-def failed(node_id: int, entry: Entry, request: Request, session: Session, health: str) -> SdoError:
+def failed(
+    node_id: int, entry: DictionaryEntry, request: SdoTransferRequest, session: SdoSession, health: str
+) -> SdoError:
     """Return the error for a session that ended badly; ``health`` says in one line what the wire looks like."""
     doing, failure = _doing(node_id, entry, request), session.failure
-    if isinstance(failure, Refused):
+    if isinstance(failure, SdoAborted):
         if failure.code not in BROKEN_DIALOGUE:
             return _refused(node_id, doing, request, failure.code)
         return _broken(node_id, doing, request, f"the node aborted with {abort.describe(failure.code)}")
@@ -31,14 +33,14 @@ def failed(node_id: int, entry: Entry, request: Request, session: Session, healt
     )
 
 
-def cancelled(node_id: int, entry: Entry, request: Request) -> Interrupted:
+def cancelled(node_id: int, entry: DictionaryEntry, request: SdoTransferRequest) -> Interrupted:
     """Return the error for a transfer that another thread ended."""
     return Interrupted(
         f"{_doing(node_id, entry, request)} was cut short", observed="something more urgent took over"
     )
 
 
-def _doing(node_id: int, entry: Entry, request: Request) -> str:
+def _doing(node_id: int, entry: DictionaryEntry, request: SdoTransferRequest) -> str:
     data = request.data
     if data is None:
         return f"node {node_id}: reading {entry}"
@@ -46,7 +48,7 @@ def _doing(node_id: int, entry: Entry, request: Request) -> str:
     return f"node {node_id}: writing {entry} = {value}"
 
 
-def _refused(node_id: int, doing: str, request: Request, code: int) -> SdoAbort:
+def _refused(node_id: int, doing: str, request: SdoTransferRequest, code: int) -> SdoAbort:
     return SdoAbort(
         f"{doing} was refused",
         node=node_id,
@@ -58,7 +60,7 @@ def _refused(node_id: int, doing: str, request: Request, code: int) -> SdoAbort:
     )
 
 
-def _broken(node_id: int, doing: str, request: Request, observed: str) -> SdoError:
+def _broken(node_id: int, doing: str, request: SdoTransferRequest, observed: str) -> SdoError:
     return SdoError(
         f"{doing} failed in {counted(request.tries, 'attempt')}",
         node=node_id,
@@ -69,13 +71,13 @@ def _broken(node_id: int, doing: str, request: Request, observed: str) -> SdoErr
     )
 
 
-def _late(request: Request, session: Session) -> list[bytes]:
+def _late(request: SdoTransferRequest, session: SdoSession) -> list[bytes]:
     """Return the answers for the object that came when the attempt was over."""
     asked = request.index.to_bytes(2, "little") + bytes([request.subindex])
     return [frame for frame in session.strays if frame[1:4] == asked]
 
 
-def _what_came(request: Request, session: Session, health: str) -> str:
+def _what_came(request: SdoTransferRequest, session: SdoSession, health: str) -> str:
     late, strays = _late(request, session), session.strays
     if late:
         return f"{counted(len(late), 'answer')} for this object came after {request.timeout:g} s, the last: {late[-1].hex(' ')}"
@@ -86,7 +88,7 @@ def _what_came(request: Request, session: Session, health: str) -> str:
     return health or "no frame from its SDO server"
 
 
-def _remedy(request: Request, session: Session) -> str:
+def _remedy(request: SdoTransferRequest, session: SdoSession) -> str:
     if _late(request, session):
         return "the device is slow: try again when it does nothing else, and look at the load of the bus (axisbus monitor)"
     if session.answers_others:

@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-What is said is decided by the pure ``Session`` (``axisbus.cia301``); here its frames travel. The segments of a block leave in
+What is said is decided by the pure ``SdoSession`` (``axisbus.cia301``); here its frames travel. The segments of a block leave in
 small groups with a pause between, so that they do not fill the adapter's queue (ten frames with SocketCAN) and the scan's PDOs find
 room.
 Time counts from the moment when the last frame was handed over; a frame that waits in the inbox counts before the time that passed,
@@ -15,12 +15,12 @@ import time
 from collections.abc import Callable
 
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.link.frame_queue import Inbox
+from axisbus.bus.link.frame_queue import UnboundedQueue
 from axisbus.bus.sdo.round_trips import RoundTrips
 from axisbus.cia301 import cob
-from axisbus.cia301.dropped_frames import Fault
+from axisbus.cia301.dropped_frames import DropReason
 from axisbus.cia301.sdo import Frames
-from axisbus.cia301.sdo_session import Session
+from axisbus.cia301.sdo_session import SdoSession
 
 Progress = Callable[[int, int | None], None]
 
@@ -36,7 +36,7 @@ class Cancelled(Exception):
     """Another thread cancelled the transfer; an abort was sent."""
 
 
-class Line:
+class SdoConnection:
     """One SDO channel of a node (by default 600h and 580h + node ID); holds state: its inbox."""
 
     def __init__(
@@ -49,7 +49,7 @@ class Line:
         self.channel = channel
         self.request_id = cob.SDO_RX + node_id if request_id is None else request_id
         self.answer_id = cob.SDO_TX + node_id if answer_id is None else answer_id
-        self.inbox: Inbox[bytes] = Inbox()
+        self.inbox: UnboundedQueue[bytes] = UnboundedQueue()
         self.trips = RoundTrips()
         self.heard = 0.0  # when the newest answer came
         self._node_id = node_id
@@ -79,7 +79,7 @@ class Line:
     def drop(self, data: bytes, count: int = 1) -> None:
         """Count answers that nothing was waiting for; ``data`` is that of the newest."""
         drops, now = self.channel.drops, time.monotonic()
-        drops.note(Fault.SDO, self._node_id, now, self.answer_id, data, count)
+        drops.note(DropReason.SDO, self._node_id, now, self.answer_id, data, count)
 
     def wake(self) -> None:
         """Have a waiting transfer look whether it is still wanted."""
@@ -112,7 +112,7 @@ class Call:
         self.cancelled = False
 
 
-def carry_out(line: Line, call: Call, session: Session, progress: Progress | None = None) -> None:
+def carry_out(line: SdoConnection, call: Call, session: SdoSession, progress: Progress | None = None) -> None:
     """Run a session to its end; blocks. One that is cut short tells the server so by an abort.
 
     Raises:
@@ -134,7 +134,7 @@ def carry_out(line: Line, call: Call, session: Session, progress: Progress | Non
             line.drop(session.strays[-1], session.astray)
 
 
-def _converse(line: Line, call: Call, session: Session, progress: Progress | None) -> None:
+def _converse(line: SdoConnection, call: Call, session: SdoSession, progress: Progress | None) -> None:
     _check_wanted(line, call)
     asked = time.monotonic()
     _send(line, call, session.start())
@@ -159,7 +159,7 @@ def _converse(line: Line, call: Call, session: Session, progress: Progress | Non
             progress(*told)
 
 
-def _send(line: Line, call: Call, frames: Frames) -> None:
+def _send(line: SdoConnection, call: Call, frames: Frames) -> None:
     for number, frame in enumerate(frames):
         if number and number % GROUP == 0:
             time.sleep(PAUSE)
@@ -167,7 +167,7 @@ def _send(line: Line, call: Call, frames: Frames) -> None:
         line.send(frame)
 
 
-def _check_wanted(line: Line, call: Call) -> None:
+def _check_wanted(line: SdoConnection, call: Call) -> None:
     line.channel.check()
     if call.cancelled:
         raise Cancelled

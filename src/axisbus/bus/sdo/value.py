@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 
 from axisbus.cia301.datatypes import DataType, Value, check_range, encode
-from axisbus.eds.dictionary import Entry
+from axisbus.eds.dictionary import DictionaryEntry
 from axisbus.errors import ArgumentError, LimitError
 
 _REALS = (DataType.REAL32, DataType.REAL64)
 _REAL32_MAX = 3.4028234663852886e38
 
 
-def checked_bytes(entry: Entry, value: Value, data_type: DataType | None = None) -> bytes:
+def checked_bytes(entry: DictionaryEntry, value: Value, data_type: DataType | None = None) -> bytes:
     """Return ``value`` as the object's bytes, if the type and the limits allow it.
 
     Raises:
@@ -33,7 +33,7 @@ def checked_bytes(entry: Entry, value: Value, data_type: DataType | None = None)
     return encode(value, known, str(entry))
 
 
-def _check_kind(entry: Entry, value: Value, data_type: DataType) -> None:
+def _check_kind(entry: DictionaryEntry, value: Value, data_type: DataType) -> None:
     kind = data_type.name
     if not isinstance(value, (int, float)):
         if data_type.integer or data_type in _REALS:
@@ -54,7 +54,7 @@ def _is_finite(value: float) -> bool:
         return False
 
 
-def _check_limits(entry: Entry, value: float, data_type: DataType) -> None:
+def _check_limits(entry: DictionaryEntry, value: float, data_type: DataType) -> None:
     if data_type.integer:
         check_range(int(value), data_type, str(entry))
     if data_type is DataType.REAL32 and abs(value) > _REAL32_MAX:

@@ -30,7 +30,7 @@ INVALID_VALUE = 0x0609_0030
 Done = Callable[[int | None, int | None], None]
 
 
-class Job(NamedTuple):
+class SdoJob(NamedTuple):
     """One transfer: ``value`` None reads; ``done(value, abort)`` tells its end; ``key`` is by what it can be cancelled."""
 
     key: Hashable
@@ -46,12 +46,12 @@ class SdoWorker:
     def __init__(self, channel: Channel, sdo: SdoClient) -> None:
         self._channel = channel
         self._sdo = sdo
-        self._queue: deque[Job] = deque()
-        self._running: Job | None = None
+        self._queue: deque[SdoJob] = deque()
+        self._running: SdoJob | None = None
         self._call: Call | None = None  # by which the running job's transfer can be cancelled
         self.began = 0.0  # when the running transfer did, or the one before
         self._forgotten = False  # whether its end interests nobody any more
-        self._urgent: deque[Job] = deque()
+        self._urgent: deque[SdoJob] = deque()
         self._wanted = threading.Condition()
         self._closing = False
         self._thread: threading.Thread | None = None
@@ -61,7 +61,7 @@ class SdoWorker:
         """Whether nothing runs or waits."""
         return self._running is None and not self._urgent and not self._queue
 
-    def submit(self, job: Job) -> None:
+    def submit(self, job: SdoJob) -> None:
         """Queue a job; does not block. With 256 waiting it ends at once, with the abort code *out of memory*."""
         with self._wanted:
             accepted = len(self._queue) < QUEUE_LIMIT and not self._closing
@@ -72,7 +72,7 @@ class SdoWorker:
         if not accepted:
             job.done(None, abort.OUT_OF_MEMORY)
 
-    def urgent(self, job: Job) -> None:
+    def urgent(self, job: SdoJob) -> None:
         """Run ``job`` before all others but earlier urgent ones; does not block.
 
         The queue is emptied and the running transfer aborted; those jobs end with *timed out*.
@@ -142,7 +142,7 @@ class SdoWorker:
             with self._wanted:
                 self._running = self._call = None
 
-    def _next(self) -> tuple[Job | None, Call]:
+    def _next(self) -> tuple[SdoJob | None, Call]:
         with self._wanted:
             while not self._queue and not self._urgent:
                 if self._closing:
@@ -153,7 +153,7 @@ class SdoWorker:
             self._forgotten = False
             return self._running, self._call
 
-    def _carry_out(self, job: Job, call: Call) -> tuple[int | None, int | None]:
+    def _carry_out(self, job: SdoJob, call: Call) -> tuple[int | None, int | None]:
         """Run one transfer and return its value and abort code."""
         try:
             return self._transfer(job, call), None
@@ -169,7 +169,7 @@ class SdoWorker:
             self._channel.fail(_worker_failed(self._sdo.node_id, error))
             return None, abort.GENERAL
 
-    def _transfer(self, job: Job, call: Call) -> int | None:
+    def _transfer(self, job: SdoJob, call: Call) -> int | None:
         if job.value is None:
             value = self._sdo.read(job.index, job.subindex, call=call)
             if not isinstance(value, (int, float)):

@@ -19,7 +19,7 @@ SPOKEN = {CAN_SIMPLE: "CAN Simple", MODBUS: "Modbus"}  # by a module; each has a
 _HOLDING = "-hold"
 
 # Each key with its reader, and what to write where a needed one is missing.
-READERS: Mapping[str, tuple[v.Reader, str]] = {
+READERS: Mapping[str, tuple[v.ValueReader, str]] = {
     "velocity_limit": (
         v.positive,
         "velocity_limit = 20.0, turns/s of the rotor, which are sent with Set_Limits",
@@ -63,7 +63,7 @@ class ModuleConfig:
     torque_constant: float | None = None
     torque_ramp: float | None = None
     endpoints: str | None = None
-    at: Any = field(default=None, compare=False)  # a ``cell.model.Place``
+    at: Any = field(default=None, compare=False)  # a ``cell.model.SourceLocation``
 
     def settings(
         self,

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from axisbus.bus.pdo.plan import Wanted
+from axisbus.bus.pdo.plan import PdoRequirements
 from axisbus.cell.axis_description import Drive
 from axisbus.cell.cyclic_modes.interpolated import interpolates
 from axisbus.cell.model import AxisConfig, NodeConfig
-from axisbus.cia402.port import INTERPOLATION_OBJECTS, OUTPUT_OBJECTS, Source
+from axisbus.cia402.port import INTERPOLATION_OBJECTS, OUTPUT_OBJECTS, ValueTransport
 from axisbus.eds.model import Eds
 from axisbus.motion.feed_forward.settings import FeedForward
 from axisbus.motion.parameters import AxisParameters
@@ -37,15 +37,19 @@ def more_outputs(axis: AxisConfig, node: NodeConfig, eds: Eds | None, sync: bool
     return (*offsets, *(INTERPOLATION_OBJECTS if by_ip else ()))
 
 
-def wanted_of(axis: AxisConfig, node: NodeConfig, eds: Eds | None, sync: bool = True) -> Wanted:
+def wanted_of(axis: AxisConfig, node: NodeConfig, eds: Eds | None, sync: bool = True) -> PdoRequirements:
     """Return the values that an axis's PDOs are to carry."""
     more = more_outputs(axis, node, eds, sync)
-    return Wanted(outputs=(*OUTPUT_OBJECTS, *more), synchronous_outputs=frozenset(more)) if more else Wanted()
+    return (
+        PdoRequirements(outputs=(*OUTPUT_OBJECTS, *more), synchronous_outputs=frozenset(more))
+        if more
+        else PdoRequirements()
+    )
 
 
-def carried(parameters: AxisParameters, outputs: Mapping[str, Source]) -> AxisParameters:
+def carried(parameters: AxisParameters, outputs: Mapping[str, ValueTransport]) -> AxisParameters:
     """Return the parameters without what no PDO carries: in a drive that was found enabled, no mapping is changed."""
     asked = parameters.feed_forward
-    if asked is not None and not all(outputs.get(name) is Source.SYNC_PDO for name in asked.outputs):
+    if asked is not None and not all(outputs.get(name) is ValueTransport.SYNC_PDO for name in asked.outputs):
         return replace(parameters, feed_forward=None)
     return parameters

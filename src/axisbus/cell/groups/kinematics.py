@@ -11,7 +11,7 @@ from axisbus.motion.group.kinematics import CoreXY, Delta, Kinematics, Scara
 from axisbus.wording import counted
 
 
-class Kind(NamedTuple):
+class KinematicsKind(NamedTuple):
     """One kind: the keys that it ``needs`` and those that it ``may`` have, how many ``axes`` it takes, and what is made."""
 
     needs: tuple[str, ...]
@@ -20,10 +20,10 @@ class Kind(NamedTuple):
     make: Callable[..., Kinematics]
 
 
-KINDS: Mapping[str, Kind] = {
-    "corexy": Kind((), (), 2, CoreXY),
-    "scara": Kind(("upper", "fore"), ("left", "middle"), 2, Scara),
-    "delta": Kind(("base", "plate", "upper", "fore"), (), 3, Delta),
+KINDS: Mapping[str, KinematicsKind] = {
+    "corexy": KinematicsKind((), (), 2, CoreXY),
+    "scara": KinematicsKind(("upper", "fore"), ("left", "middle"), 2, Scara),
+    "delta": KinematicsKind(("base", "plate", "upper", "fore"), (), 3, Delta),
 }
 
 

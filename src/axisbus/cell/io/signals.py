@@ -6,13 +6,13 @@ from collections.abc import Mapping
 
 from axisbus.bus.pdo.mapping import MapEntry, map_entry_of
 from axisbus.cell.model import CellConfig, IoConfig
-from axisbus.cia401.signal import Point
+from axisbus.cia401.signal import IoPoint
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError
 
 
-def all_points(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> dict[str, Point]:
+def all_points(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> dict[str, IoPoint]:
     """Return the points of these nodes by name, node by node; those that ``points_of`` leaves out are not there."""
     return {
         point.name: point
@@ -21,13 +21,13 @@ def all_points(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> dict[str, P
     }
 
 
-def points_of(cell: CellConfig, node_id: int, dictionary: Dictionary) -> tuple[Point, ...]:
+def points_of(cell: CellConfig, node_id: int, dictionary: Dictionary) -> tuple[IoPoint, ...]:
     """Return the points of a node, in the file's order; one whose table is not sound is left out (``check.io.points`` names it)."""
     found = (point_of(each, dictionary) for each in cell.io_of(node_id))
     return tuple(point for point in found if point is not None)
 
 
-def point_of(config: IoConfig, dictionary: Dictionary) -> Point | None:
+def point_of(config: IoConfig, dictionary: Dictionary) -> IoPoint | None:
     """Return a point, None where its table is not sound or its object cannot travel in a PDO."""
     entry = entry_of(config, dictionary)
     if entry is None or not (entry.receive or entry.transmit) or not config.at.sound("node", "object", "bit"):
@@ -43,16 +43,16 @@ def point_of(config: IoConfig, dictionary: Dictionary) -> Point | None:
         return None
 
 
-def safe_of(config: IoConfig, point: Point) -> int:
+def safe_of(config: IoConfig, point: IoPoint) -> int:
     """Return the raw value of its ``safe``; raises ArgumentError where the object cannot hold it."""
     assert config.safe is not None
     whole = config.safe == int(config.safe)
     return point.raw(int(config.safe) if whole else config.safe)
 
 
-def unsafe_point(config: IoConfig, entry: MapEntry, safe: int = 0) -> Point:
+def unsafe_point(config: IoConfig, entry: MapEntry, safe: int = 0) -> IoPoint:
     """Return a point without a look at what it says of a safe state; an object of one bit is that bit."""
-    return Point(
+    return IoPoint(
         config.name,
         config.node,
         entry.index,

@@ -33,7 +33,7 @@ _FINEST = Fraction(1_000_000)
 _LARGE_UNITS = frozenset({"m", "dm", "ft", "rev", "turn", "turns", "rad", "l"})
 
 
-class Foreign(NamedTuple):
+class ForbiddenKey(NamedTuple):
     """A key or table that a virtual axis cannot have: where it stands, below the axis's own table, and what to do."""
 
     path: tuple[str, ...]
@@ -63,22 +63,22 @@ def quick_deceleration(axis: AxisConfig) -> float | None:
     return axis.stop.deceleration or given.deceleration or given.acceleration or axis.max_acceleration
 
 
-def foreign(table: Mapping[str, Any]) -> Iterator[Foreign]:
+def foreign(table: Mapping[str, Any]) -> Iterator[ForbiddenKey]:
     """Yield what stands in the table of a virtual axis and belongs to a drive."""
     keys, tables = keys_of(table)
     for key in table:
         if key in schema.AXIS and key not in keys:
-            yield Foreign((key,), f"leave {key} out")
+            yield ForbiddenKey((key,), f"leave {key} out")
         elif key in schema.AXIS_TABLES and key not in tables:
-            yield Foreign((key,), _LEAVE_TABLE.get(key, "leave it out: nothing leads an encoder"))
+            yield ForbiddenKey((key,), _LEAVE_TABLE.get(key, "leave it out: nothing leads an encoder"))
     for name, own in tables.items():
         given, known = table.get(name), schema.AXIS_TABLES[name] or {}
         for key in given if isinstance(given, dict) else ():
             if key in known and key not in own:
-                yield Foreign((name, key), f"leave {key} out")
+                yield ForbiddenKey((name, key), f"leave {key} out")
 
 
-def without(table: Mapping[str, Any], found: Iterator[Foreign] | list[Foreign]) -> dict[str, Any]:
+def without(table: Mapping[str, Any], found: Iterator[ForbiddenKey] | list[ForbiddenKey]) -> dict[str, Any]:
     """Return the table of an axis without what was ``found`` in it."""
     left = dict(table)
     for path, _ in found:

@@ -9,7 +9,7 @@ from axisbus.cell.virtual.allowed_keys import quick_deceleration
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.options import Ramp
-from axisbus.motion.parameters import AxisParameters, Homing, Limits
+from axisbus.motion.parameters import AxisLimits, AxisParameters, HomingParameters
 from axisbus.motion.stop_deceleration import Braking
 from axisbus.units import INT32_HALF
 
@@ -44,9 +44,9 @@ def virtual_parameters(cell: CellConfig, name: str) -> AxisParameters:
     return AxisParameters(
         name=name,
         units=units,
-        limits=Limits(axis.position_limits, axis.max_velocity, axis.max_acceleration),
+        limits=AxisLimits(axis.position_limits, axis.max_velocity, axis.max_acceleration),
         defaults=defaults(axis),
-        homing=Homing(required=False),
+        homing=HomingParameters(required=False),
         stop_times=stop_times(axis),
         objects=OBJECTS,
         modes=MODES,
@@ -66,7 +66,7 @@ def encoder_parameters(cell: CellConfig, name: str) -> AxisParameters:
         name=name,
         node=0 if source is None else source.node,
         units=units_of(axis),
-        homing=Homing(required=False),
+        homing=HomingParameters(required=False),
         objects=OBJECTS_OF_ENCODER,
         modes=frozenset(),
         scan_period=cell.bus.scan_period,

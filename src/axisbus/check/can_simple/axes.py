@@ -13,7 +13,7 @@ from axisbus.cell.can_simple.modules import modules_of, settings_of
 from axisbus.cell.cyclic_modes.feed_forward import feed_forward
 from axisbus.cell.model import SIMULATED
 from axisbus.check import limits, modes, monitoring_windows, ranges
-from axisbus.check.context import Case, Check, Found
+from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.check.ids.table import id_of
 from axisbus.cia402 import homing, options
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
@@ -25,7 +25,7 @@ _OPTIONS = {option.index: option for option in options.ALL}
 _NO_WIRE = frozenset({SIMULATED, "virtual"})
 
 
-def _described(case: Case) -> Mapping[int, Eds]:
+def _described(case: CheckContext) -> Mapping[int, Eds]:
     """What the ports of those modules make of them whose tables can be used."""
     found: dict[int, Eds] = {}
     for node_id in modules_of(case.cell):
@@ -36,22 +36,22 @@ def _described(case: Case) -> Mapping[int, Eds]:
     return found
 
 
-def _drives(case: Case) -> Iterator[Drive]:
+def _drives(case: CheckContext) -> Iterator[Drive]:
     described = _described(case)
     for axis in case.cell.axes.values():
         if axis.at.sound("node", "drive_axis") and axis.node in described:
             yield drive_of(case.cell, axis)
 
 
-def as_drives(case: Case) -> Found:
+def as_drives(case: CheckContext) -> Problems:
     """Check what is checked of any drive and does not ask how its values travel."""
-    inner = Case(case.cell, _described(case))
+    inner = CheckContext(case.cell, _described(case))
     for check in (*limits.CHECKS, *modes.CHECKS, *ranges.CHECKS, *monitoring_windows.CHECKS):
         if inner.drives:
             yield from (replace(problem, rule=id_of(check)) for problem in check(inner))
 
 
-def writes(case: Case) -> Found:
+def writes(case: CheckContext) -> Problems:
     """Check that a module can do what is to be written into its drive: its reactions and its own ramp are what they are."""
     for drive in _drives(case):
         objects = ModulePort(settings_of(case.cell, drive.axis.node)).objects
@@ -73,7 +73,7 @@ def _words(index: int, value: int | None) -> str:
     return f": {value}" if option is None else f": {option.title} is {value}, {option.meaning(value)}"
 
 
-def no_more(case: Case) -> Found:
+def no_more(case: CheckContext) -> Problems:
     """Check that nothing is asked of a module that its port has no place for: inputs, outputs, and values to be fed forward."""
     for node_id in modules_of(case.cell):
         for point in case.cell.io_of(node_id):
@@ -93,7 +93,7 @@ def no_more(case: Case) -> Found:
             )
 
 
-def in_place(case: Case) -> Found:
+def in_place(case: CheckContext) -> Problems:
     """Check that it is homed where it stands: nothing else is known of a module."""
     for drive in _drives(case):
         given = drive.axis.homing
@@ -106,7 +106,7 @@ def in_place(case: Case) -> Found:
             )
 
 
-def dangers(case: Case) -> Found:
+def dangers(case: CheckContext) -> Problems:
     """Say what lets a motor coast, and that nothing on a module notices a dead master."""
     bus = case.cell.bus
     for drive in _drives(case):

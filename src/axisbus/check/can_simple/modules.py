@@ -8,7 +8,7 @@ from axisbus.cell.can_simple.endpoint_list import list_of
 from axisbus.cell.can_simple.module import CANOPEN, MODBUS, READERS, TORQUE, ModuleConfig
 from axisbus.cell.can_simple.modules import is_line
 from axisbus.cell.model import AxisConfig, NodeConfig
-from axisbus.check.context import Case, Check, Found
+from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.drives.gim6010.can_simple.coexistence import clashes, free_nodes
 from axisbus.drives.gim6010.can_simple.identifier import NODES
 from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
@@ -21,13 +21,13 @@ _ON_LINE = range(1, 64)
 _NOT_ON_LINE = (*TORQUE[1:], "filter_bandwidth")
 
 
-def _modules(case: Case) -> Iterator[tuple[NodeConfig, ModuleConfig]]:
+def _modules(case: CheckContext) -> Iterator[tuple[NodeConfig, ModuleConfig]]:
     for node in case.cell.nodes.values():
         if node.module is not None:
             yield node, node.module
 
 
-def identifiers(case: Case) -> Found:
+def identifiers(case: CheckContext) -> Problems:
     """Check that no identifier has two owners (manual v2.2, 4.1.4)."""
     canopen = [node.node_id for node in case.cell.nodes.values() if node.protocol == CANOPEN]
     if case.cell.bus.master_id:
@@ -50,7 +50,7 @@ def identifiers(case: Case) -> Found:
             )
 
 
-def firmware(case: Case) -> Found:
+def firmware(case: CheckContext) -> Problems:
     """Check that its firmware is one that speaks CAN Simple."""
     for node, _ in _modules(case):
         try:
@@ -67,7 +67,7 @@ def firmware(case: Case) -> Found:
             )
 
 
-def settings(case: Case) -> Found:
+def settings(case: CheckContext) -> Problems:
     """Check that its port can be made of what the cell file says, and that torques have all that they need."""
     for node, module in _modules(case):
         axes = list(case.cell.axes_of(node.node_id))
@@ -79,7 +79,7 @@ def settings(case: Case) -> Found:
             yield from _of_axis(case, node, module, axis)
 
 
-def _of_axis(case: Case, node: NodeConfig, module: ModuleConfig, axis: AxisConfig) -> Found:
+def _of_axis(case: CheckContext, node: NodeConfig, module: ModuleConfig, axis: AxisConfig) -> Problems:
     try:
         module.settings(
             node.node_id,
@@ -107,7 +107,7 @@ def _of_axis(case: Case, node: NodeConfig, module: ModuleConfig, axis: AxisConfi
         )
 
 
-def endpoints(case: Case) -> Found:
+def endpoints(case: CheckContext) -> Problems:
     """Check that the list of endpoints that it names is one, and for its firmware."""
     for node, module in _modules(case):
         try:
@@ -121,7 +121,7 @@ def endpoints(case: Case) -> Found:
             )
 
 
-def line(case: Case) -> Found:
+def line(case: CheckContext) -> Problems:
     """Check that a serial line has modules that speak Modbus alone, and these what they need there."""
     bus = case.cell.bus
     on_line = is_line(bus)
@@ -144,7 +144,7 @@ def line(case: Case) -> Found:
             yield from _on_line(case, node, node.module)
 
 
-def _on_line(case: Case, node: NodeConfig, module: ModuleConfig) -> Found:
+def _on_line(case: CheckContext, node: NodeConfig, module: ModuleConfig) -> Problems:
     name = f"[nodes.{node.node_id}.{MODBUS}]"
     if node.node_id not in _ON_LINE:
         yield case.error(

@@ -9,11 +9,11 @@ from axisbus.cell.axis_description import Drive
 from axisbus.cell.cyclic_modes.feed_forward import feed_forward, wanted_of
 from axisbus.cell.pdo_plan import policy_of
 from axisbus.cell.scales import units_of
-from axisbus.check.context import Case, Check, Found, own_title
+from axisbus.check.context import Check, CheckContext, Problems, own_title
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.port import OFFSET_OBJECTS, Source
+from axisbus.cia402.port import OFFSET_OBJECTS, ValueTransport
 from axisbus.motion.feed_forward.settings import FeedForward
-from axisbus.motion.parameters import Limits
+from axisbus.motion.parameters import AxisLimits
 
 _M = ModeOfOperation
 _NEEDS = {
@@ -22,7 +22,7 @@ _NEEDS = {
 }
 
 
-def _asking(case: Case) -> list[tuple[Drive, FeedForward]]:
+def _asking(case: CheckContext) -> list[tuple[Drive, FeedForward]]:
     pairs = [(drive, feed_forward(drive.axis, None)) for drive in case.drives]
     return [(drive, asked) for drive, asked in pairs if asked is not None]
 
@@ -34,7 +34,7 @@ def _line(drive: Drive, name: str) -> int:
     return next((at.of(key) for key in keys if at.gives(key)), at.line)
 
 
-def nothing(case: Case) -> Found:
+def nothing(case: CheckContext) -> Problems:
     """Tell of a table that asks for nothing."""
     for axis in case.cell.driven.values():
         at = axis.feed_forward.at
@@ -47,7 +47,7 @@ def nothing(case: Case) -> Found:
             )
 
 
-def carried(case: Case) -> Found:
+def carried(case: CheckContext) -> Problems:
     """Check that the drive has each offset, and that a synchronous PDO carries it."""
     for drive, asked in _asking(case):
         sources = _sources(case, drive) if case.cell.bus.sync else {}
@@ -62,8 +62,12 @@ def carried(case: Case) -> Found:
                 yield case.error(
                     line, message, f"it belongs to a SYNC, and {where}", f"sync = true in [bus], or {delete}"
                 )
-            elif sources[name] is not Source.SYNC_PDO:
-                why = "no RPDO carries it" if sources[name] is Source.SDO else "its RPDO is event-driven"
+            elif sources[name] is not ValueTransport.SYNC_PDO:
+                why = (
+                    "no RPDO carries it"
+                    if sources[name] is ValueTransport.SDO
+                    else "its RPDO is event-driven"
+                )
                 yield case.error(
                     line,
                     message,
@@ -72,7 +76,7 @@ def carried(case: Case) -> Found:
                 )
 
 
-def _sources(case: Case, drive: Drive) -> dict[str, Source]:
+def _sources(case: CheckContext, drive: Drive) -> dict[str, ValueTransport]:
     node = drive.node
     device = pdo_tables.device_pdos(node, drive.eds)
     objects = axis_objects(drive.dictionary, device, drive.axis.drive_axis)
@@ -87,7 +91,7 @@ def _sources(case: Case, drive: Drive) -> dict[str, Source]:
     return plan.outputs
 
 
-def used(case: Case) -> Found:
+def used(case: CheckContext) -> Problems:
     """Tell of an offset that no mode of the axis adds."""
     for drive, asked in _asking(case):
         named = drive.axis.modes
@@ -104,7 +108,7 @@ def used(case: Case) -> Found:
                 )
 
 
-def computed(case: Case) -> Found:
+def computed(case: CheckContext) -> Problems:
     """Check that velocities and torques can be turned into what the drive counts, and stay below the highest torque."""
     for drive, asked in _asking(case):
         axis, at = drive.axis, drive.axis.feed_forward.at
@@ -128,9 +132,9 @@ def computed(case: Case) -> Found:
             yield from _too_much(case, drive, asked)
 
 
-def _too_much(case: Case, drive: Drive, asked: FeedForward) -> Found:
+def _too_much(case: CheckContext, drive: Drive, asked: FeedForward) -> Problems:
     axis, at = drive.axis, drive.axis.feed_forward.at
-    limits = torque.limited(Limits(torque=axis.max_torque), axis.rated_torque, drive.number)
+    limits = torque.limited(AxisLimits(torque=axis.max_torque), axis.rated_torque, drive.number)
     if limits.torque is None:
         return
     most = f"{limits.torque_key} is {limits.torque:g} N·m"

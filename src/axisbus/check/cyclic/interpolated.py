@@ -8,11 +8,11 @@ from axisbus.cell import pdo_tables
 from axisbus.cell.cyclic_modes.feed_forward import wanted_of
 from axisbus.cell.cyclic_modes.interpolated import interpolates
 from axisbus.cell.pdo_plan import policy_of
-from axisbus.check.context import Case, Check, Found
-from axisbus.cia402.port import Source
+from axisbus.check.context import Check, CheckContext, Problems
+from axisbus.cia402.port import ValueTransport
 
 
-def by_interpolation(case: Case) -> Found:
+def by_interpolation(case: CheckContext) -> Problems:
     """Tell which axes are led in ip, and where no PDO carries their set-points."""
     for drive in case.drives:
         axis = drive.axis
@@ -31,7 +31,7 @@ def by_interpolation(case: Case) -> Found:
         objects = axis_objects(drive.dictionary, device, axis.drive_axis)
         wanted, policy = wanted_of(axis, drive.node, drive.eds), policy_of(case.cell, drive.node)
         plan = make_plan(drive.node.node_id, device, objects, wanted, policy, axis.drive_axis)
-        if plan.outputs["interpolation_target"] is not Source.SYNC_PDO:
+        if plan.outputs["interpolation_target"] is not ValueTransport.SYNC_PDO:
             yield case.error(
                 line,
                 f"axis {axis.name}: its set-points of ip (60C1h:01) cannot be sent with SYNC",

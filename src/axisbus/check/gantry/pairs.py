@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from axisbus.cell.model import AxisConfig, GantryConfig
-from axisbus.check.context import Case, Check, Found, title
+from axisbus.check.context import Check, CheckContext, Problems, title
 from axisbus.check.modes import no_csp
 from axisbus.cia402 import objects
 from axisbus.cia402.touch_probe import POSITIONS, Edge
@@ -17,7 +17,7 @@ _SYNCHRONOUS = range(241)
 Pair = tuple[GantryConfig, AxisConfig, AxisConfig]
 
 
-def _pairs(case: Case) -> Iterator[Pair]:
+def _pairs(case: CheckContext) -> Iterator[Pair]:
     """Yield the pairs of which both axes are there."""
     for gantry in case.cell.gantries.values():
         if (
@@ -29,12 +29,12 @@ def _pairs(case: Case) -> Iterator[Pair]:
             yield gantry, first, second
 
 
-def _driven(case: Case) -> Iterator[Pair]:
+def _driven(case: CheckContext) -> Iterator[Pair]:
     """The same, of which both have a drive."""
     return (pair for pair in _pairs(case) if not (pair[1].virtual or pair[2].virtual))
 
 
-def axes_are_there(case: Case) -> Found:
+def axes_are_there(case: CheckContext) -> Problems:
     """Check that each pair has two axes of the cell, and that none carries two beams."""
     owners: dict[str, str] = {}
     for gantry in case.cell.gantries.values():
@@ -55,7 +55,7 @@ def axes_are_there(case: Case) -> Found:
             yield case.error(line, message, remedy="name the two axes that carry the beam")
 
 
-def can_carry(case: Case) -> Found:
+def can_carry(case: CheckContext) -> Problems:
     """Check that both are axes with a drive and an end, in one unit."""
     for gantry, *axes in _pairs(case):
         line = gantry.at.of("axes")
@@ -100,7 +100,7 @@ _SMALLER: tuple[tuple[str, Callable[[AxisConfig], Any]], ...] = (
 )
 
 
-def alike(case: Case) -> Found:
+def alike(case: CheckContext) -> Problems:
     """Warn of what makes the axes of a pair behave differently; note limits of which the smaller counts."""
     for gantry, first, second in _driven(case):
         for key, why, value in _SAME:
@@ -121,7 +121,7 @@ def _told(value: Any) -> str:
     return "none" if value is None else str(value)
 
 
-def in_groups(case: Case) -> Found:
+def in_groups(case: CheckContext) -> Problems:
     """Warn of groups that hold one axis of a pair and not the other: what stops it stops both, and nothing moves it there."""
     for gantry, first, second in _driven(case):
         for group in case.cell.groups.values():
@@ -134,7 +134,7 @@ def in_groups(case: Case) -> Found:
                 )
 
 
-def in_step(case: Case) -> Found:
+def in_step(case: CheckContext) -> Problems:
     """Check that both can be led in each cycle, and warn where their feedback comes at different paces, or too seldom."""
     period = case.cell.bus.scan_period
     drives = {drive.axis.name: drive for drive in case.drives}
@@ -174,13 +174,13 @@ def in_step(case: Case) -> Found:
             )
 
 
-def _paces(case: Case, axis: AxisConfig) -> list[int]:
+def _paces(case: CheckContext, axis: AxisConfig) -> list[int]:
     node = case.cell.nodes.get(axis.node)
     found = [pdo.transmission for pdo in (node.pdos if node else ()) if not pdo.receive]
     return sorted(each for each in found if each is not None and each in _SYNCHRONOUS)
 
 
-def homing(case: Case) -> Found:
+def homing(case: CheckContext) -> Problems:
     """Check that the drives of a pair that is homed by switches have touch probes, and that it is not too fast for them."""
     drives = {drive.axis.name: drive for drive in case.drives}
     for gantry, *axes in _driven(case):

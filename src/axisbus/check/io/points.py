@@ -11,9 +11,9 @@ from axisbus.cell.io import signals as io_points
 from axisbus.cell.model import IoConfig, NodeConfig
 from axisbus.cell.pdo_plan import io_plan, used_by_axes
 from axisbus.cell.writes import known_writes
-from axisbus.check.context import Case, Check, Found
+from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.cia401.objects import DRIVE_OUTPUTS, ERROR_OBJECTS, OUTPUTS
-from axisbus.cia401.signal import Point
+from axisbus.cia401.signal import IoPoint
 from axisbus.cia402.axes import PROFILE_AREA, first_axis
 from axisbus.eds.dictionary import Dictionary
 from axisbus.errors import ArgumentError
@@ -24,7 +24,7 @@ _SHARED = "PDOs of an axis are not shared with outputs: its controlword keeps th
 _FIXED = "what [nodes.N.pdo] gives a PDO stays, and nobody asks for an input (rtr)"
 
 
-def have_nodes(case: Case) -> Found:
+def have_nodes(case: CheckContext) -> Problems:
     """Check that the node of each is there."""
     for config in case.cell.io.values():
         if config.at.sound("node") and config.node not in case.cell.nodes:
@@ -37,7 +37,7 @@ def have_nodes(case: Case) -> Found:
             )
 
 
-def objects(case: Case) -> Found:
+def objects(case: CheckContext) -> Problems:
     """Check object, bit, and what an output must say."""
     for config, node, dictionary in _all(case):
         entry = io_points.entry_of(config, dictionary)
@@ -56,7 +56,7 @@ def objects(case: Case) -> Found:
             yield from _ours(case, config, entry)
 
 
-def encoders(case: Case) -> Found:
+def encoders(case: CheckContext) -> Problems:
     """Check that the input of each encoder is one that counts."""
     for axis in case.cell.axes.values():
         if axis.encoder is None:
@@ -73,7 +73,7 @@ def encoders(case: Case) -> Found:
             )
 
 
-def _no_count(case: Case, config: IoConfig | None) -> tuple[str, str]:
+def _no_count(case: CheckContext, config: IoConfig | None) -> tuple[str, str]:
     """Return why an input does not count, and what to do; empty texts where it does."""
     if config is None:
         return (
@@ -87,7 +87,7 @@ def _no_count(case: Case, config: IoConfig | None) -> tuple[str, str]:
     return "", ""
 
 
-def apart(case: Case) -> Found:
+def apart(case: CheckContext) -> Problems:
     """Check that no two outputs are the same bits."""
     points = [point for _, _, point in _points(case) if point.output]
     for one, other in combinations(points, 2):
@@ -99,7 +99,7 @@ def apart(case: Case) -> Found:
             )
 
 
-def travel(case: Case) -> Found:
+def travel(case: CheckContext) -> Problems:
     """Check that every object finds a PDO that no axis has."""
     for node, eds, dictionary in case.nodes:
         if not any(case.cell.io_of(node.node_id)):
@@ -116,7 +116,7 @@ def travel(case: Case) -> Found:
             )
 
 
-def alone(case: Case) -> Found:
+def alone(case: CheckContext) -> Problems:
     """Tell which outputs nobody takes to their safe state when we are gone all at once."""
     for config, node, point in _points(case):
         if not point.output or not case.cell.bus.at.sound("heartbeat"):
@@ -131,7 +131,7 @@ def alone(case: Case) -> Found:
             )
 
 
-def numbers_alone(case: Case) -> Found:
+def numbers_alone(case: CheckContext) -> Problems:
     """Warn of a safe number that modules of different makers understand differently (6444h has 32 bits for outputs of 16)."""
     for config, node, point in _points(case):
         row, eds = ERROR_OBJECTS.get(point.index), case.eds[node.node_id]
@@ -151,7 +151,7 @@ def numbers_alone(case: Case) -> Found:
         )
 
 
-def _not_alone(case: Case, node: NodeConfig, point: Point) -> str:
+def _not_alone(case: CheckContext, node: NodeConfig, point: IoPoint) -> str:
     if case.cell.bus.heartbeat is None:
         return "without heartbeat in [bus] no module notices that its master is gone"
     row, eds = ERROR_OBJECTS.get(point.index), case.eds[node.node_id]
@@ -163,21 +163,21 @@ def _not_alone(case: Case, node: NodeConfig, point: Point) -> str:
     return ""
 
 
-def _all(case: Case) -> Iterator[tuple[IoConfig, NodeConfig, Dictionary]]:
+def _all(case: CheckContext) -> Iterator[tuple[IoConfig, NodeConfig, Dictionary]]:
     dictionaries = {node.node_id: (node, dictionary) for node, _, dictionary in case.nodes}
     for config in case.cell.io.values():
         if config.at.sound("node", "object") and config.node in dictionaries:
             yield config, *dictionaries[config.node]
 
 
-def _points(case: Case) -> Iterator[tuple[IoConfig, NodeConfig, Point]]:
+def _points(case: CheckContext) -> Iterator[tuple[IoConfig, NodeConfig, IoPoint]]:
     for config, node, dictionary in _all(case):
         point = io_points.point_of(config, dictionary)
         if point is not None:
             yield config, node, point
 
 
-def _no_object(case: Case, config: IoConfig, node: NodeConfig, dictionary: Dictionary) -> Found:
+def _no_object(case: CheckContext, config: IoConfig, node: NodeConfig, dictionary: Dictionary) -> Problems:
     message = f"[io.{config.name}]: {config.object!r} is no input or output of node {node.node_id}"
     try:
         entry = dictionary.resolve(config.object)
@@ -191,7 +191,7 @@ def _no_object(case: Case, config: IoConfig, node: NodeConfig, dictionary: Dicti
     yield case.error(config.at.of("object"), message, observed, remedy)
 
 
-def _bit(case: Case, config: IoConfig, entry: MapEntry) -> Found:
+def _bit(case: CheckContext, config: IoConfig, entry: MapEntry) -> Problems:
     if config.bit is None or not config.at.sound("bit"):
         return
     if config.bit >= entry.bits:
@@ -210,7 +210,7 @@ def _bit(case: Case, config: IoConfig, entry: MapEntry) -> Found:
             )
 
 
-def _safe(case: Case, config: IoConfig, entry: MapEntry) -> Found:
+def _safe(case: CheckContext, config: IoConfig, entry: MapEntry) -> Problems:
     if not config.at.sound("safe", "bit", "scale", "offset") or (config.bit or 0) >= entry.bits:
         return
     if not entry.receive:
@@ -237,7 +237,7 @@ def _safe(case: Case, config: IoConfig, entry: MapEntry) -> Found:
         )
 
 
-def _ours(case: Case, config: IoConfig, entry: MapEntry) -> Found:
+def _ours(case: CheckContext, config: IoConfig, entry: MapEntry) -> Problems:
     """An output must be one: no parameter of the communication, and nothing that an axis lives on."""
     if not entry.receive:
         return

@@ -13,7 +13,7 @@ from axisbus.check.load_cell import checked
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.options import listen_option, port_option
 from axisbus.cli.shared.paths import PATH
-from axisbus.gateway.machine_follower import Following, Look
+from axisbus.gateway.machine_follower import Look, MachineFollower
 from axisbus.machine.machine import Machine
 from axisbus.optional_dependencies import require
 
@@ -43,7 +43,7 @@ def command(cell: Path, port: int, listen: str) -> int:
     server = MetricsServer(exporter, listen, port)
     try:
         say(f"served: {server.url}")
-        Following(cell, say).run(lambda machine: _served(machine, exporter), _LOOK)
+        MachineFollower(cell, say).run(lambda machine: _served(machine, exporter), _LOOK)
     finally:
         server.close()
     return OK

@@ -16,12 +16,12 @@ from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.options import listen_option, port_option
 from axisbus.cli.shared.paths import PATH
 from axisbus.errors import StateError
-from axisbus.gateway.machine_events import Happenings
-from axisbus.gateway.machine_follower import Following, Look
+from axisbus.gateway.machine_events import MachineEventSource
+from axisbus.gateway.machine_follower import Look, MachineFollower
 from axisbus.gateway.opcua import users as known
 from axisbus.gateway.opcua.access import Access, Given, decide
 from axisbus.gateway.opcua.event_mapping import told
-from axisbus.gateway.opcua.server_options import Keeping
+from axisbus.gateway.opcua.server_options import ServerOptions
 from axisbus.machine.machine import Machine
 from axisbus.optional_dependencies import require
 from axisbus.web import address as served
@@ -73,7 +73,7 @@ def command(
     access = _access(listen, certificate, key, trust, users, insecure)
     config = checked(cell)
     allowed = None if users is None else known.read(users)
-    keeping = Keeping(access, certificate, key, trust, allowed, allow_reset, float(rate))
+    keeping = ServerOptions(access, certificate, key, trust, allowed, allow_reset, float(rate))
     listening, _ = served.opened(listen, port, tls=certificate is not None)
     with closing(listening):
         server = make_server(config, cell.stem, listening, keeping)
@@ -83,7 +83,7 @@ def command(
     return OK
 
 
-def make_server(cell: CellConfig, name: str, listening: socket.socket, keeping: Keeping) -> OpcUaServer:
+def make_server(cell: CellConfig, name: str, listening: socket.socket, keeping: ServerOptions) -> OpcUaServer:
     """Return the server on a socket that is bound; blocks for seconds, in which its library is loaded.
 
     Raises:
@@ -118,15 +118,15 @@ def _serve(cell: Path, server: OpcUaServer) -> None:
     Raises:
         StateError: the server has ended by itself.
     """
-    happenings = Happenings()
-    Following(cell, say).run(
+    happenings = MachineEventSource()
+    MachineFollower(cell, say).run(
         lambda machine: _served(machine, server, happenings), _LOOK, lambda: server.alive
     )
     raise StateError("the OPC UA server has ended by itself", remedy="start it again")
 
 
 @contextmanager
-def _served(machine: Machine, server: OpcUaServer, happenings: Happenings) -> Iterator[Look]:
+def _served(machine: Machine, server: OpcUaServer, happenings: MachineEventSource) -> Iterator[Look]:
     """Tell of a machine, and of what happens at it."""
     server.follow(machine)
     try:

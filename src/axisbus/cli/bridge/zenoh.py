@@ -16,8 +16,8 @@ from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.paths import PATH
 from axisbus.errors import StateError
 from axisbus.fleet import network
-from axisbus.fleet.keys import CellKeys, named
-from axisbus.fleet.network import Network
+from axisbus.fleet.keys import ZenohCellKeys, named
+from axisbus.fleet.network import ZenohNetwork
 
 _RECEIVES = 64 * 1024  # bytes of a message to a cell: its queries are short
 _CONNECTED = 2.0  # seconds until somebody may be connected who has the same name
@@ -56,9 +56,9 @@ def command(
     over the network has the command of the machine; where it is lost, what was moved under it halts. Ctrl-C ends it.
     """
     network.require_zenoh()
-    keys = CellKeys(named("the plant", plant), named("the cell", cell.stem if name is None else name))
+    keys = ZenohCellKeys(named("the plant", plant), named("the cell", cell.stem if name is None else name))
     joints = ros_of(**ros)
-    wanted = Network(connect, listen, scouting, config, _RECEIVES if joints is None else RECEIVES)
+    wanted = ZenohNetwork(connect, listen, scouting, config, _RECEIVES if joints is None else RECEIVES)
     network.require_reachable(wanted)
     checked(cell)
     if recordings is not None and not recordings.is_dir():

@@ -12,7 +12,7 @@ from axisbus.cli.config import files as config_files
 from axisbus.cli.shared.attached_nodes import open_nodes
 from axisbus.cli.shared.common import OK, progress_bar, say, say_json, say_next
 from axisbus.cli.shared.completion import complete_node
-from axisbus.cli.shared.nodes import Asked, Files, node_options, require_bus
+from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, node_options, require_bus
 from axisbus.cli.shared.output import (
     concise_option,
     force_option,
@@ -26,7 +26,7 @@ from axisbus.wording import counted
 if TYPE_CHECKING:
     from axisbus.bus.node.node import NodeIdentity
     from axisbus.bus.sdo.access import ByObjects
-    from axisbus.configuration.dcf_backup import Backup
+    from axisbus.configuration.dcf_backup import DcfBackup
 
 
 @click.command("backup")
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 @click.option("--json", "as_json", is_flag=True, help="Print what was read as JSON.")
 def command(
     node: str,
-    asked: Asked,
+    asked: NodeOptions,
     output: Path | None,
     concise_out: Path | None,
     force: bool,
@@ -56,7 +56,7 @@ def command(
         require_writable(Path(file_name(1, None)))  # in this folder; its whole name is known later
     from axisbus.bus.node.node import read_identity
 
-    files = Files.of(asked.cell, asked.eds)
+    files = NodeFiles.of(asked.cell, asked.eds)
     node_id = files.address(node.rstrip(":")).node_id
     with ExitStack() as stack:
         device = open_nodes(stack, asked, files, [node_id]).node(node_id)
@@ -79,7 +79,9 @@ def _free_default(node_id: int, serial: int | None, *, force: bool) -> Path:
     return target
 
 
-def _taken(stack: ExitStack, asked: Asked, files: Files, device: ByObjects, name: str) -> tuple[Backup, str]:
+def _taken(
+    stack: ExitStack, asked: NodeOptions, files: NodeFiles, device: ByObjects, name: str
+) -> tuple[DcfBackup, str]:
     from axisbus.configuration.dcf_backup import backup
     from axisbus.eds.dcf import Settings
 
@@ -94,7 +96,7 @@ def _taken(stack: ExitStack, asked: Asked, files: Files, device: ByObjects, name
     return backup(device.sdo, reading, settings, tell), origin
 
 
-def _write(made: Backup, target: Path, concise_out: Path | None) -> list[tuple[Path, int]]:
+def _write(made: DcfBackup, target: Path, concise_out: Path | None) -> list[tuple[Path, int]]:
     from axisbus.eds import concise, writer
     from axisbus.eds.concise_dcf_values import configuration
 
@@ -111,7 +113,7 @@ def _write(made: Backup, target: Path, concise_out: Path | None) -> list[tuple[P
 
 
 def _show(
-    made: Backup, who: NodeIdentity, origin: str, node_id: int, written: list[tuple[Path, int]]
+    made: DcfBackup, who: NodeIdentity, origin: str, node_id: int, written: list[tuple[Path, int]]
 ) -> None:
     from axisbus.configuration import report_text
 
@@ -126,7 +128,7 @@ def _show(
 
 
 def _plain(
-    made: Backup, who: NodeIdentity, origin: str, written: list[tuple[Path, int]]
+    made: DcfBackup, who: NodeIdentity, origin: str, written: list[tuple[Path, int]]
 ) -> dict[str, object]:
     return {
         "files": [str(path) for path, _ in written],

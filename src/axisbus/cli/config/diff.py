@@ -10,10 +10,10 @@ import click
 from axisbus.cli.config import files as config_files
 from axisbus.cli.shared.attached_nodes import open_nodes
 from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json, say_next
-from axisbus.cli.shared.nodes import Asked, Files, node_options, require_bus
+from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, node_options, require_bus
 
 if TYPE_CHECKING:
-    from axisbus.configuration.compare import Comparison, Side
+    from axisbus.configuration.compare import Comparison, ConfigurationSide
     from axisbus.eds.model import Eds, Variable
 
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     "--all", "everything", is_flag=True, help="Also compare what can only be read, such as actual values."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the differences as JSON.")
-def command(one: str, other: str | None, asked: Asked, everything: bool, as_json: bool) -> int:
+def command(one: str, other: str | None, asked: NodeOptions, everything: bool, as_json: bool) -> int:
     """Compare configurations: FILE FILE, FILE NODE (the node as it is now), or NODE alone (with the defaults of its EDS).
 
     A file is a DCF or an EDS; a node is its ID, or an axis of --cell. Compared are the identity and what can be set; controlword,
@@ -36,7 +36,7 @@ def command(one: str, other: str | None, asked: Asked, everything: bool, as_json
     axisbus config diff x.dcf 5 -i socketcan -c can0
     axisbus config diff 5 -i socketcan -c can0 --eds drive.eds
     """
-    files = Files.of(asked.cell, asked.eds)
+    files = NodeFiles.of(asked.cell, asked.eds)
     named = [each for each in (one, other) if each is not None and not _is_node(files, each)]
     nodes = [each for each in (one, other) if each is not None and _is_node(files, each)]
     if len(nodes) > 1 or (not nodes and len(named) < 2):
@@ -53,7 +53,7 @@ def command(one: str, other: str | None, asked: Asked, everything: bool, as_json
     return WRONG if comparison.differences else OK
 
 
-def _is_node(files: Files, text: str) -> bool:
+def _is_node(files: NodeFiles, text: str) -> bool:
     return text.isdecimal() or (files.cell is not None and text in files.cell.axes)
 
 
@@ -73,7 +73,7 @@ def _of_files(one: str, other: str, everything: bool) -> tuple[Comparison, tuple
 
 
 def _with_node(
-    asked: Asked, files: Files, node: str, named: list[str], everything: bool, *, quiet: bool
+    asked: NodeOptions, files: NodeFiles, node: str, named: list[str], everything: bool, *, quiet: bool
 ) -> tuple[Comparison, tuple[str, str]]:
     from axisbus.configuration import device_side
 
@@ -93,7 +93,7 @@ def _entries(eds: Eds, everything: bool) -> list[Variable]:
     return list(compare.entries(eds, everything=everything))
 
 
-def _side(eds: Eds, node_id: int | None) -> Side:
+def _side(eds: Eds, node_id: int | None) -> ConfigurationSide:
     from axisbus.configuration import compare
 
     return compare.of_file(eds, node_id)

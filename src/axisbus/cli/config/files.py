@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from axisbus.cli.shared.common import progress_bar
-from axisbus.cli.shared.nodes import Asked, Files
+from axisbus.cli.shared.nodes import NodeFiles, NodeOptions
 from axisbus.eds import builtin, writer
 from axisbus.eds.io import reader
-from axisbus.eds.io.reader import Reading
+from axisbus.eds.io.reader import EdsParseResult
 from axisbus.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ Key = tuple[int, int]
 Tell = Callable[[int, int], None]
 
 
-def read_file(spec: str | Path) -> Reading:
+def read_file(spec: str | Path) -> EdsParseResult:
     """Read a DCF or EDS (a path, or ``builtin:NAME``).
 
     Raises:
@@ -30,13 +30,13 @@ def read_file(spec: str | Path) -> Reading:
     return reader.read(reader.file_bytes(path), str(path))
 
 
-def eds_file(files: Files, node_id: int) -> str:
+def eds_file(files: NodeFiles, node_id: int) -> str:
     """Return the EDS that the user named for a node, empty where none; by --eds, else by the cell file."""
     found = files.eds_for(node_id)
     return found.source if found is not None else ""
 
 
-def node_reading(files: Files, node: ByObjects) -> tuple[Reading, str]:
+def node_reading(files: NodeFiles, node: ByObjects) -> tuple[EdsParseResult, str]:
     """Return the EDS of a node and where it is from: the user's, the one that it stores (1021h), else a skeleton.
 
     Blocks for long where the node itself is asked.
@@ -59,7 +59,7 @@ def node_reading(files: Files, node: ByObjects) -> tuple[Reading, str]:
     return reader.read(made, f"skeleton of node {node.node_id}"), what
 
 
-def baudrate(asked: Asked, files: Files, reading: Reading) -> int | None:
+def baudrate(asked: NodeOptions, files: NodeFiles, reading: EdsParseResult) -> int | None:
     """Return the bus's bit rate in kbit/s for a DCF; None where nobody knows it, or the EDS does not have it."""
     from axisbus.bus.link.listen import link_bitrate
     from axisbus.configuration.dcf_backup import known_rate

@@ -9,11 +9,11 @@ from axisbus.cli.shared.common import say, say_json, say_next
 from axisbus.configuration import report_text
 
 if TYPE_CHECKING:
-    from axisbus.configuration.restore import Report, Result
+    from axisbus.configuration.restore import RestoreReport, Result
     from axisbus.eds.model import Variable
 
 
-def tell(report: Report, found: dict[str, Any], as_json: bool) -> None:
+def tell(report: RestoreReport, found: dict[str, Any], as_json: bool) -> None:
     """Print a report; ``found`` holds node, file, and what is known of storing (``stored``, ``in_ram_only``, ``cannot_store``)."""
     if as_json:
         say_json(_plain(report, found))
@@ -21,7 +21,7 @@ def tell(report: Report, found: dict[str, Any], as_json: bool) -> None:
         _show(report, found)
 
 
-def _show(report: Report, found: dict[str, Any]) -> None:
+def _show(report: RestoreReport, found: dict[str, Any]) -> None:
     from axisbus.configuration.restore import ValueEnd
 
     for each in report.of(ValueEnd.RESTORED):
@@ -36,12 +36,12 @@ def _show(report: Report, found: dict[str, Any]) -> None:
     _show_memory(found, report)
 
 
-def _show_skipped(report: Report) -> None:
+def _show_skipped(report: RestoreReport) -> None:
     for line in report_text.skipped(report.skipped):
         say(f"skipped   {line}")
 
 
-def _show_memory(found: dict[str, Any], report: Report) -> None:
+def _show_memory(found: dict[str, Any], report: RestoreReport) -> None:
     stored = found.get("stored")
     if stored is not None:
         restart = "it restarted, and " if stored["restarted"] else ""
@@ -68,7 +68,7 @@ def entry(variable: Variable) -> dict[str, object]:
     return {"index": variable.index, "subindex": variable.subindex, "name": variable.name}
 
 
-def _plain(report: Report, found: dict[str, Any]) -> dict[str, Any]:
+def _plain(report: RestoreReport, found: dict[str, Any]) -> dict[str, Any]:
     def value(each: Result, data: bytes | None) -> object:
         return None if data is None else report_text.plain(decode(data, each.item.variable.data_type))
 

@@ -13,14 +13,14 @@ from axisbus.cli.config import files as config_files
 from axisbus.cli.config import report as config_report
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, progress_phases, say, say_error, say_json
 from axisbus.cli.shared.completion import complete_node
-from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_options, require_bus
 from axisbus.errors import BusError, SdoAbort, StateError
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
-    from axisbus.bus.node.node import Node, NodeIdentity
+    from axisbus.bus.node.node import CanopenNode, NodeIdentity
     from axisbus.configuration.dcf_values import Item, Selection
-    from axisbus.configuration.restore import Report, Restore
+    from axisbus.configuration.restore import Restore, RestoreReport
     from axisbus.drives.make import Make
     from axisbus.eds.model import Eds, Identity
 
@@ -65,7 +65,7 @@ class _Wish:
 def command(
     file: str,
     node: str,
-    asked: Asked,
+    asked: NodeOptions,
     include: tuple[str, ...],
     exclude: tuple[str, ...],
     replacement: bool,
@@ -91,12 +91,12 @@ def command(
         ignore_limits,
     )
     require_bus(asked)
-    files = Files.of(asked.cell, asked.eds)
+    files = NodeFiles.of(asked.cell, asked.eds)
     node_id = files.address(node).node_id
     eds = _concise_values(file, files, node_id) if concise else _values(file)
     _selection(eds, node_id, eds.identity, wish)  # what the file cannot give is told before the bus is opened
     with ExitStack() as stack:
-        device = Session(stack, asked, files, [node_id]).node(node_id)
+        device = NodeSession(stack, asked, files, [node_id]).node(node_id)
         return _run(stack, device, eds, wish, as_json)
 
 
@@ -108,7 +108,7 @@ def _values(file: str) -> Eds:
     return reading.eds
 
 
-def _concise_values(file: str, files: Files, node_id: int) -> Eds:
+def _concise_values(file: str, files: NodeFiles, node_id: int) -> Eds:
     """Return the EDS of the node with the values of a concise DCF."""
     from axisbus.eds import concise, dcf
     from axisbus.eds.concise_dcf_values import parameters
@@ -141,7 +141,7 @@ def _selection(eds: Eds, node_id: int, who: Identity | NodeIdentity, wish: _Wish
     return select(eds, node_id, make, wish.include, wish.exclude), make
 
 
-def _run(stack: ExitStack, device: Node, eds: Eds, wish: _Wish, as_json: bool) -> int:
+def _run(stack: ExitStack, device: CanopenNode, eds: Eds, wish: _Wish, as_json: bool) -> int:
     from axisbus.configuration import preconditions
     from axisbus.configuration.dcf_values import require_within_limits
     from axisbus.configuration.restore import Restore
@@ -170,7 +170,7 @@ def _run(stack: ExitStack, device: Node, eds: Eds, wish: _Wish, as_json: bool) -
     return OK if report.ok else WRONG
 
 
-def _ready(device: Node, wish: _Wish) -> str:
+def _ready(device: CanopenNode, wish: _Wish) -> str:
     """Check that the node may be written to; return why it cannot store, empty where it can.
 
     Raises:
@@ -187,7 +187,9 @@ def _ready(device: Node, wish: _Wish) -> str:
     return why_not
 
 
-def _carry_out(device: Node, restore: Restore, make: Make, wish: _Wish, found: dict[str, Any]) -> Report:
+def _carry_out(
+    device: CanopenNode, restore: Restore, make: Make, wish: _Wish, found: dict[str, Any]
+) -> RestoreReport:
     """Write, store where that is asked for, and read again; ``found`` gets what came of the storing."""
     from axisbus.configuration import object_1010
 

@@ -11,7 +11,7 @@ from axisbus.cli.eds import check_text as text
 from axisbus.cli.eds.files import expanded, say_lines
 from axisbus.cli.shared.common import OK, WRONG, misuse, progress_bar, say_json, say_next
 from axisbus.eds import builtin, checking
-from axisbus.eds.model import Finding, Severity
+from axisbus.eds.model import EdsFinding, Severity
 from axisbus.eds.rules import engine, rule_selection, sarif
 from axisbus.eds.rules.table import Rule, rules
 from axisbus.errors import EdsError
@@ -23,8 +23,8 @@ _FAILING = {
     "note": set(Severity),
 }
 _MANY = 10  # files, from where on a bar shows how far it is
-_Found = dict[str, tuple[Finding, ...]]
-_Show = Callable[[str, Iterable[Finding]], Iterable[str]]
+_Found = dict[str, tuple[EdsFinding, ...]]
+_Show = Callable[[str, Iterable[EdsFinding]], Iterable[str]]
 
 
 def _severities(_: click.Context, __: click.Parameter, given: tuple[str, ...]) -> frozenset[Severity]:
@@ -116,7 +116,7 @@ def command(
 def _shower(shown: frozenset[Severity], each: bool, as_lines: bool) -> _Show:
     """Return what turns the findings of a file into the lines that are printed."""
 
-    def show(file: str, findings: Iterable[Finding]) -> Iterable[str]:
+    def show(file: str, findings: Iterable[EdsFinding]) -> Iterable[str]:
         visible = [finding for finding in findings if finding.severity in shown]
         if not visible:
             return ()
@@ -139,7 +139,7 @@ def _check_all(files: Iterable[str], wanted: Callable[[str], bool], show: _Show 
     return found
 
 
-def _check(file: str, wanted: Callable[[str], bool]) -> tuple[Finding, ...]:
+def _check(file: str, wanted: Callable[[str], bool]) -> tuple[EdsFinding, ...]:
     try:
         return engine.check(checking.reading(builtin.resolve(file, Path())), wanted)
     except EdsError as error:
@@ -148,7 +148,7 @@ def _check(file: str, wanted: Callable[[str], bool]) -> tuple[Finding, ...]:
 
 def explain_rule(rule: str, known: Mapping[str, Rule]) -> int:
     """Print all that there is to say about a rule; return the exit code."""
-    found = rule_selection.Known(known).starting(rule)
+    found = rule_selection.RuleIds(known).starting(rule)
     if len(found) != 1:
         there = f"these begin so: {', '.join(found)}" if found and rule else "the list has all: --list"
         return misuse(f"--explain: {rule[:20]!r} is no rule's id; {there}")

@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from axisbus.cli.eds.files import terminal_width
-from axisbus.eds.model import Finding, Severity
+from axisbus.eds.model import EdsFinding, Severity
 from axisbus.eds.rules.table import Rule, rules
 from axisbus.wording import counted, printable
 
@@ -19,12 +19,12 @@ _COLOURS = {Severity.ERROR: "red", Severity.WARNING: "yellow", Severity.NOTE: "c
 _TEXT_WIDTH = 100
 FIRST = 3  # places of a rule that are told, unless each is asked for
 _RULE_INDENT, _PLACE_INDENT, _REMEDY_INDENT = " " * 2, " " * 6, " " * 10
-_Found = Mapping[str, tuple[Finding, ...]]
+_Found = Mapping[str, tuple[EdsFinding, ...]]
 
 
-def grouped(file: str, findings: Iterable[Finding], *, each: bool) -> Iterator[str]:
+def grouped(file: str, findings: Iterable[EdsFinding], *, each: bool) -> Iterator[str]:
     """Yield the file's name, then each rule that it breaks with its first places (all, where ``each`` is wanted); errors last."""
-    groups: dict[tuple[str, Severity], list[Finding]] = {}
+    groups: dict[tuple[str, Severity], list[EdsFinding]] = {}
     for finding in findings:
         groups.setdefault((finding.rule, finding.severity), []).append(finding)
     yield _bold(printable(file))
@@ -32,12 +32,12 @@ def grouped(file: str, findings: Iterable[Finding], *, each: bool) -> Iterator[s
         yield from _group(group, each=each)
 
 
-def _errors_last(group: list[Finding]) -> tuple[int, int, str]:
+def _errors_last(group: list[EdsFinding]) -> tuple[int, int, str]:
     """Return what sorts the groups of a file: the worst stands where the screen ends, the oftenest first within its severity."""
     return -group[0].severity.rank, -len(group), group[0].rule
 
 
-def _group(group: list[Finding], *, each: bool) -> Iterator[str]:
+def _group(group: list[EdsFinding], *, each: bool) -> Iterator[str]:
     first = group[0]
     times = f" {counted(len(group), 'time')}" if len(group) > 1 else ""
     one_remedy = all(finding.remedy == first.remedy for finding in group)
@@ -64,7 +64,7 @@ def _folded(text: str, indent: str) -> list[str]:
     return textwrap.wrap(text, width, initial_indent=indent, subsequent_indent=f"{indent}    ") or [indent]
 
 
-def lines(file: str, findings: Iterable[Finding]) -> Iterator[str]:
+def lines(file: str, findings: Iterable[EdsFinding]) -> Iterator[str]:
     """Yield ``file:line:column: severity ID message; remedy``, one line for each, in the order of the file's lines."""
     for finding in findings:
         line, column = place(finding)
@@ -73,7 +73,7 @@ def lines(file: str, findings: Iterable[Finding]) -> Iterator[str]:
         yield f"{where} {word} {finding.rule} {printable(f'{finding.message}; {finding.remedy}')}"
 
 
-def place(finding: Finding) -> tuple[int, int]:
+def place(finding: EdsFinding) -> tuple[int, int]:
     """Return line and column as editors want them: what concerns the whole file is shown at its beginning."""
     return max(1, finding.line), max(1, finding.column)
 
@@ -97,7 +97,7 @@ def _total(severity: Severity, count: int, shown: Collection[Severity]) -> str:
     return counted(count, severity.value) + (" (not shown)" if count and severity not in shown else "")
 
 
-def _table(visible: Iterable[tuple[str, Finding]]) -> Iterator[str]:
+def _table(visible: Iterable[tuple[str, EdsFinding]]) -> Iterator[str]:
     """Yield a line for each rule: how often, in how many files; errors last."""
     files: dict[tuple[str, Severity], Counter[str]] = {}
     for file, finding in visible:
@@ -126,7 +126,7 @@ def plain(found: _Found) -> dict[str, Any]:
     return {"findings": [_plain(file, finding) for file, findings in found.items() for finding in findings]}
 
 
-def _plain(file: str, finding: Finding) -> dict[str, Any]:
+def _plain(file: str, finding: EdsFinding) -> dict[str, Any]:
     line, column = place(finding)
     return {
         "file": file,

@@ -7,7 +7,7 @@ from pathlib import Path
 from axisbus.cell.can_simple.modules import canopen_nodes
 from axisbus.cell.model import CellConfig, NodeConfig
 from axisbus.cell.pdo_plan import beside_pdos, travelling
-from axisbus.check.context import Case
+from axisbus.check.context import CheckContext
 from axisbus.check.load_cell import checked
 from axisbus.core.files import load_dictionaries
 from axisbus.eds.dictionary import Dictionary
@@ -26,7 +26,7 @@ def nodes_of(file: Path, node: int | None, axis: str | None) -> list[NodePdos]:
     """
     cell = checked(file)
     wanted = _wanted(cell, node, axis)
-    case = Case(cell, load_dictionaries(cell))
+    case = CheckContext(cell, load_dictionaries(cell))
     return [_planned(cell, *each) for each in case.nodes if each[0].node_id in wanted]
 
 

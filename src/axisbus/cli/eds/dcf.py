@@ -13,7 +13,7 @@ from axisbus.cli.shared.paths import PATH
 from axisbus.eds import assign, builtin, concise, concise_dcf_values, dcf, writer
 from axisbus.eds.io import reader
 from axisbus.eds.io.new_file import written
-from axisbus.eds.io.reader import Reading
+from axisbus.eds.io.reader import EdsParseResult
 from axisbus.eds.model import Eds, Variable
 from axisbus.errors import ArgumentError
 from axisbus.wording import counted
@@ -83,7 +83,7 @@ def command(
     return OK
 
 
-def _node(reading: Reading, node: int | None, values: bool) -> int:
+def _node(reading: EdsParseResult, node: int | None, values: bool) -> int:
     found = node if node is not None else reading.eds.node_id
     if found is None:
         raise ArgumentError(
@@ -95,8 +95,8 @@ def _node(reading: Reading, node: int | None, values: bool) -> int:
 
 
 def _configured(
-    reading: Reading, settings: dcf.Settings, sets: tuple[str, ...], from_concise: Path | None
-) -> Reading:
+    reading: EdsParseResult, settings: dcf.Settings, sets: tuple[str, ...], from_concise: Path | None
+) -> EdsParseResult:
     if from_concise is not None:
         writes = concise.decode(reader.file_bytes(from_concise), str(from_concise))
         reading = dcf.make(reading, settings, concise_dcf_values.parameters(reading.eds, writes))
@@ -112,7 +112,7 @@ def _assigned(eds: Eds, text: str) -> tuple[Variable, str]:
     return assign.entry(eds, wanted), given
 
 
-def _write(reading: Reading, output: Path | None, concise_out: Path | None) -> None:
+def _write(reading: EdsParseResult, output: Path | None, concise_out: Path | None) -> None:
     made = concise_dcf_values.configuration(reading) if concise_out is not None else None
     if output is not None:
         write_whole(output, writer.dumps(reading))
@@ -135,7 +135,7 @@ def _write(reading: Reading, output: Path | None, concise_out: Path | None) -> N
         say_next(f"axisbus eds check {output}")
 
 
-def _to_eds(reading: Reading, output: Path | None) -> int:
+def _to_eds(reading: EdsParseResult, output: Path | None) -> int:
     if output is None:
         raise click.UsageError("--to-eds needs -o FILE.eds")
     made = dcf.to_eds(reading, output.name)
@@ -145,7 +145,7 @@ def _to_eds(reading: Reading, output: Path | None) -> int:
     return OK
 
 
-def _show(reading: Reading, as_json: bool) -> None:
+def _show(reading: EdsParseResult, as_json: bool) -> None:
     eds = reading.eds
     found = [_plain(each) for each in dcf.differing(eds)]
     if as_json:

@@ -8,7 +8,7 @@ from axisbus.cli.eds.files import hint, node_option, open_eds, say_lines
 from axisbus.cli.shared.common import MISUSE, OK, WRONG, say_error, say_json
 from axisbus.eds.model import Eds
 from axisbus.eds.report import compare, compare_text
-from axisbus.eds.report.difference import Difference
+from axisbus.eds.report.difference import EdsDifference
 from axisbus.errors import EdsError
 
 
@@ -41,7 +41,7 @@ def command(a: str, b: str, node: int | None, as_json: bool) -> int:
     return WRONG if differences else OK
 
 
-def _example(differences: tuple[Difference, ...]) -> str:
+def _example(differences: tuple[EdsDifference, ...]) -> str:
     """Return the index of an object that differs and that B has; empty where there is none."""
     return next((f"{each.index:04X}" for each in differences if each.index is not None and each.b), "")
 

@@ -13,7 +13,7 @@ from axisbus.cli.shared.common import MISUSE, OK, WRONG, misuse, say, say_error,
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.eds import builtin, fix, fix_diff, writer
 from axisbus.eds.io import reader
-from axisbus.eds.io.text import Document
+from axisbus.eds.io.text import EdsText
 from axisbus.errors import EdsError
 from axisbus.wording import counted
 
@@ -24,7 +24,7 @@ class _Done(NamedTuple):
     """One file as it was, as it is mended, and where that was written (None: nowhere)."""
 
     file: str
-    before: Document
+    before: EdsText
     fixed: fix.Fixed
     target: Path | None
 

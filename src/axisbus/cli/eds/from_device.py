@@ -41,14 +41,14 @@ def command(
     Writes nothing to the drive. A skeleton has the standard's names, types and access; the maker's objects are not in it.
     """
     from axisbus.bus.node.from_device import as_file, skeleton, stored_eds
-    from axisbus.bus.node.node import Node
+    from axisbus.bus.node.node import CanopenNode
     from axisbus.eds import writer
 
     target = output or Path(f"node-{node}.eds")
     require_free(target, force=force)
     with ExitStack() as stack:
         bus = open_bus(stack, cell, interface, channel, bitrate, option)
-        device = stack.enter_context(Node(bus, node))
+        device = stack.enter_context(CanopenNode(bus, node))
         data = None
         if not only_skeleton:
             with progress_bar("reading its EDS") as tell_bytes:

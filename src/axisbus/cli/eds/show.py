@@ -21,7 +21,7 @@ from axisbus.eds import layout
 from axisbus.eds.model import Eds
 from axisbus.eds.report import export_values, search, show, show_object
 from axisbus.eds.report.pdo_text import ASCII, BOXES
-from axisbus.eds.report.search import Found
+from axisbus.eds.report.search import SearchResult
 from axisbus.eds.report.show import Screen
 from axisbus.errors import EdsError
 
@@ -52,7 +52,7 @@ def command(file: str, wanted: str | None, node: int | None, expand: bool, as_js
     return OK
 
 
-def _found(eds: Eds, found: Found, node_id: int | None, screen: Screen) -> Iterator[str]:
+def _found(eds: Eds, found: SearchResult, node_id: int | None, screen: Screen) -> Iterator[str]:
     if found.pdo is not None:
         _layout(eds, found.pdo)
         return show_object.pdo_lines(eds, *found.pdo, node_id, screen)
@@ -61,7 +61,7 @@ def _found(eds: Eds, found: Found, node_id: int | None, screen: Screen) -> Itera
     return show.matches(eds, found.matches, node_id, screen)
 
 
-def _json(eds: Eds, found: Found, node_id: int | None) -> dict[str, object]:
+def _json(eds: Eds, found: SearchResult, node_id: int | None) -> dict[str, object]:
     pdos = [] if found.pdo is None else [export_values.pdo(_layout(eds, found.pdo, node_id))]
     entries = [
         export_values.entry(match.entry, sub, node_id)
@@ -72,7 +72,7 @@ def _json(eds: Eds, found: Found, node_id: int | None) -> dict[str, object]:
     return {"file": eds.source, "node_id": node_id, "pdos": pdos, "entries": entries}
 
 
-def _layout(eds: Eds, wanted: tuple[bool, int], node_id: int | None = None) -> layout.Layout:
+def _layout(eds: Eds, wanted: tuple[bool, int], node_id: int | None = None) -> layout.PdoLayout:
     """Return a PDO by direction and number.
 
     Raises:

@@ -44,13 +44,13 @@ def command(
 
     Reads every object once, writes nothing. Exit code 1 when the drive does not bear the file out.
     """
-    from axisbus.bus.node.node import Node
+    from axisbus.bus.node.node import CanopenNode
     from axisbus.bus.node.verify import verify
 
     dictionary = eds.load(resolve(file, Path()))
     with ExitStack() as stack:
         bus = open_bus(stack, cell, interface, channel, bitrate, option)
-        device = stack.enter_context(Node(bus, node, dictionary))
+        device = stack.enter_context(CanopenNode(bus, node, dictionary))
         tell = stack.enter_context(progress_bar("reading objects", quiet=as_json))
         result = verify(device.sdo, dictionary, tell)
     if as_json:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from axisbus.fleet.cell import FleetCell
-from axisbus.fleet.cell_state import Seen
+from axisbus.fleet.cell_state import LastAxisState
 from axisbus.fleet.messages import Event, RecordingInfo
 from axisbus.wording import counted, with_subject
 
@@ -39,7 +39,7 @@ def plain(cell: FleetCell, recordings: Recordings) -> dict[str, Any]:
     }
 
 
-def _plain_axis(name: str, unit: str, seen: Seen | None) -> dict[str, Any]:
+def _plain_axis(name: str, unit: str, seen: LastAxisState | None) -> dict[str, Any]:
     values: dict[str, Any] = dict.fromkeys(
         ("state", "drive", "mode", "position", "velocity", "torque", "homed", "error")
     )
@@ -77,7 +77,7 @@ def axis_rows(cell: FleetCell) -> list[tuple[str, ...]]:
     ]
 
 
-def _axis_texts(unit: str, seen: Seen | None) -> tuple[str, ...]:
+def _axis_texts(unit: str, seen: LastAxisState | None) -> tuple[str, ...]:
     if seen is None or not seen.fresh:
         return UNKNOWN, UNKNOWN, UNKNOWN, _age(None if seen is None else seen.age), ""
     state = seen.state

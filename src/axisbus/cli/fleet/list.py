@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli.fleet.cell_rows import Recordings, cell_lines, plain
-from axisbus.cli.fleet.options import Place, plant_options
+from axisbus.cli.fleet.options import FleetOptions, plant_options
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_note
 from axisbus.errors import AxisbusError
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @plant_options
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON value.")
 def command(
-    place: Place,
+    place: FleetOptions,
     as_json: bool,
 ) -> int:
     """Show which cells of a plant are there, with their axes, newest incidents and recordings.

@@ -17,7 +17,7 @@ Decorated = Callable[..., Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class FleetOptions:
     """A plant by its name, and where its network is, as ``Fleet`` takes it."""
 
     plant: str
@@ -50,7 +50,7 @@ def plant_options(function: Decorated) -> Decorated:
         config: Path | None,
         **others: Any,
     ) -> Any:
-        return function(place=Place(plant, connect, listen, scouting, config), **others)
+        return function(place=FleetOptions(plant, connect, listen, scouting, config), **others)
 
     return _with_options(placed)
 

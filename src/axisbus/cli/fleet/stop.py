@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import click
 
-from axisbus.cli.fleet.options import Place, plant_options
+from axisbus.cli.fleet.options import FleetOptions, plant_options
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.errors import AxisbusError, said_of
@@ -26,7 +26,7 @@ _LOOK, _STEP = 1.0, 0.01  # seconds for which, and in which, it is looked for ce
 )
 def command(
     cells: tuple[str, ...],
-    place: Place,
+    place: FleetOptions,
     seconds: float,
 ) -> int:
     """Quick-stop all axes of all cells of a plant, or of the named ones, whoever commands them.

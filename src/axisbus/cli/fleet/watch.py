@@ -10,7 +10,7 @@ import click
 
 from axisbus.cli.fleet.cell_rows import Recordings, cell_lines, plain
 from axisbus.cli.fleet.list import recordings_of, unreached_text
-from axisbus.cli.fleet.options import Place, plant_options
+from axisbus.cli.fleet.options import FleetOptions, plant_options
 from axisbus.cli.shared.common import OK, say, say_json
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.terminal import coloured
@@ -34,7 +34,7 @@ _RECORDINGS = 10.0  # seconds between two questions for them
 @click.option("--count", type=click.IntRange(min=1), help="How many looks; without, until Ctrl-C.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON value per look.")
 def command(
-    place: Place,
+    place: FleetOptions,
     every: float | None,
     count: int | None,
     as_json: bool,

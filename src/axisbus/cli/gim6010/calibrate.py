@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli.gim6010.confirm import ask, end_by, yes_option
-from axisbus.cli.gim6010.discovery import Line, without_remote
+from axisbus.cli.gim6010.discovery import BusOptions, without_remote
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
 from axisbus.cli.shared.options import bus_options
 
 if TYPE_CHECKING:
-    from axisbus.drives.gim6010.calibration.kinds import Kind
+    from axisbus.drives.gim6010.calibration.kinds import CalibrationKind
     from axisbus.drives.gim6010.calibration.procedure_run import Calibration
-    from axisbus.drives.gim6010.calibration.result import Verdict
+    from axisbus.drives.gim6010.calibration.result import CalibrationResult
 
 PRE_CALIBRATED = ("axis0.motor.config.pre_calibrated", "axis0.encoder.config.pre_calibrated")
 
@@ -43,10 +43,10 @@ def command(
     """
     from axisbus.bus.gim6010.run_with_cleanup import run_guarded
     from axisbus.bus.link import ownership
-    from axisbus.drives.gim6010.calibration.kinds import Kind, explanation
+    from axisbus.drives.gim6010.calibration.kinds import CalibrationKind, explanation
     from axisbus.drives.gim6010.calibration.procedure_run import Calibration
 
-    line, kind = Line(interface, channel, bitrate, option), Kind[what.upper()]
+    line, kind = BusOptions(interface, channel, bitrate, option), CalibrationKind[what.upper()]
     line.check()
     ask(explanation(kind, node), yes=yes)
     calibration = Calibration(node, kind, remote=not without_remote(line))
@@ -62,7 +62,7 @@ def command(
     return code
 
 
-def _tell(calibration: Calibration, line: Line) -> int:
+def _tell(calibration: Calibration, line: BusOptions) -> int:
     if calibration.verdict is None:
         say_error(
             f"{calibration.kind.words} did not come to its end: {calibration.why}\n  observed: {calibration.left}"
@@ -78,7 +78,7 @@ def _tell(calibration: Calibration, line: Line) -> int:
     return code
 
 
-def tell_judged(kind: Kind, found: Verdict, left: str, hint: str) -> int:
+def tell_judged(kind: CalibrationKind, found: CalibrationResult, left: str, hint: str) -> int:
     """Tell what a calibration came to, how the module was ``left``, and how its result is kept; return the exit code for it."""
     for note in found.notes:
         say(f"  note: {note}")

@@ -12,14 +12,14 @@ from axisbus.cli.shared.buses import open_bus, opening_of, require_rate
 from axisbus.cli.shared.options import bus_words, parse_options
 
 if TYPE_CHECKING:
-    from axisbus.bus.link.other_rates import Heard
+    from axisbus.bus.link.other_rates import BitRateTraffic
     from axisbus.drives.gim6010.discovery.finder import Finder
-    from axisbus.drives.gim6010.discovery.results import Finding
+    from axisbus.drives.gim6010.discovery.results import DiscoveredModule
 
 _LISTEN = 1.2  # s in listen-only mode at the rate that is given
 
 
-class Line(NamedTuple):
+class BusOptions(NamedTuple):
     """The bus as it was given by -i, -c, -b and -O."""
 
     interface: str | None
@@ -51,14 +51,14 @@ class Line(NamedTuple):
         return other_rates.possible(self.interface or "", parse_options(self.option))
 
 
-def without_remote(line: Line) -> bool:
+def without_remote(line: BusOptions) -> bool:
     """Whether its adapter's protocol has no remote frames."""
     from axisbus.cell.can_simple.modules import NO_REMOTE
 
     return line.interface in NO_REMOTE
 
 
-def look(line: Line, finder: Finder, *, quiet: bool = False) -> Heard | None:
+def look(line: BusOptions, finder: Finder, *, quiet: bool = False) -> BitRateTraffic | None:
     """Run ``finder`` on a bus; return what was heard at another bit rate, where it runs at that, and nobody was asked.
 
     An adapter that has a listen-only mode listens in it first. Blocks some seconds.
@@ -79,7 +79,7 @@ def look(line: Line, finder: Finder, *, quiet: bool = False) -> Heard | None:
     return None
 
 
-def _heard(line: Line) -> bool:
+def _heard(line: BusOptions) -> bool:
     """Whether anything is heard at the rate that is given, in listen-only mode."""
     from axisbus.bus.link import listenonly
     from axisbus.bus.link.listen import listen
@@ -89,18 +89,18 @@ def _heard(line: Line) -> bool:
         return any(not frame.error for frame in listener.frames(_LISTEN))
 
 
-def survey(line: Line, node: int | None = None) -> tuple[Finder, tuple[Finding, ...]]:
+def survey(line: BusOptions, node: int | None = None) -> tuple[Finder, tuple[DiscoveredModule, ...]]:
     """Ask everybody on a bus, or only one node ID, and return the finder with what it found; error words are not asked for.
 
     Raises:
         UsageError, AdapterError, ConfigError: as ``look``. StateError: the bus runs at another bit rate.
     """
-    from axisbus.drives.gim6010.discovery.finder import Ask, Finder, Only
+    from axisbus.drives.gim6010.discovery.finder import Finder, Only, ProbeScope
     from axisbus.drives.gim6010.discovery.results import findings
     from axisbus.errors import StateError
 
     only = Only(None if node is None else frozenset({node}))
-    finder = Finder(ask=Ask.ALL, only=only, words=False)
+    finder = Finder(ask=ProbeScope.ALL, only=only, words=False)
     elsewhere = look(line, finder)
     if elsewhere is not None:
         raise StateError(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.discovery import Line, look
+from axisbus.cli.gim6010.discovery import BusOptions, look
 from axisbus.cli.gim6010.modbus.errors import tell_errors as over_modbus
 from axisbus.cli.gim6010.serial_port import modbus_options
 from axisbus.cli.gim6010.usb_port import on_usb, usb_options
@@ -14,8 +14,8 @@ from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_js
 from axisbus.cli.shared.options import bus_options
 
 if TYPE_CHECKING:
-    from axisbus.cli.gim6010.modbus.target_module import Target
-    from axisbus.drives.gim6010.discovery.results import Finding
+    from axisbus.cli.gim6010.modbus.target_module import ModbusTarget
+    from axisbus.drives.gim6010.discovery.results import DiscoveredModule
 
 
 @click.command("errors")
@@ -37,7 +37,7 @@ def command(
     bitrate: int | None,
     option: tuple[str, ...],
     node: int | None,
-    serial: Target | None,
+    serial: ModbusTarget | None,
     usb: str | None,
     given: tuple[str, ...],
     as_json: bool,
@@ -60,7 +60,7 @@ def command(
         raise click.UsageError("give the module's node ID with --node, or a word with --word axis=0x40")
     if serial is not None:
         return over_modbus(serial, as_json=as_json)
-    found = _ours(Line(interface, channel, bitrate, option), node)
+    found = _ours(BusOptions(interface, channel, bitrate, option), node)
     if as_json:
         say_json([each.plain for each in found])
     for each in () if as_json else found:
@@ -69,7 +69,7 @@ def command(
     if not found:
         say_error(
             f"no module with node ID {node} was heard, and none answers\n"
-            f"  remedy:   see who is there: axisbus gim6010 find {Line(interface, channel, bitrate, option).words}"
+            f"  remedy:   see who is there: axisbus gim6010 find {BusOptions(interface, channel, bitrate, option).words}"
         )
         return FAILURE
     return WRONG if any(each.errors for each in found) else OK
@@ -89,10 +89,10 @@ def _over_usb(usb: str, *, as_json: bool) -> int:
     return WRONG if any(words.values()) else OK
 
 
-def _ours(line: Line, node: int) -> list[Finding]:
-    from axisbus.drives.gim6010.discovery.finder import Ask, Finder, Only
+def _ours(line: BusOptions, node: int) -> list[DiscoveredModule]:
+    from axisbus.drives.gim6010.discovery.finder import Finder, Only, ProbeScope
     from axisbus.drives.gim6010.discovery.results import findings
 
-    finder = Finder(ask=Ask.ALL, only=Only(frozenset({node})))
+    finder = Finder(ask=ProbeScope.ALL, only=Only(frozenset({node})))
     look(line, finder)
     return [each for each in findings(finder) if each.ours]

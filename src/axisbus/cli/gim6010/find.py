@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from axisbus.cli.gim6010.discovery import Line, look
+from axisbus.cli.gim6010.discovery import BusOptions, look
 from axisbus.cli.shared import no_traffic_help
 from axisbus.cli.shared.buses import opening_of
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
 from axisbus.cli.shared.options import bus_options
 
 if TYPE_CHECKING:
-    from axisbus.bus.link.other_rates import Heard
+    from axisbus.bus.link.other_rates import BitRateTraffic
     from axisbus.drives.gim6010.discovery.finder import Finder
-    from axisbus.drives.gim6010.discovery.results import Finding
+    from axisbus.drives.gim6010.discovery.results import DiscoveredModule
 
 
 @click.command("find")
@@ -42,11 +42,11 @@ def command(
 
     Other bit rates are listened to in an adapter's listen-only mode alone; where it has none, only the rate that is given is tried.
     """
-    from axisbus.drives.gim6010.discovery.finder import Ask, Finder
+    from axisbus.drives.gim6010.discovery.finder import Finder, ProbeScope
     from axisbus.drives.gim6010.discovery.results import findings
 
-    asked = {None: None, "none": Ask.NOBODY, "heard": Ask.HEARD, "all": Ask.ALL}[ask]
-    line, finder = Line(interface, channel, bitrate, option), Finder(ask=asked)
+    asked = {None: None, "none": ProbeScope.NOBODY, "heard": ProbeScope.HEARD, "all": ProbeScope.ALL}[ask]
+    line, finder = BusOptions(interface, channel, bitrate, option), Finder(ask=asked)
     elsewhere = look(line, finder, quiet=as_json)
     found = findings(finder)
     if as_json:
@@ -57,7 +57,9 @@ def command(
     return OK if ours and not any(each.several for each in ours) else WRONG
 
 
-def _show(line: Line, finder: Finder, found: tuple[Finding, ...], elsewhere: Heard | None) -> None:
+def _show(
+    line: BusOptions, finder: Finder, found: tuple[DiscoveredModule, ...], elsewhere: BitRateTraffic | None
+) -> None:
     from axisbus.drives.gim6010.discovery import report_text
 
     for each in found:
@@ -71,7 +73,7 @@ def _show(line: Line, finder: Finder, found: tuple[Finding, ...], elsewhere: Hea
         say_next(step)
 
 
-def _nobody(line: Line, finder: Finder, elsewhere: Heard | None) -> None:
+def _nobody(line: BusOptions, finder: Finder, elsewhere: BitRateTraffic | None) -> None:
     """Say that there is none, and what may be the reason."""
     if elsewhere is None:
         heard = finder.picture.listening.frames
@@ -84,7 +86,9 @@ def _nobody(line: Line, finder: Finder, elsewhere: Heard | None) -> None:
         no_traffic_help.show(elsewhere, opening_of(None, *line))
 
 
-def _plain(finder: Finder, found: tuple[Finding, ...], elsewhere: Heard | None) -> dict[str, Any]:
+def _plain(
+    finder: Finder, found: tuple[DiscoveredModule, ...], elsewhere: BitRateTraffic | None
+) -> dict[str, Any]:
     foreign = [
         {"can_id": each.can_id, "extended": each.extended, "frames": each.frames}
         for each in finder.picture.foreign()

@@ -7,14 +7,14 @@ from typing import Any
 
 import click
 
-from axisbus.cli.gim6010.discovery import Line
-from axisbus.cli.gim6010.modbus.target_module import PARITIES, Target
+from axisbus.cli.gim6010.discovery import BusOptions
+from axisbus.cli.gim6010.modbus.target_module import PARITIES, ModbusTarget
 from axisbus.cli.shared.options import Decorated
 from axisbus.drives.gim6010.modbus.registers import RATES
 
 
 def modbus_options(function: Decorated) -> Decorated:
-    """Add --modbus and --parity to a command with the bus options and --node; it gets a ``Target``, or None, as ``serial``."""
+    """Add --modbus and --parity to a command with bus options and --node; ``serial`` gets a ``ModbusTarget`` or None."""
     command = function
 
     @functools.wraps(command)
@@ -36,7 +36,7 @@ def modbus_options(function: Decorated) -> Decorated:
     return function
 
 
-def _target(port: str | None, parity: str | None, given: dict[str, Any]) -> Target | None:
+def _target(port: str | None, parity: str | None, given: dict[str, Any]) -> ModbusTarget | None:
     if port is None:
         if parity is not None:
             raise click.UsageError("--parity goes with --modbus")
@@ -48,10 +48,10 @@ def _target(port: str | None, parity: str | None, given: dict[str, Any]) -> Targ
         raise click.UsageError(f"-b {rate} with --modbus: give one of {', '.join(map(str, RATES))} bit/s")
     if not given["node"]:
         raise click.UsageError("give the module's node ID with --node, 1 or above with --modbus")
-    return Target(port, given["node"], rate, parity or PARITIES[0])
+    return ModbusTarget(port, given["node"], rate, parity or PARITIES[0])
 
 
-def words_of(serial: Target | None, line: Line, node: int | None) -> str:
+def words_of(serial: ModbusTarget | None, line: BusOptions, node: int | None) -> str:
     """Return the way to the module as typed, to be repeated in a hint."""
     if serial is None:
         return f"{line.words} --node {node}"

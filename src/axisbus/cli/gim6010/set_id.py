@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.discovery import Line, survey
+from axisbus.cli.gim6010.discovery import BusOptions, survey
 from axisbus.cli.gim6010.modbus.write import rename
 from axisbus.cli.gim6010.serial_port import modbus_options
 from axisbus.cli.gim6010.usb_port import on_usb, usb_options
@@ -17,7 +17,7 @@ from axisbus.cli.shared.common import OK, say, say_error, say_next
 from axisbus.cli.shared.options import bus_options
 
 if TYPE_CHECKING:
-    from axisbus.cli.gim6010.modbus.target_module import Target
+    from axisbus.cli.gim6010.modbus.target_module import ModbusTarget
 
 
 @click.command("set-id")
@@ -34,7 +34,7 @@ def command(
     bitrate: int | None,
     option: tuple[str, ...],
     node: int | None,
-    serial: Target | None,
+    serial: ModbusTarget | None,
     usb: str | None,
     no_save: bool,
 ) -> int:
@@ -44,7 +44,7 @@ def command(
     modules have the old one, and where the module is not idle. Over --modbus NEW alone is asked for, over --usb nobody is looked
     for. Saving restarts it.
     """
-    line = Line(interface, channel, bitrate, option)
+    line = BusOptions(interface, channel, bitrate, option)
     from axisbus.bus.gim6010.node_id import set_node_id
     from axisbus.drives.gim6010 import node_id_preconditions
 

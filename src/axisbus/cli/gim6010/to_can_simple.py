@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from axisbus.cli.gim6010.discovery import Line, survey
+from axisbus.cli.gim6010.discovery import BusOptions, survey
 from axisbus.cli.gim6010.usb_port import on_usb, usb_options
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error
 from axisbus.cli.shared.options import bus_options
@@ -33,30 +33,30 @@ def command(
         return _over_usb(usb)
     if node is None:
         raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
-    from axisbus.drives.gim6010.discovery.results import Spoken
+    from axisbus.drives.gim6010.discovery.results import ProtocolsFound
     from axisbus.drives.gim6010.node_id_preconditions import OVER_USB
 
-    line = Line(interface, channel, bitrate, option)
+    line = BusOptions(interface, channel, bitrate, option)
     found = [each for each in survey(line, node)[1] if each.ours and node in each.addresses]
     if not found:
         say_error(
             f"no module has the node ID {node}\n  remedy:   see who is there: axisbus gim6010 find {line.words}"
         )
         return FAILURE
-    if all(each.protocol is Spoken.CAN_SIMPLE for each in found):
+    if all(each.protocol is ProtocolsFound.CAN_SIMPLE for each in found):
         say(f"node {node} speaks CAN Simple already")
         return OK
     say(f"node {node} is brought to CAN Simple over USB:")
-    for step in OVER_USB[Spoken.CAN_SIMPLE]:
+    for step in OVER_USB[ProtocolsFound.CAN_SIMPLE]:
         say(f"  {step}")
     return WRONG
 
 
 def _over_usb(usb: str) -> int:
     from axisbus.cli.gim6010.settings.common import put
-    from axisbus.drives.gim6010.settings.parameter_batch import Wanted
+    from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch
 
     with on_usb(usb) as module:
-        put(module, Wanted(((_PROTOCOL, _CAN_SIMPLE),)), save=True)
+        put(module, ParameterBatch(((_PROTOCOL, _CAN_SIMPLE),)), save=True)
     say("saved: it restarted, and speaks CAN Simple")
     return OK

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli.gim6010.discovery import survey
-from axisbus.cli.gim6010.params.module import Asked, module_options, opened, require_list
+from axisbus.cli.gim6010.params.module import ModuleSelection, module_options, opened, require_list
 from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_next
 
 if TYPE_CHECKING:
-    from axisbus.drives.gim6010.discovery.results import Finding
+    from axisbus.drives.gim6010.discovery.results import DiscoveredModule
 
 _PROTOCOL, _CANOPEN = "can.config.protocol", 2
 _INTERFACE, _CAN = "config.comm_intf_mux", 0
@@ -21,7 +21,7 @@ _BACK = 25.0  # s that owners gave a restart
 
 @click.command("to-canopen")
 @module_options
-def command(asked: Asked) -> int:
+def command(asked: ModuleSelection) -> int:
     """Bring a module that speaks CAN Simple to CANopen: write the protocol, save, and find it again.
 
     Needs its list of endpoints, and a module that answers them; for one that does not, the steps over USB are told. First all that
@@ -52,15 +52,15 @@ def command(asked: Asked) -> int:
     return _verify(asked, node)
 
 
-def _by_another_way(asked: Asked) -> int:
+def _by_another_way(asked: ModuleSelection) -> int:
     from axisbus.cli.gim6010.settings.common import put
     from axisbus.drives.gim6010 import node_id_preconditions
     from axisbus.drives.gim6010.parameters import rules
-    from axisbus.drives.gim6010.settings.parameter_batch import Wanted
+    from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch
 
     with opened(asked) as module:
         node_id_preconditions.require_canopen((), int(module.read(rules.NODE_ID)))
-        put(module, Wanted(((_PROTOCOL, _CANOPEN),)), save=True)
+        put(module, ParameterBatch(((_PROTOCOL, _CANOPEN),)), save=True)
         on_can = module.read(_INTERFACE) == _CAN
     say("saved: it speaks CANopen" + ("" if on_can else " once CAN is its interface"))
     say("look first that no other node on that bus has its node ID: axisbus gim6010 find")
@@ -69,10 +69,10 @@ def _by_another_way(asked: Asked) -> int:
     return OK
 
 
-def _verify(asked: Asked, node: int) -> int:
+def _verify(asked: ModuleSelection, node: int) -> int:
     """Look for the module until it is found in CANopen, or the time is up."""
     end = time.monotonic() + _BACK
-    found: list[Finding] = []
+    found: list[DiscoveredModule] = []
     while time.monotonic() < end:
         found = [each for each in survey(asked.line, node)[1] if each.node == node and each.ours]
         if [each.protocol.value for each in found] == ["CANopen"]:
@@ -88,9 +88,9 @@ def _verify(asked: Asked, node: int) -> int:
 
 
 def _over_usb() -> None:
-    from axisbus.drives.gim6010.discovery.results import Spoken
+    from axisbus.drives.gim6010.discovery.results import ProtocolsFound
     from axisbus.drives.gim6010.node_id_preconditions import OVER_USB
 
     say("over USB it is done like this:")
-    for step in OVER_USB[Spoken.CANOPEN]:
+    for step in OVER_USB[ProtocolsFound.CANOPEN]:
         say(f"  {step}")

@@ -7,14 +7,20 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli.gim6010.confirm import ask, end_by, yes_option
-from axisbus.cli.gim6010.params.module import Asked, module_options, opened, require_can, require_list
+from axisbus.cli.gim6010.params.module import (
+    ModuleSelection,
+    module_options,
+    opened,
+    require_can,
+    require_list,
+)
 from axisbus.cli.gim6010.tuning_trials import explained, run_search, search_for, tell, try_once
 from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_next
 from axisbus.cli.shared.numbers import Seconds
 
 if TYPE_CHECKING:
-    from axisbus.drives.gim6010.tuning.runner import Tuning
-    from axisbus.drives.gim6010.tuning.trial import Gains, Trial
+    from axisbus.drives.gim6010.tuning.runner import ModuleTuning
+    from axisbus.drives.gim6010.tuning.trial import Gains, ModuleTrial
 
 _PATHS = {
     "position": "axis0.controller.config.pos_gain",
@@ -41,7 +47,7 @@ _PATHS = {
 @module_options
 @yes_option
 def command(
-    asked: Asked,
+    asked: ModuleSelection,
     loop: str,
     size: float,
     seconds: float,
@@ -60,14 +66,14 @@ def command(
     Ctrl-C, SIGTERM, an error, a lost module, and a rotor that goes too far or too fast end it by velocity 0, idle, then ESTOP. Exit
     code 0 only where both sides were measured, and with --raise-to where a gain was found.
     """
-    from axisbus.drives.gim6010.tuning.trial import Gains, Loop, Trial, explanation
+    from axisbus.drives.gim6010.tuning.trial import Gains, Loop, ModuleTrial, explanation
 
     require_can(asked, "the step is commanded and measured over CAN")
     if asked.node is None:
         raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
     asked.line.check()
     gains = Gains(pos_gain, vel_gain, vel_integrator_gain)
-    trial = Trial(asked.node, Loop(loop), size, seconds, velocity, acceleration)
+    trial = ModuleTrial(asked.node, Loop(loop), size, seconds, velocity, acceleration)
     if asked.listed is not None:
         require_list(asked)
     search = None if raise_to is None else search_for(trial, gains, raise_to)
@@ -82,7 +88,7 @@ def command(
     return code if _tell_gains(asked, gains, before, _before(asked)) else FAILURE
 
 
-def _once(asked: Asked, trial: Trial, gains: Gains, before: dict[str, float]) -> int:
+def _once(asked: ModuleSelection, trial: ModuleTrial, gains: Gains, before: dict[str, float]) -> int:
     tuning, number = try_once(asked, trial, gains)
     code = tell(tuning)
     end_by(number)
@@ -97,7 +103,7 @@ def _once(asked: Asked, trial: Trial, gains: Gains, before: dict[str, float]) ->
     return code
 
 
-def _before(asked: Asked) -> dict[str, float]:
+def _before(asked: ModuleSelection) -> dict[str, float]:
     """Return the gains that the module has, where a list is given to read them by."""
     if asked.listed is None:
         return {}
@@ -110,7 +116,9 @@ def _tell_where_they_are(gains: Gains) -> None:
         say("  note: the gains that were tried may be in its RAM; its next start brings the old ones back")
 
 
-def _tell_gains(asked: Asked, gains: Gains, before: dict[str, float], after: dict[str, float]) -> bool:
+def _tell_gains(
+    asked: ModuleSelection, gains: Gains, before: dict[str, float], after: dict[str, float]
+) -> bool:
     """Tell the gains before and now; return whether those that were given were taken, as far as that can be read."""
     if not before:
         given = [name for name in _PATHS if getattr(gains, name) is not None]
@@ -144,7 +152,7 @@ def _were_taken(gains: Gains, after: dict[str, float]) -> bool:
     return not lost
 
 
-def _advise(tuning: Tuning, gains: Gains, now: dict[str, float]) -> None:
+def _advise(tuning: ModuleTuning, gains: Gains, now: dict[str, float]) -> None:
     from axisbus.drives.gim6010.tuning.advice import following, worse
 
     loop, found = tuning.trial.loop, worse(tuning.there, tuning.back)

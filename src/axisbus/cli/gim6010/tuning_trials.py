@@ -11,14 +11,14 @@ import click
 
 from axisbus.cli.gim6010.confirm import end_by
 from axisbus.cli.gim6010.discovery import without_remote
-from axisbus.cli.gim6010.params.module import Asked
+from axisbus.cli.gim6010.params.module import ModuleSelection
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
 
 if TYPE_CHECKING:
-    from axisbus.drives.gim6010.tuning.runner import Tuning
-    from axisbus.drives.gim6010.tuning.search import Search
-    from axisbus.drives.gim6010.tuning.trial import Gains, Trial
+    from axisbus.drives.gim6010.tuning.runner import ModuleTuning
+    from axisbus.drives.gim6010.tuning.search import GainSearch
+    from axisbus.drives.gim6010.tuning.trial import Gains, ModuleTrial
 
 _INTEGRATOR = (
     "for vel_integrator_gain the manual has 0.5 x bandwidth x vel_gain, the bandwidth being 1 / the time in which a commanded "
@@ -26,7 +26,7 @@ _INTEGRATOR = (
 )
 
 
-def try_once(asked: Asked, trial: Trial, gains: Gains) -> tuple[Tuning, int]:
+def try_once(asked: ModuleSelection, trial: ModuleTrial, gains: Gains) -> tuple[ModuleTuning, int]:
     """Make one trial with the bus for this program alone; return it, and the signal that ended it (0: none). Blocks.
 
     Raises:
@@ -34,9 +34,9 @@ def try_once(asked: Asked, trial: Trial, gains: Gains) -> tuple[Tuning, int]:
     """
     from axisbus.bus.gim6010.run_with_cleanup import run_guarded
     from axisbus.bus.link import ownership
-    from axisbus.drives.gim6010.tuning.runner import Tuning
+    from axisbus.drives.gim6010.tuning.runner import ModuleTuning
 
-    tuning = Tuning(trial, gains, remote=not without_remote(asked.line))
+    tuning = ModuleTuning(trial, gains, remote=not without_remote(asked.line))
     with ExitStack() as stack:
         lock = ownership.take(asked.line.interface or "", asked.line.channel)
         if lock is not None:
@@ -44,7 +44,7 @@ def try_once(asked: Asked, trial: Trial, gains: Gains) -> tuple[Tuning, int]:
         return tuning, run_guarded(open_bus(stack, None, *asked.line), tuning, say)
 
 
-def tell(tuning: Tuning) -> int:
+def tell(tuning: ModuleTuning) -> int:
     """Tell what a trial came to; return the exit code for it."""
     if not tuning.ended:
         say_error(f"the trial did not come to its end: {tuning.why}\n  observed: {tuning.left}")
@@ -57,22 +57,22 @@ def tell(tuning: Tuning) -> int:
     return OK if tuning.there is not None and tuning.back is not None else WRONG
 
 
-def search_for(trial: Trial, gains: Gains, most: float) -> Search:
+def search_for(trial: ModuleTrial, gains: Gains, most: float) -> GainSearch:
     """Return the way from the gain that was given up to ``most``.
 
     Raises:
         UsageError: the gain to begin with is not given. ArgumentError: it is none, or above ``most``.
     """
-    from axisbus.drives.gim6010.tuning.search import Search
+    from axisbus.drives.gim6010.tuning.search import GainSearch
 
     first = getattr(gains, trial.loop.value)
     if first is None:
         option = "--pos-gain" if trial.loop.value == "position" else "--vel-gain and --vel-integrator-gain"
         raise click.UsageError(f"--raise-to needs the gain to begin with: give {option}")
-    return Search(trial.loop, first, most)
+    return GainSearch(trial.loop, first, most)
 
 
-def explained(search: Search) -> Iterator[str]:
+def explained(search: GainSearch) -> Iterator[str]:
     """Yield what the explanation of one trial does not say."""
     from axisbus.drives.gim6010.tuning.search import MOST_TRIALS
 
@@ -83,7 +83,9 @@ def explained(search: Search) -> Iterator[str]:
     yield "  IT IS RAISED UNTIL THE MACHINE OSCILLATES OR OVERSHOOTS, and lowered then; nothing is saved"
 
 
-def run_search(asked: Asked, trial: Trial, gains: Gains, search: Search, *, yes: bool) -> tuple[int, Gains]:
+def run_search(
+    asked: ModuleSelection, trial: ModuleTrial, gains: Gains, search: GainSearch, *, yes: bool
+) -> tuple[int, Gains]:
     """Make trials until the search is over, one fails, or somebody says no; return the exit code, and the gains that were set last.
 
     Raises:
@@ -110,7 +112,7 @@ def run_search(asked: Asked, trial: Trial, gains: Gains, search: Search, *, yes:
     return _tell_end(search), gains
 
 
-def _tell_end(search: Search) -> int:
+def _tell_end(search: GainSearch) -> int:
     say(f"{search.ends}; it is so in its RAM")
     if search.best is None:
         say_error(f"  no {search.name} was found that is smooth: look for play, friction and what is loose")
@@ -120,7 +122,7 @@ def _tell_end(search: Search) -> int:
     return OK
 
 
-def _so_far(search: Search) -> str:
+def _so_far(search: GainSearch) -> str:
     return (
         f"no {search.name} was smooth yet"
         if search.best is None

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from axisbus.cell.model import CellConfig
-from axisbus.check.cycle_schedule import Slot, timetable
+from axisbus.check.cycle_schedule import CycleSlot, timetable
 from axisbus.cli.shared.attach_or_open import machine_of
 from axisbus.cli.shared.attached_frames import frames_of
 from axisbus.cli.shared.buses import rate_of
@@ -22,7 +22,7 @@ from axisbus.core.files import load_dictionaries
 from axisbus.errors import UserError
 from axisbus.machine.machine import Machine
 from axisbus.record.plot import require_picture
-from axisbus.trace.cycle_timing import MEASURED, Cast, Pace, histogram, spread
+from axisbus.trace.cycle_timing import MEASURED, CycleTiming, CyclicIdentifiers, histogram, spread
 from axisbus.wording import counted
 
 _ANY_RATE = 1_000_000  # identifiers are wanted, not times
@@ -71,9 +71,9 @@ def command(cell: Path, seconds: float, output: Path | None, force: bool, as_jso
     return WRONG if pace.missing else OK
 
 
-def measure(machine: Machine, seconds: float) -> Pace:
+def measure(machine: Machine, seconds: float) -> CycleTiming:
     """Look at the frames of a machine for so long; blocks."""
-    pace = Pace(_cast(machine.cell), machine.cell.bus.scan_period)
+    pace = CycleTiming(_cast(machine.cell), machine.cell.bus.scan_period)
     with ExitStack() as stack:
         for frame in frames_of(stack, machine, seconds, sorted(pace.seen)):
             pace.add((frame,))
@@ -81,17 +81,17 @@ def measure(machine: Machine, seconds: float) -> Pace:
     return pace
 
 
-def _cast(cell: CellConfig) -> Cast:
+def _cast(cell: CellConfig) -> CyclicIdentifiers:
     slots = timetable(cell, load_dictionaries(cell), rate_of(cell) or _ANY_RATE).slots
     every = [slot for slot in slots if slot.share >= 1]
-    return Cast(cell.bus.sync_cob_id, _ids(every, "TPDO"), _ids(every, "RPDO"), _first(every))
+    return CyclicIdentifiers(cell.bus.sync_cob_id, _ids(every, "TPDO"), _ids(every, "RPDO"), _first(every))
 
 
-def _ids(slots: Sequence[Slot], kind: str) -> frozenset[int]:
+def _ids(slots: Sequence[CycleSlot], kind: str) -> frozenset[int]:
     return frozenset(slot.can_id for slot in slots if slot.kind == kind)
 
 
-def _first(slots: Sequence[Slot]) -> frozenset[int]:
+def _first(slots: Sequence[CycleSlot]) -> frozenset[int]:
     """The first TPDO of each node."""
     found: dict[int | None, int] = {}
     for slot in slots:
@@ -100,7 +100,7 @@ def _first(slots: Sequence[Slot]) -> frozenset[int]:
     return frozenset(found.values())
 
 
-def _show(pace: Pace, late: str) -> None:
+def _show(pace: CycleTiming, late: str) -> None:
     say(f"{counted(pace.cycles, 'cycle')} of {pace.period * 1000:g} ms, {pace.missing} missing")
     say(f"since it was opened: {late}")
     for name, words in MEASURED.items():
@@ -124,7 +124,7 @@ def _draw(values: Sequence[float]) -> None:
         say(f"{begin * _US:>9.0f} to {end * _US:>7.0f} {count:>7} {bar}".rstrip())
 
 
-def _plain(pace: Pace) -> dict[str, object]:
+def _plain(pace: CycleTiming) -> dict[str, object]:
     figures = {name: spread(getattr(pace, name)) for name in MEASURED}
     return {
         "period": pace.period,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from axisbus.record.plot import load_pyplot
-from axisbus.trace.cycle_timing import MEASURED, Pace, spread
+from axisbus.trace.cycle_timing import MEASURED, CycleTiming, spread
 from axisbus.wording import counted
 
 _BINS = 60
@@ -13,7 +13,7 @@ _US = 1e6
 _COLOUR, _MARK = "#1f6fb4", "#c8553d"
 
 
-def draw(pace: Pace, path: Path, name: str) -> None:
+def draw(pace: CycleTiming, path: Path, name: str) -> None:
     """Draw what was measured as a PNG or SVG; raises UserError where matplotlib is not installed. Blocks for it."""
     pyplot = load_pyplot()
     figure, panels = pyplot.subplots(2, 2, figsize=(11, 6), layout="constrained")

@@ -151,9 +151,9 @@ def open_master(where: Where) -> Iterator[LssMaster]:
         ConfigError, EdsError, AdapterError: as ``open_bus``.
     """
     from axisbus.bus.lss import LssMaster
-    from axisbus.cia305.dialogue import Timing
+    from axisbus.cia305.dialogue import LssTiming
 
-    timing = Timing(floor=where.timeout)
+    timing = LssTiming(floor=where.timeout)
     with ExitStack() as stack:
         bus = open_bus(stack, *where.bus)
         yield LssMaster(

@@ -34,9 +34,9 @@ def command(
     running. Slaves with a node-ID do not take part: see axisbus scan. Exit code 1 when there is none, when two have the same
     identity, or when the search could not be ended.
     """
-    from axisbus.cia305.scan_result import Known
+    from axisbus.cia305.scan_result import KnownIdentity
 
-    known = Known(vendor, product, revision, serial)
+    known = KnownIdentity(vendor, product, revision, serial)
     with open_master(where) as master:
         scanned = master.find(known)
     if as_json:

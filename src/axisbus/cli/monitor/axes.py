@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from axisbus.bus.link.errorframe import WHAT_TO_CHECK, Condition
+from axisbus.bus.link.errorframe import WHAT_TO_CHECK, CanErrorState
 from axisbus.cia301.dropped_frames import Drop, DropNews, words
 from axisbus.cia301.incident import Incident
 from axisbus.cia402 import statusword
@@ -94,9 +94,9 @@ def look_on(machine: Machine, every: float, count: int | None, as_json: bool) ->
     if coloured() and not as_json:
         from axisbus.cli.monitor import live
 
-        def look() -> live.Seen:
+        def look() -> live.MonitorUpdate:
             rows, news = _rows(machine, told, drops)
-            return live.Seen(rows, [*io_lines(machine), *beside.lines()], news)
+            return live.MonitorUpdate(rows, [*io_lines(machine), *beside.lines()], news)
 
         live.show(look, lambda: machine.sleep(every), count)
         return
@@ -225,7 +225,7 @@ def news(machine: Machine, told: set[str]) -> list[str]:
 
     bus = [event for event in machine.bus_events if is_new(f"{event.stamp} {event}")]
     lines = _newest([[str(event)] for event in bus], "events of the CAN controller")
-    lines += [f"check {WHAT_TO_CHECK}"] if bus and bus[-1].condition is not Condition.ACTIVE else []
+    lines += [f"check {WHAT_TO_CHECK}"] if bus and bus[-1].condition is not CanErrorState.ACTIVE else []
     for node_id in sorted(machine.cell.nodes):
         node = machine.node(node_id)
         incidents = [incident for incident in node.incidents if is_new(_key(node_id, incident))]

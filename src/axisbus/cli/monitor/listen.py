@@ -15,7 +15,7 @@ from axisbus.cli.shared.common import OK, say, say_json, say_next
 from axisbus.core.files import load_dictionaries
 from axisbus.core.listening import listen_to
 from axisbus.drives.gim6010.factory_protocols import told
-from axisbus.machine.bus_monitor import Beat, NodeHeard, Overview
+from axisbus.machine.bus_monitor import Beat, BusMonitor, NodeHeard
 from axisbus.trace import json_form, text
 from axisbus.wording import counted
 
@@ -25,7 +25,7 @@ _NOTHING = "nothing was heard: nobody sends, or not on this channel or at this b
 def run(path: Path, every: float, count: int | None, as_json: bool) -> int:
     """Show what is heard every so many seconds, ``count`` times (None: until Ctrl-C)."""
     cell = reader.load(path)
-    overview = Overview(cell, load_dictionaries(cell))
+    overview = BusMonitor(cell, load_dictionaries(cell))
     with ExitStack() as stack, suppress(KeyboardInterrupt):  # the usual end of listening
         listener = listen_to(cell, stack, silent=True)
         if not as_json:
@@ -40,7 +40,9 @@ def run(path: Path, every: float, count: int | None, as_json: bool) -> int:
     return OK
 
 
-def _look_on(listener: Listener, overview: Overview, every: float, count: int | None, as_json: bool) -> None:
+def _look_on(
+    listener: Listener, overview: BusMonitor, every: float, count: int | None, as_json: bool
+) -> None:
     looks = 0
     while count is None or looks < count:
         before = overview.frames
@@ -55,7 +57,7 @@ def _look_on(listener: Listener, overview: Overview, every: float, count: int | 
         looks += 1
 
 
-def lines(overview: Overview, rate: float, now: float) -> list[str]:
+def lines(overview: BusMonitor, rate: float, now: float) -> list[str]:
     """Return what is known now, and the news, which are taken; ``rate`` in frames per second."""
     found = [f"bus        {'; '.join(_of_bus(overview, rate, now))}"]
     for node_id in sorted(overview.nodes):
@@ -68,7 +70,7 @@ def lines(overview: Overview, rate: float, now: float) -> list[str]:
     return found
 
 
-def _of_bus(overview: Overview, rate: float, now: float) -> list[str]:
+def _of_bus(overview: BusMonitor, rate: float, now: float) -> list[str]:
     if not overview.frames:
         return [_NOTHING]
     found = [f"{rate:.0f} frames/s", f"SYNC {_pace(overview.sync, now)}"]
@@ -112,7 +114,7 @@ def _before(then: float, now: float) -> str:
 # -- as JSON -----------------------------------------------------------------------------------------------------------
 
 
-def _plain(overview: Overview, rate: float, now: float) -> dict[str, Any]:
+def _plain(overview: BusMonitor, rate: float, now: float) -> dict[str, Any]:
     missed, overview.missed = overview.missed, 0
     return {
         "frames": overview.frames,

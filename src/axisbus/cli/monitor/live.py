@@ -32,7 +32,7 @@ _BELOW = 8  # of the newest events, as many as fit; older ones scroll away above
 Row = Mapping[str, str]
 
 
-class Seen(NamedTuple):
+class MonitorUpdate(NamedTuple):
     """One look: the axes' rows, lines about the machine, and what has happened since the last."""
 
     rows: Sequence[Row]
@@ -40,7 +40,7 @@ class Seen(NamedTuple):
     news: Sequence[str]
 
 
-def show(look: Callable[[], Seen], wait: Callable[[], None], count: int | None) -> None:
+def show(look: Callable[[], MonitorUpdate], wait: Callable[[], None], count: int | None) -> None:
     """Draw what ``look`` returns, ``count`` times (None: until Ctrl-C); ``wait`` between."""
     console = Console(highlight=False, markup=False, emoji=False)
     looks, last = 0, deque[Text]()
@@ -83,7 +83,7 @@ def _too_many(last: deque[Text], console: Console, room: int) -> Iterator[Text]:
             last.append(begin.append("\N{HORIZONTAL ELLIPSIS}"))
 
 
-def _head(seen: Seen, width: int, room: int) -> list[Text]:
+def _head(seen: MonitorUpdate, width: int, room: int) -> list[Text]:
     """Return the table and the lines about the machine, each cut to the width, and no more of them than ``room``."""
     lines = _table(seen.rows, width)
     if len(lines) > room:

@@ -12,7 +12,7 @@ from axisbus.cli.od import objects as od
 from axisbus.cli.shared.attached_nodes import open_nodes
 from axisbus.cli.shared.common import OK, progress_bar, say, say_json, say_next
 from axisbus.cli.shared.completion import complete_node
-from axisbus.cli.shared.nodes import Asked, Files, node_options, require_bus
+from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, node_options, require_bus
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.trace import text
 from axisbus.trace.decoded import ObjectValue
@@ -29,14 +29,14 @@ if TYPE_CHECKING:
 @output_option("Write to this file instead.")
 @force_option
 @click.option("--json", "as_json", is_flag=True, help="Print the values as JSON.")
-def command(node: str, asked: Asked, output: Path | None, force: bool, as_json: bool) -> int:
+def command(node: str, asked: NodeOptions, output: Path | None, force: bool, as_json: bool) -> int:
     """Read every object of NODE that its EDS lets be read, and say what each means; writes nothing to the drive.
 
     Without an EDS the objects of CiA 301 and CiA 402 are asked for. DOMAINs and objects that refuse a scan (ObjFlags) are left out.
     """
     require_bus(asked)
     require_free(output, force=force)
-    files = Files.of(asked.cell, asked.eds)
+    files = NodeFiles.of(asked.cell, asked.eds)
     address = files.address(node.rstrip(":"))
     with ExitStack() as stack:
         device = open_nodes(stack, asked, files, [address.node_id]).node(address.node_id)
@@ -53,7 +53,7 @@ def command(node: str, asked: Asked, output: Path | None, force: bool, as_json: 
     return OK
 
 
-def _all(stack: ExitStack, files: Files, device: ByObjects) -> list[tuple[ObjectValue, str]]:
+def _all(stack: ExitStack, files: NodeFiles, device: ByObjects) -> list[tuple[ObjectValue, str]]:
     tell = stack.enter_context(progress_bar(f"reading node {device.node_id}"))
     eds = device.eds or _skeleton(device)
     wanted = list(od.may_read(eds))
@@ -71,7 +71,7 @@ def _skeleton(device: ByObjects) -> Eds:
     return skeleton(device.sdo)
 
 
-def _one(files: Files, device: ByObjects, index: int, subindex: int) -> tuple[ObjectValue, str]:
+def _one(files: NodeFiles, device: ByObjects, index: int, subindex: int) -> tuple[ObjectValue, str]:
     """Return an object with its value, or with why it has none."""
     from axisbus.bus.sdo.access import decoded, try_upload, why_unread
 

@@ -12,9 +12,9 @@ from click.shell_completion import CompletionItem
 
 from axisbus.cia301.datatypes import DataType, Value
 from axisbus.cli.shared.completion import nodes_and_axes
-from axisbus.cli.shared.nodes import Address, Files
+from axisbus.cli.shared.nodes import Address, NodeFiles
 from axisbus.configuration import parse_values
-from axisbus.eds.dictionary import Dictionary, Entry
+from axisbus.eds.dictionary import Dictionary, DictionaryEntry
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, AxisbusError
 from axisbus.trace import text, value_text
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class ObjectTarget:
     """An object of a node that was asked for; ``words`` are what the user wrote."""
 
     address: Address
-    entry: Entry
+    entry: DictionaryEntry
     words: str
 
 
@@ -53,7 +53,7 @@ def split(arguments: tuple[str, ...]) -> list[tuple[str, str]]:
     return [(node, wanted) for node, _, wanted in parts]
 
 
-def targets(files: Files, arguments: tuple[str, ...]) -> list[Target]:
+def targets(files: NodeFiles, arguments: tuple[str, ...]) -> list[ObjectTarget]:
     """Return the objects that the arguments mean; a record means all of its entries.
 
     Raises:
@@ -62,20 +62,24 @@ def targets(files: Files, arguments: tuple[str, ...]) -> list[Target]:
     return list(_targets(files, arguments))
 
 
-def _targets(files: Files, arguments: tuple[str, ...]) -> Iterator[Target]:
+def _targets(files: NodeFiles, arguments: tuple[str, ...]) -> Iterator[ObjectTarget]:
     for node, wanted in split(arguments):
         address = files.address(node)
         dictionary = Dictionary(files.eds_for(address.node_id), address.node_id)
         for entry in parse_values.find(dictionary, wanted, address.drive_axis):
-            yield Target(address, entry, f"{node}:{wanted}")
+            yield ObjectTarget(address, entry, f"{node}:{wanted}")
 
 
-def value_of(files: Files, node_id: int, dictionary: Dictionary, entry: Entry, value: Value) -> ObjectValue:
+def value_of(
+    files: NodeFiles, node_id: int, dictionary: Dictionary, entry: DictionaryEntry, value: Value
+) -> ObjectValue:
     """Return a value with its meaning and its unit."""
     return value_text.value_of(files.quantities, node_id, dictionary, entry, value)
 
 
-def read(files: Files, node: ByObjects, entry: Entry, kind: DataType | None = None) -> ObjectValue:
+def read(
+    files: NodeFiles, node: ByObjects, entry: DictionaryEntry, kind: DataType | None = None
+) -> ObjectValue:
     """Read an object; blocks.
 
     Raises:
@@ -121,7 +125,7 @@ def complete(ctx: click.Context, _: click.Parameter, incomplete: str) -> list[Co
     A shell that splits words at the colon (bash) gives NODE and : as words before; then only the object is completed.
     """
     try:
-        files = Files.of(_path(ctx.params.get("cell")), tuple(ctx.params.get("eds") or ()))
+        files = NodeFiles.of(_path(ctx.params.get("cell")), tuple(ctx.params.get("eds") or ()))
         return list(_complete(files, tuple(ctx.params.get("arguments") or ()), incomplete))
     except (AxisbusError, OSError):
         return []  # a completion has nowhere to say what is wrong; the command itself will
@@ -131,7 +135,7 @@ def _path(given: object) -> Path | None:
     return None if given is None else Path(str(given))
 
 
-def _complete(files: Files, before: tuple[str, ...], incomplete: str) -> Iterator[CompletionItem]:
+def _complete(files: NodeFiles, before: tuple[str, ...], incomplete: str) -> Iterator[CompletionItem]:
     node, colon, part = incomplete.partition(":")
     if not colon and before:
         names = [word for word in before if word != ":"]
@@ -144,7 +148,7 @@ def _complete(files: Files, before: tuple[str, ...], incomplete: str) -> Iterato
                 yield CompletionItem(f"{name}:", help=help_text)
 
 
-def _objects(files: Files, node: str, prefix: str, part: str) -> Iterator[CompletionItem]:
+def _objects(files: NodeFiles, node: str, prefix: str, part: str) -> Iterator[CompletionItem]:
     try:
         eds = files.eds_for(files.address(node).node_id)
     except ArgumentError:

@@ -9,7 +9,7 @@ import click
 from axisbus.cli.od import objects as od
 from axisbus.cli.shared.attached_nodes import open_nodes
 from axisbus.cli.shared.common import OK, say, say_json
-from axisbus.cli.shared.nodes import Asked, Files, node_options, require_bus
+from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, node_options, require_bus
 
 
 @click.command("read")
@@ -19,7 +19,7 @@ from axisbus.cli.shared.nodes import Asked, Files, node_options, require_bus
     "--type", "kind", metavar="TYPE", help="Read as this type (u16, i32, REAL32, VISIBLE_STRING, ...)."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the values as JSON.")
-def command(arguments: tuple[str, ...], asked: Asked, kind: str | None, as_json: bool) -> int:
+def command(arguments: tuple[str, ...], asked: NodeOptions, kind: str | None, as_json: bool) -> int:
     """Read objects and say what they mean; writes nothing. A record is read whole.
 
     \b
@@ -28,7 +28,7 @@ def command(arguments: tuple[str, ...], asked: Asked, kind: str | None, as_json:
     """
     require_bus(asked)
     data_type = od.kind_of(kind)
-    files = Files.of(asked.cell, asked.eds)
+    files = NodeFiles.of(asked.cell, asked.eds)
     wanted = od.targets(files, arguments)
     with ExitStack() as stack:
         nodes = open_nodes(stack, asked, files, {each.address.node_id for each in wanted})

@@ -9,9 +9,9 @@ from contextlib import ExitStack, suppress
 import click
 
 from axisbus.cli.od import objects as od
-from axisbus.cli.shared.attached_nodes import Nodes, open_nodes
+from axisbus.cli.shared.attached_nodes import NodeLookup, open_nodes
 from axisbus.cli.shared.common import FAILURE, OK, say
-from axisbus.cli.shared.nodes import Asked, Files, node_options, require_bus
+from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, node_options, require_bus
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.errors import SdoError
 
@@ -30,14 +30,19 @@ from axisbus.errors import SdoError
 @click.option("--all", "everything", is_flag=True, help="Show every look, not only changes.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per line.")
 def command(
-    arguments: tuple[str, ...], asked: Asked, every: float, count: int | None, everything: bool, as_json: bool
+    arguments: tuple[str, ...],
+    asked: NodeOptions,
+    every: float,
+    count: int | None,
+    everything: bool,
+    as_json: bool,
 ) -> int:
     """Read objects every so often and show what changes; writes nothing. A node that does not answer is said so and asked again.
 
     Exit code 3 when the last look got no answer.
     """
     require_bus(asked)
-    files = Files.of(asked.cell, asked.eds)
+    files = NodeFiles.of(asked.cell, asked.eds)
     wanted = od.targets(files, arguments)
     with ExitStack() as stack:
         nodes = open_nodes(stack, asked, files, {each.address.node_id for each in wanted})
@@ -55,7 +60,12 @@ class _Look:
     """What is watched; holds state: what each object showed last, and whether the last look got no answer."""
 
     def __init__(
-        self, nodes: Nodes, files: Files, wanted: list[od.Target], everything: bool, as_json: bool
+        self,
+        nodes: NodeLookup,
+        files: NodeFiles,
+        wanted: list[od.ObjectTarget],
+        everything: bool,
+        as_json: bool,
     ) -> None:
         self._nodes, self._files, self._wanted = nodes, files, wanted
         self._everything, self._as_json = everything, as_json
@@ -69,7 +79,7 @@ class _Look:
         for target in self._wanted:
             self._one(target)
 
-    def _one(self, target: od.Target) -> None:
+    def _one(self, target: od.ObjectTarget) -> None:
         node_id, entry = target.address.node_id, target.entry
         try:
             value = od.read(self._files, self._nodes.node(node_id), entry)

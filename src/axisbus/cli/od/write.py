@@ -14,7 +14,7 @@ from axisbus.cli.od import objects as od
 from axisbus.cli.shared.attach_or_open import take_option
 from axisbus.cli.shared.attached_nodes import joined
 from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_json, say_next
-from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_options, require_bus
 from axisbus.configuration import guarded_write, parse_values
 from axisbus.configuration.guarded_write import Written, is_command
 from axisbus.eds.dictionary import Dictionary
@@ -30,7 +30,12 @@ from axisbus.wording import counted
 @click.option("--json", "as_json", is_flag=True, help="Print what came of it as JSON.")
 @take_option
 def command(
-    arguments: tuple[str, ...], asked: Asked, kind: str | None, may_move: bool, as_json: bool, take: bool
+    arguments: tuple[str, ...],
+    asked: NodeOptions,
+    kind: str | None,
+    may_move: bool,
+    as_json: bool,
+    take: bool,
 ) -> int:
     """Write VALUE to one object. Type, limits and access are checked before anything is sent; then it is read back.
 
@@ -48,7 +53,7 @@ def command(
     if len(arguments) not in (2, 3):
         raise click.UsageError("write one object: NODE:OBJECT VALUE, such as 5:6081 1000")
     data_type = od.kind_of(kind)
-    files = Files.of(asked.cell, asked.eds)
+    files = NodeFiles.of(asked.cell, asked.eds)
     target = _one(od.targets(files, arguments[:-1]))
     node_id, entry = target.address.node_id, target.entry
     eds = files.eds_for(node_id)
@@ -66,7 +71,7 @@ def command(
             node.require_not_cyclic(entry)
             written = guarded_write.write_in_machine(node, entry, value, data_type, may_move=may_move)
         else:
-            node = on_bus = Session(stack, asked, files, [node_id]).node(node_id)
+            node = on_bus = NodeSession(stack, asked, files, [node_id]).node(node_id)
             written = guarded_write.write(on_bus, entry, value, data_type, may_move=may_move)
         now = guarded_write.energised(node) if may_move and machine is None else []
     if as_json:
@@ -83,7 +88,7 @@ def _require_no_option(arguments: tuple[str, ...]) -> None:
             raise click.UsageError(f"no such option: {each}")
 
 
-def _one(targets: list[od.Target]) -> od.Target:
+def _one(targets: list[od.ObjectTarget]) -> od.ObjectTarget:
     if len(targets) != 1:
         names = ", ".join(
             f"{each.entry.index:04X}:{each.entry.subindex:X} {each.entry.name}" for each in targets[:8]
@@ -94,7 +99,9 @@ def _one(targets: list[od.Target]) -> od.Target:
     return targets[0]
 
 
-def _say(files: Files, target: od.Target, value: Value, written: Written, energised: list[str]) -> None:
+def _say(
+    files: NodeFiles, target: od.ObjectTarget, value: Value, written: Written, energised: list[str]
+) -> None:
     node_id, entry = target.address.node_id, target.entry
     dictionary = Dictionary(files.eds_for(node_id), node_id)
 
@@ -116,7 +123,7 @@ def _say(files: Files, target: od.Target, value: Value, written: Written, energi
 
 
 def _plain(
-    files: Files, target: od.Target, value: Value, written: Written, energised: list[str]
+    files: NodeFiles, target: od.ObjectTarget, value: Value, written: Written, energised: list[str]
 ) -> dict[str, object]:
     node_id = target.address.node_id
     dictionary = Dictionary(files.eds_for(node_id), node_id)

@@ -9,8 +9,8 @@ import click
 
 from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
-from axisbus.check.cycle_schedule import SDO_TRANSFER, Slot, Timetable, shortest, timetable
-from axisbus.check.scan_period_advice import Change, changes
+from axisbus.check.cycle_schedule import SDO_TRANSFER, CycleSlot, Timetable, shortest, timetable
+from axisbus.check.scan_period_advice import PeriodReduction, changes
 from axisbus.cli.shared import axes as named
 from axisbus.cli.shared.buses import rate_of
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
@@ -80,7 +80,7 @@ def _show(cell: CellConfig, table: Timetable) -> None:
         say(_row(cell, slot))
 
 
-def _row(cell: CellConfig, slot: Slot) -> str:
+def _row(cell: CellConfig, slot: CycleSlot) -> str:
     often = "" if slot.share == 1 else f"in {slot.share:.3g} of the cycles"
     if slot.share > 1:
         often = f"{slot.share:.3g} times in a cycle"
@@ -91,7 +91,7 @@ def _row(cell: CellConfig, slot: Slot) -> str:
     ).rstrip()
 
 
-def _show_periods(table: Timetable, least: float | None, shorter: list[Change]) -> None:
+def _show_periods(table: Timetable, least: float | None, shorter: list[PeriodReduction]) -> None:
     say(
         f"what comes in every cycle is through after {table.every * _US:.0f} µs, "
         f"in the fullest cycle after {table.fullest * _US:.0f}"
@@ -113,7 +113,7 @@ def _show_periods(table: Timetable, least: float | None, shorter: list[Change]) 
         say(f'  "{change.period * 1000:g}ms" with {change.what}')
 
 
-def _plain(table: Timetable, least: float | None, shorter: list[Change]) -> dict[str, object]:
+def _plain(table: Timetable, least: float | None, shorter: list[PeriodReduction]) -> dict[str, object]:
     return {
         "bitrate": table.bitrate,
         "period": table.period,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from axisbus.cell.model import CellConfig
-from axisbus.check.cycle_schedule import Slot, Timetable
+from axisbus.check.cycle_schedule import CycleSlot, Timetable
 from axisbus.cli.shared import axes as named
 from axisbus.record.plot import load_pyplot
 
@@ -64,7 +64,7 @@ def draw(table: Timetable, cell: CellConfig, path: Path) -> None:
     pyplot.close(figure)
 
 
-def _bar(panel: object, slot: Slot, row: int, width: float) -> None:
+def _bar(panel: object, slot: CycleSlot, row: int, width: float) -> None:
     begin, length = slot.begin * _MS, (slot.end - slot.begin) * _MS
     seldom = slot.share < 1
     label = _WORDS[slot.kind] + (", not in every cycle" if seldom and slot.kind != "heartbeat" else "")

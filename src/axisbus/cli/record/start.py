@@ -71,7 +71,7 @@ def command(
     if when is not None:
         if objects is not None:
             raise click.UsageError("--when keeps a moment of the axes: leave --objects out")
-        return _capture(cell, output, _names(axes), Moment(when, before, after), seconds, beside)
+        return _capture(cell, output, _names(axes), StartTrigger(when, before, after), seconds, beside)
     recording = None
     try:
         with (
@@ -87,7 +87,7 @@ def command(
     return FAILURE if recording.failed else OK
 
 
-class Moment(NamedTuple):
+class StartTrigger(NamedTuple):
     """What is waited for, and how many seconds before and after it are kept."""
 
     when: str
@@ -96,7 +96,12 @@ class Moment(NamedTuple):
 
 
 def _capture(
-    cell: Path, output: Path, axes: list[str] | None, moment: Moment, seconds: float | None, beside: bool
+    cell: Path,
+    output: Path,
+    axes: list[str] | None,
+    moment: StartTrigger,
+    seconds: float | None,
+    beside: bool,
 ) -> int:
     """Wait for a moment, and keep it."""
     when, before, after = moment

@@ -8,14 +8,14 @@ from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.cli.shared.attach_or_open import join
 from axisbus.machine.machine import Machine
 
 _SLICE = 0.1  # seconds between two looks whether the machine is still there
 
 
-def frames_of_machine(stack: ExitStack, cell: Path, seconds: float | None) -> Iterator[Frame] | None:
+def frames_of_machine(stack: ExitStack, cell: Path, seconds: float | None) -> Iterator[CanFrame] | None:
     """Return the frames of the machine of a cell for so long (None: until it ends); None where none runs. ``stack`` leaves it.
 
     Raises:
@@ -30,16 +30,18 @@ def frames_of_machine(stack: ExitStack, cell: Path, seconds: float | None) -> It
 
 def frames_of(
     stack: ExitStack, machine: Machine, seconds: float | None, can_ids: Collection[int] = ()
-) -> Iterator[Frame]:
+) -> Iterator[CanFrame]:
     """Return the frames of a machine from now on, those of ``can_ids`` or all, as above; ``stack`` ends the telling."""
-    told: queue.Queue[Sequence[Frame]] = queue.Queue()
+    told: queue.Queue[Sequence[CanFrame]] = queue.Queue()
     hear = told.put
     machine.session.tap(hear, can_ids)
     stack.callback(machine.session.untap, hear)
     return _frames(machine, told, seconds)
 
 
-def _frames(machine: Machine, told: queue.Queue[Sequence[Frame]], seconds: float | None) -> Iterator[Frame]:
+def _frames(
+    machine: Machine, told: queue.Queue[Sequence[CanFrame]], seconds: float | None
+) -> Iterator[CanFrame]:
     until = None if seconds is None else time.monotonic() + seconds
     while until is None or time.monotonic() < until:
         try:

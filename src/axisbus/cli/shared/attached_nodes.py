@@ -8,29 +8,29 @@ from typing import Protocol
 
 from axisbus.bus.sdo.access import ByObjects
 from axisbus.cli.shared.attach_or_open import join
-from axisbus.cli.shared.nodes import Asked, Files, Session, require_bus
+from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, require_bus
 from axisbus.machine.machine import Machine
 from axisbus.machine.machine_node import MachineNode
 
 
-class Nodes(Protocol):
+class NodeLookup(Protocol):
     """Nodes by their IDs."""
 
     def node(self, node_id: int) -> ByObjects:
         """Return a node."""
 
 
-def open_nodes(stack: ExitStack, asked: Asked, files: Files, node_ids: Iterable[int]) -> Nodes:
+def open_nodes(stack: ExitStack, asked: NodeOptions, files: NodeFiles, node_ids: Iterable[int]) -> NodeLookup:
     """Return the nodes that are to be looked at; ``stack`` closes what is opened for it.
 
     Raises:
         StateError: a machine of the cell runs, and has no such node.
-        And what ``joined`` and ``nodes.Session`` raise.
+        And what ``joined`` and ``nodes.NodeSession`` raise.
     """
-    return joined(stack, asked, command=False) or Session(stack, asked, files, node_ids)
+    return joined(stack, asked, command=False) or NodeSession(stack, asked, files, node_ids)
 
 
-def joined(stack: ExitStack, asked: Asked, *, command: bool, take: bool = False) -> JoinedNodes | None:
+def joined(stack: ExitStack, asked: NodeOptions, *, command: bool, take: bool = False) -> JoinedNodes | None:
     """Return the nodes of the machine that runs already, where --cell says which; None where none does.
 
     Raises:

@@ -8,7 +8,7 @@ from axisbus.cell.model import CellConfig, GantryConfig
 from axisbus.cli.shared.axes import once
 from axisbus.errors import StateError
 from axisbus.machine.axis import Axis
-from axisbus.machine.dry_run import Rehearsal
+from axisbus.machine.dry_run import DryRun
 from axisbus.machine.gantry.gantry import Gantry
 from axisbus.machine.machine import Machine
 
@@ -82,7 +82,7 @@ def sides_of(cell: CellConfig, names: Iterable[str], verb: str) -> list[str]:
     return found
 
 
-def movers(machine: Machine | Rehearsal, names: Iterable[str]) -> list[Mover]:
+def movers(machine: Machine | DryRun, names: Iterable[str]) -> list[Mover]:
     """Return axes and pairs by their names."""
     return [machine.gantry(name) if name in machine.cell.gantries else machine[name] for name in names]
 

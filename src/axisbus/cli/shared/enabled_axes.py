@@ -7,27 +7,27 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from axisbus import wait
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.cli.shared.attach_or_open import machine_of
 from axisbus.cli.shared.axes_and_pairs import Mover, all_axes, axes_of
 from axisbus.cli.shared.common import echo, say
-from axisbus.cli.shared.progress import Way, follow
+from axisbus.cli.shared.progress import MoverProgress, follow
 from axisbus.errors import (
     AxisbusError,
     BusError,
     NodeStateError,
     OwnershipError,
     StateError,
-    in_a_line,
+    one_line,
     with_alarm,
 )
-from axisbus.link import Stopped
+from axisbus.link import StopResult
 from axisbus.machine.axis import Axis
 from axisbus.machine.gantry.gantry import Gantry
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 
-_FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
+_FAULTS = frozenset({PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE})
 _OFF = frozenset({AxisState.DISABLED, AxisState.ERRORSTOP})
 
 
@@ -83,7 +83,7 @@ def _disable_again(cell: Path, names: Sequence[str]) -> None:
         echo(f"left enabled: {', '.join(left)}; {error.observed}", err=True)
     except (AxisbusError, ExceptionGroup) as error:
         echo(
-            f"look after {', '.join(names)}: whether it is enabled is not known ({in_a_line(error)})",
+            f"look after {', '.join(names)}: whether it is enabled is not known ({one_line(error)})",
             err=True,
         )
 
@@ -118,7 +118,7 @@ def enable(chosen: Sequence[Mover]) -> None:
 
 def home(machine: Machine, chosen: Sequence[Mover]) -> None:
     """Home axes and pairs, with lines of progress."""
-    follow(machine, [Way(each, each.home()) for each in chosen])
+    follow(machine, [MoverProgress(each, each.home()) for each in chosen])
     for each in chosen:
         say_position(each, "homed, at")
 
@@ -132,7 +132,7 @@ def say_position(mover: Mover, what: str) -> None:
     say(f"{mover.name}: {what} {where}")
 
 
-def say_stopped(results: Iterable[Stopped]) -> None:
+def say_stopped(results: Iterable[StopResult]) -> None:
     """Tell how axes were left by a stop."""
     for each in results:
         say(f"{each.axis}: {each.text}")

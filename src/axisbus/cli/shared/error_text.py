@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 
-from axisbus.errors import AxisbusError, where_to_read
+from axisbus.errors import AxisbusError, help_line
 
 _WHO = re.compile(r"([A-Za-z_][\w-]*)(?:\.\w+\(|: )")  # "x.move_absolute(1 deg): ...", or "x: ..."
 
@@ -69,7 +69,7 @@ _WITHOUT_CELL: tuple[tuple[re.Pattern[str], str], ...] = (
 
 def with_page(error: BaseException) -> str:
     """Return all texts of an error as ``in_commands``, and the command for the page of its symptom, where it has one."""
-    page = f"\n{where_to_read(error)}" if isinstance(error, AxisbusError) else ""
+    page = f"\n{help_line(error)}" if isinstance(error, AxisbusError) else ""
     return in_commands(error) + page
 
 

@@ -19,16 +19,16 @@ from axisbus.eds import Eds, builtin, load
 from axisbus.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from axisbus.bus.link.frame_files import Skipped
+    from axisbus.bus.link.frame_files import SkippedLines
     from axisbus.cell.model import CellConfig
-    from axisbus.cia301.frame import Frame
-    from axisbus.trace.context import Known
+    from axisbus.cia301.frame import CanFrame
+    from axisbus.trace.context import TraceContext
 
 STDIN = "-"
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class FrameSourceOptions:
     """What the user gave: ``source`` (a recording, - or a cell file), a bus by its options, and files to decode with."""
 
     source: str | None
@@ -87,13 +87,13 @@ class Asked:
 
 
 @dataclass(slots=True)
-class Opened:
+class FrameSource:
     """Frames to be taken; ``loaded`` is the cell (None without one), ``skipped`` counts lines that were no frames."""
 
-    frames: Iterator[Frame]
+    frames: Iterator[CanFrame]
     loaded: CellConfig | None
-    skipped: Skipped
-    known: Known = field(repr=False)
+    skipped: SkippedLines
+    known: TraceContext = field(repr=False)
 
 
 def source_options(function: Decorated) -> Decorated:
@@ -113,18 +113,18 @@ _DECORATORS: tuple[Callable[[Decorated], Decorated], ...] = (
 )
 
 
-def open_frames(stack: ExitStack, asked: Asked, seconds: float | None) -> Opened:
+def open_frames(stack: ExitStack, asked: FrameSourceOptions, seconds: float | None) -> FrameSource:
     """Open what the user asked for; ``stack`` closes it.
 
     Raises:
-        UsageError, ArgumentError: as ``Asked.check``, or --eds is not N=FILE.
+        UsageError, ArgumentError: as ``FrameSourceOptions.check``, or --eds is not N=FILE.
         ConfigError, EdsError, UserError, AdapterError: a file or the bus cannot be opened.
     """
     from axisbus.bus.link import frame_files
 
     asked.check()
     loaded, known = _known(asked)
-    skipped = frame_files.Skipped()
+    skipped = frame_files.SkippedLines()
     if asked.recording == STDIN:
         heard = frame_files.lines((raw.decode("ascii", "replace") for raw in sys.stdin.buffer), skipped)
         frames = frame_files.of_channel(heard, skipped, asked.channel, "standard input")
@@ -132,12 +132,12 @@ def open_frames(stack: ExitStack, asked: Asked, seconds: float | None) -> Opened
         frames = frame_files.read(Path(asked.recording), skipped, asked.channel)
     else:
         frames = _live(stack, asked, loaded, seconds)
-    return Opened(frames, loaded, skipped, known)
+    return FrameSource(frames, loaded, skipped, known)
 
 
 def _live(
-    stack: ExitStack, asked: Asked, loaded: CellConfig | None, seconds: float | None
-) -> Iterator[Frame]:
+    stack: ExitStack, asked: FrameSourceOptions, loaded: CellConfig | None, seconds: float | None
+) -> Iterator[CanFrame]:
     if asked.interface == SIMULATED:
         from axisbus.core.listening import listen_to
 
@@ -152,7 +152,7 @@ def _live(
         )
     from axisbus.core.listening import listen_to
 
-    assert loaded is not None  # ``Asked.check``
+    assert loaded is not None  # ``FrameSourceOptions.check``
     bus = with_options(loaded, asked.channel, asked.bitrate, asked.option)
     if asked.channel is None and not asked.option:
         from axisbus.cli.shared.attached_frames import frames_of_machine
@@ -163,7 +163,7 @@ def _live(
     return listen_to(bus, stack).frames(seconds)
 
 
-def _known(asked: Asked) -> tuple[CellConfig | None, Known]:
+def _known(asked: FrameSourceOptions) -> tuple[CellConfig | None, TraceContext]:
     from dataclasses import replace
 
     from axisbus.cell import reader

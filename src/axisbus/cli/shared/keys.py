@@ -12,7 +12,7 @@ from enum import Enum
 from axisbus.errors import StateError
 
 
-class Key(Enum):
+class TerminalKey(Enum):
     """A key that means something."""
 
     FORWARD = "forward"
@@ -22,34 +22,34 @@ class Key(Enum):
 
 
 _KEYS = {
-    b"\x1b[C": Key.FORWARD,
-    b"\x1bOC": Key.FORWARD,
-    b"\x1b[A": Key.FORWARD,
-    b"\x1bOA": Key.FORWARD,
-    b"\x1b[D": Key.BACK,
-    b"\x1bOD": Key.BACK,
-    b"\x1b[B": Key.BACK,
-    b"\x1bOB": Key.BACK,
-    b" ": Key.HALT,
-    b"q": Key.QUIT,
-    b"\x04": Key.QUIT,  # Ctrl-D
+    b"\x1b[C": TerminalKey.FORWARD,
+    b"\x1bOC": TerminalKey.FORWARD,
+    b"\x1b[A": TerminalKey.FORWARD,
+    b"\x1bOA": TerminalKey.FORWARD,
+    b"\x1b[D": TerminalKey.BACK,
+    b"\x1bOD": TerminalKey.BACK,
+    b"\x1b[B": TerminalKey.BACK,
+    b"\x1bOB": TerminalKey.BACK,
+    b" ": TerminalKey.HALT,
+    b"q": TerminalKey.QUIT,
+    b"\x04": TerminalKey.QUIT,  # Ctrl-D
 }
 _LEADS = (b"\x1b", b"\x1b[", b"\x1bO")  # the rest of such a key is still to come
 
 
-class Keys:
+class TerminalKeyReader:
     """The keys that come in by a terminal; holds the part of one that has come so far."""
 
     def __init__(self) -> None:
         self._rest = b""
 
-    def feed(self, data: bytes) -> Key | None:
+    def feed(self, data: bytes) -> TerminalKey | None:
         """Return what the bytes come to: the last key counts, except that nothing outdoes *quit*, and only *quit* outdoes *halt*.
 
         A terminal that was held up brings many repeats at once: they are of the past, and count as one.
         """
         data, self._rest = self._rest + data, b""
-        found: list[Key] = []
+        found: list[TerminalKey] = []
         while data:
             known = next((keys for keys in _KEYS if data.startswith(keys)), None)
             if known is None and data in _LEADS:
@@ -58,7 +58,7 @@ class Keys:
             if known is not None:
                 found.append(_KEYS[known])
             data = data[len(known or b"?") :]
-        urgent = [key for key in (Key.QUIT, Key.HALT) if key in found]
+        urgent = [key for key in (TerminalKey.QUIT, TerminalKey.HALT) if key in found]
         return (urgent or found[-1:] or [None])[0]
 
 
@@ -67,17 +67,17 @@ class Keyboard:
 
     def __init__(self, terminal: int) -> None:
         self._terminal = terminal
-        self._keys = Keys()
+        self._keys = TerminalKeyReader()
 
-    def read(self, patience: float) -> Key | None:
+    def read(self, patience: float) -> TerminalKey | None:
         """Return the key that was pressed within ``patience`` s, None where none was; *quit* where the terminal is gone."""
         if not select.select([self._terminal], [], [], patience)[0]:
             return None
         try:
             data = os.read(self._terminal, 4096)
         except OSError:
-            return Key.QUIT
-        return self._keys.feed(data) if data else Key.QUIT
+            return TerminalKey.QUIT
+        return self._keys.feed(data) if data else TerminalKey.QUIT
 
 
 @contextmanager

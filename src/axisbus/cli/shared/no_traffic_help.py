@@ -10,7 +10,7 @@ from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.bus.link.bitrate_change import Opening
-    from axisbus.bus.link.other_rates import Heard
+    from axisbus.bus.link.other_rates import BitRateTraffic
 
 _SYSTEM = (
     "the link's rate is the system's; another one is tried in listen-only mode, which disturbs nobody: sudo ip link set {0} down; "
@@ -26,7 +26,7 @@ _ALONE = (
 )
 
 
-def listen(opening: Opening, *, quiet: bool = False) -> Heard | None:
+def listen(opening: Opening, *, quiet: bool = False) -> BitRateTraffic | None:
     """Listen at the other bit rates if the adapter has a listen-only mode; None where it has none, or nothing was heard.
 
     Raises:
@@ -41,7 +41,7 @@ def listen(opening: Opening, *, quiet: bool = False) -> Heard | None:
     return other_rates.find(opening.interface, opening.channel, opening.bitrate, opening.options)
 
 
-def lines(heard: Heard) -> list[str]:
+def lines(heard: BitRateTraffic) -> list[str]:
     """Return what was heard at another bit rate."""
     nodes = f", CANopen nodes {', '.join(map(str, heard.nodes))}" if heard.nodes else ""
     return [
@@ -61,7 +61,7 @@ def advice(opening: Opening) -> list[str]:
     return [_NO_MODE, _ALONE] if interfaces.sets_rate(opening.interface, opening.options) else []
 
 
-def show(heard: Heard | None, opening: Opening) -> None:
+def show(heard: BitRateTraffic | None, opening: Opening) -> None:
     """Say what was heard at another bit rate, or what to do next."""
     if heard is None:
         for line in advice(opening):

@@ -24,7 +24,7 @@ from axisbus.errors import ArgumentError
 
 if TYPE_CHECKING:
     from axisbus.bus.link.channel import Channel
-    from axisbus.bus.node.node import Node
+    from axisbus.bus.node.node import CanopenNode
 
 
 class Address(NamedTuple):
@@ -35,7 +35,7 @@ class Address(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Files:
+class NodeFiles:
     """The cell file (None: none) and the EDS files that were given; reads them when they are asked for."""
 
     cell: CellConfig | None
@@ -43,7 +43,7 @@ class Files:
     every: Eds | None = None
 
     @classmethod
-    def of(cls, cell: Path | None, eds: tuple[str, ...]) -> Files:
+    def of(cls, cell: Path | None, eds: tuple[str, ...]) -> NodeFiles:
         """Read what was given: --cell, and --eds as ``FILE`` (for every node) or ``N=FILE``.
 
         Raises:
@@ -95,7 +95,7 @@ class Files:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class NodeOptions:
     """The bus and the files that the user gave."""
 
     interface: str | None
@@ -119,7 +119,7 @@ def node_options(function: Decorated) -> Decorated:
         eds: tuple[str, ...],
         **rest: Any,
     ) -> Any:
-        return function(asked=Asked(interface, channel, bitrate, option, cell, eds), **rest)
+        return function(asked=NodeOptions(interface, channel, bitrate, option, cell, eds), **rest)
 
     with_eds: Decorated = click.option(
         "--eds",
@@ -133,15 +133,17 @@ def node_options(function: Decorated) -> Decorated:
     return with_cell(bus_options(with_eds(packed)))  # type: ignore[no-any-return]
 
 
-class Session:
+class NodeSession:
     """A bus with the nodes that were asked for; holds state: the open channel and nodes, which ``stack`` closes."""
 
-    def __init__(self, stack: ExitStack, asked: Asked, files: Files, node_ids: Iterable[int] = ()) -> None:
+    def __init__(
+        self, stack: ExitStack, asked: NodeOptions, files: NodeFiles, node_ids: Iterable[int] = ()
+    ) -> None:
         """Read the EDS files of the nodes that are known by now, then open the bus.
 
         Raises:
             UsageError: neither --cell nor -i is given.
-            others as ``Files.eds_for`` and ``buses.open_bus``.
+            others as ``NodeFiles.eds_for`` and ``buses.open_bus``.
         """
         require_bus(asked)
         self.files = files
@@ -150,19 +152,19 @@ class Session:
         self.bus: Channel = open_bus(
             stack, asked.cell, asked.interface, asked.channel, asked.bitrate, asked.option
         )
-        self._nodes: dict[int, Node] = {}
+        self._nodes: dict[int, CanopenNode] = {}
 
-    def node(self, node_id: int) -> Node:
+    def node(self, node_id: int) -> CanopenNode:
         """Return a node, opened at the first call."""
-        from axisbus.bus.node.node import Node
+        from axisbus.bus.node.node import CanopenNode
 
         if node_id not in self._nodes:
             eds = self._eds[node_id] if node_id in self._eds else self.files.eds_for(node_id)
-            self._nodes[node_id] = self._stack.enter_context(Node(self.bus, node_id, eds))
+            self._nodes[node_id] = self._stack.enter_context(CanopenNode(self.bus, node_id, eds))
         return self._nodes[node_id]
 
 
-def require_bus(asked: Asked) -> None:
+def require_bus(asked: NodeOptions) -> None:
     """Raise UsageError where no bus is given."""
     if asked.cell is None and asked.interface is None:
         raise click.UsageError(

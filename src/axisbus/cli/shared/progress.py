@@ -23,7 +23,7 @@ _SLOWEST = 0.001  # of the way per second: below that nobody knows how long it w
 
 
 @dataclass(slots=True)
-class Way:
+class MoverProgress:
     """A command of an axis or a pair under way; holds the longest distance that was left, which is all of the way."""
 
     mover: Mover
@@ -57,7 +57,7 @@ class Way:
         return f" and {left / speed:.1f} s" if speed > self.whole * _SLOWEST else ""
 
 
-def follow(machine: Machine, ways: Sequence[Way]) -> None:
+def follow(machine: Machine, ways: Sequence[MoverProgress]) -> None:
     """Wait until all have ended; on a terminal with a line that shows how far they are.
 
     Raises:

@@ -16,11 +16,11 @@ from axisbus.cli.shared.axes_and_pairs import Mover, all_axes, movers, sides_of
 from axisbus.cli.shared.common import say
 from axisbus.cli.shared.enabled_axes import commanded, enable, say_position
 from axisbus.cli.shared.numbers import Seconds
-from axisbus.cli.shared.progress import Way, draw, follow, speed_text
+from axisbus.cli.shared.progress import MoverProgress, draw, follow, speed_text
 from axisbus.cli.shared.recordings import recorded
 from axisbus.errors import StateError
 from axisbus.machine.axis import Axis
-from axisbus.machine.dry_run import Rehearsal
+from axisbus.machine.dry_run import DryRun
 from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
@@ -39,7 +39,7 @@ def for_option(function: _Function) -> _Function:
 
 
 @dataclass(frozen=True, slots=True)
-class Turning:
+class TimedMotion:
     """Axes and pairs by name with what each is to keep; ``begin`` gives one its command, ``unit`` is what follows the number.
 
     ``verb``: the command's name.
@@ -54,16 +54,18 @@ class Turning:
         """Enable the axes, let them turn, halt them, and leave them as they were found."""
         config = checked(cell)
         sides = sides_of(config, self.wanted, self.verb)
-        self._rehearse(Rehearsal(config))  # what cannot be is told before the bus is opened
+        self._rehearse(DryRun(config))  # what cannot be is told before the bus is opened
         with (
             commanded(cell, sides, take=take, beside=beside) as (machine, _),
             recorded(machine, record) as recording,
         ):
             known = {name: facts.parameters for name, facts in machine.session.axes.items()}
-            self._rehearse(Rehearsal(config, known))  # what the drives alone know, before they are enabled
+            self._rehearse(DryRun(config, known))  # what the drives alone know, before they are enabled
             chosen = movers(machine, self.wanted)
             enable(chosen)
-            follow(machine, [Way(each, self.begin(each, self.wanted[each.name])) for each in chosen])
+            follow(
+                machine, [MoverProgress(each, self.begin(each, self.wanted[each.name])) for each in chosen]
+            )
             for each in chosen:
                 say(f"{each.name}: has {self.wanted[each.name]:g} {self.unit(each)}")
             _keep(machine, chosen, seconds)
@@ -72,7 +74,7 @@ class Turning:
                 say_position(each, "stands at")
         return recording.code
 
-    def _rehearse(self, rehearsal: Rehearsal) -> None:
+    def _rehearse(self, rehearsal: DryRun) -> None:
         for each in movers(rehearsal, self.wanted):
             self.begin(each, self.wanted[each.name])
 

@@ -1,4 +1,4 @@
-"""A module on a channel: a ``cia402.port.Port`` for the scan, and what has frames in the cycle of the bus (``bus.cycle.Sender``).
+"""A module on a channel: a ``cia402.port.Port`` for the scan, and a sender in the cycle of the bus (``bus.cycle.CycleSender``).
 
 What comes is kept with its stamp, in whatever thread it comes, and taken at the beginning of a cycle. The frames of a stop are made
 when those of a cycle are, so that whoever finds the scan dead, in another thread, only sends them.
@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Protocol
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.cia402.port import Capabilities, Inputs, Outputs
 from axisbus.core.can_simple.node import ModuleNode
 from axisbus.drives.gim6010.can_simple.coexistence import identifiers
@@ -24,7 +24,7 @@ _KEPT = 1000  # frames that wait for a cycle: more are of a scan that does not r
 _Stop = tuple[tuple[tuple[int, bytes], ...], tuple[tuple[int, bytes], ...]]
 
 
-class Heard(Protocol):
+class ModuleFrameSource(Protocol):
     """Where frames of modules come from: a ``Channel``, or what stands for it in virtual time."""
 
     @property
@@ -51,14 +51,14 @@ class ModuleSender:
 
     asks = True  # for messages, by remote frames
 
-    def __init__(self, channel: Heard, settings: ModuleSettings) -> None:
+    def __init__(self, channel: ModuleFrameSource, settings: ModuleSettings) -> None:
         """Listen on ``channel`` from now on."""
         self.port = ModulePort(settings)
         self.node = ModuleNode(self.port)
         self._restarts = 0
         self._offs = channel.offs
         self._channel = channel
-        self._heard: deque[Frame] = deque(maxlen=_KEPT)
+        self._heard: deque[CanFrame] = deque(maxlen=_KEPT)
         self._receivers = {can_id: partial(self._hear, can_id) for can_id in identifiers(settings.node)}
         for can_id, receiver in self._receivers.items():
             channel.subscribe(can_id, receiver)
@@ -103,25 +103,25 @@ class ModuleSender:
     # -- the cycle of the bus ----------------------------------------------------------------------------------------
 
     def take_frames(self) -> list[tuple[int, bytes]]:
-        """As ``Sender.take_frames``."""
+        """As ``CycleSender.take_frames``."""
         frames = self.port.take_frames()
         self._requests = [(each.can_id, _LENGTH) for each in frames if each.remote]
         self._stop = (tuple((each.can_id, each.data) for each in self.port.stop_frames()), ())
         return [(each.can_id, each.data) for each in frames if not each.remote]
 
     def drop_frames(self) -> None:
-        """As ``Sender.drop_frames``: none of them comes again by itself, so that what the module was given counts no longer."""
+        """As ``CycleSender.drop_frames``: no frame is sent again, so the values given to the module no longer count."""
         self.take_frames()
         self._requests = []
         self.port.forget()
 
     def take_requests(self, now: float) -> list[tuple[int, int]]:  # noqa: ARG002  # the port has decided that
-        """As ``Sender.take_requests``."""
+        """As ``CycleSender.take_requests``."""
         requests, self._requests = self._requests, []
         return requests
 
     def stop_frames(self) -> _Stop:
-        """As ``Sender.stop_frames``; from any thread."""
+        """As ``CycleSender.stop_frames``; from any thread."""
         return self._stop
 
     def close(self) -> None:
@@ -137,4 +137,4 @@ class ModuleSender:
         return self._channel.off or self._channel.last_off
 
     def _hear(self, can_id: int, data: bytes, stamp: float) -> None:
-        self._heard.append(Frame(stamp, can_id, bytes(data)))
+        self._heard.append(CanFrame(stamp, can_id, bytes(data)))

@@ -6,31 +6,30 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from axisbus.boot.can_simple.discovery import Line
+from axisbus.boot.can_simple.discovery import BootChannel
 from axisbus.boot.can_simple.module import ModuleBoot
 from axisbus.boot.result import Booted
 from axisbus.bus.node.events import NodeEvents
 from axisbus.cell.can_simple.modules import modules_of, settings_of
 from axisbus.cell.model import CellConfig
 from axisbus.cia402.port import Port
-from axisbus.core.can_simple.module_port import Heard as HeardBySender
-from axisbus.core.can_simple.module_port import ModuleSender
+from axisbus.core.can_simple.module_port import ModuleFrameSource, ModuleSender
 from axisbus.core.can_simple.node import NoObjects
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.drives.gim6010.can_simple.port.synthetic_eds import description
 
 
-class Heard(Line, HeardBySender, Protocol):
+class ModuleChannel(BootChannel, ModuleFrameSource, Protocol):
     """What leads to the modules, from their boot on: a ``bus.link.channel.Channel``, or what stands for it in virtual time."""
 
 
-class Modules:
+class CanSimpleModules:
     """Holds the sender of each module, from the opening of the bus on, and what booting it has come to."""
 
     def __init__(
         self,
         cell: CellConfig,
-        channel: Heard,
+        channel: ModuleChannel,
         *,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
@@ -50,7 +49,7 @@ class Modules:
         return node_id in self._senders
 
     def boot(self, node_id: int, find_time: float) -> Booted:
-        """As ``Link.boot``; ``find_time`` (s) is for the first heartbeat. Before the scan begins."""
+        """As ``CellConnection.boot``; ``find_time`` (s) is for the first heartbeat. Before the scan begins."""
         sender = self._senders[node_id]
         port = sender.port
         booted = ModuleBoot(
@@ -82,11 +81,11 @@ class Modules:
         return list(self._events.values())
 
     def ports(self, node_id: int) -> dict[str, Port]:
-        """As ``Link.ports``."""
+        """As ``CellConnection.ports``."""
         return dict.fromkeys(self._booted[node_id].parameters, self._senders[node_id])
 
     def parts(self, node_id: int) -> NodeParts:
-        """As ``Link.parts``."""
+        """As ``CellConnection.parts``."""
         sender = self._senders[node_id]
         return NodeParts(
             node_id,

@@ -10,12 +10,12 @@ from axisbus.cell.can_simple.modules import no_objects
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.incident import EmcyLog
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.cia301.sdo import Way
+from axisbus.cia301.sdo import SdoTransferType
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
 
 
 class NoObjects:
-    """The objects of a module (``boot.objects.Objects``), of which there are none: each look is refused, and nothing is sent."""
+    """The objects of a module (``boot.objects.NodeObjects``): it has none. Each access is refused, and nothing is sent."""
 
     def __init__(self, node_id: int) -> None:
         self._node_id = node_id
@@ -47,7 +47,7 @@ class NoObjects:
         subindex: int,
         data: bytes,  # noqa: ARG002
         *,
-        way: Way = Way.AUTO,  # noqa: ARG002
+        way: SdoTransferType = SdoTransferType.AUTO,  # noqa: ARG002
         progress: Progress | None = None,  # noqa: ARG002
     ) -> None:
         """Refuse; raises StateError."""

@@ -8,13 +8,13 @@ from typing import Any, NoReturn
 
 from axisbus.cell.can_simple.modules import modules_of, settings_of
 from axisbus.cell.model import CellConfig
-from axisbus.core.simulated_nodes import StandIn
+from axisbus.core.simulated_nodes import SimulatedNode
 from axisbus.errors import StateError
 from axisbus.sim.can_simple.firmware import FACTORY, Firmware
 from axisbus.sim.can_simple.module import Module
 
 
-class ModuleStandIn(StandIn):
+class ModuleStandIn(SimulatedNode):
     """One simulated module: ``module`` has its shaft and its ``dials`` for misbehaviour; for any thread."""
 
     def __init__(self, module: Module, lock: AbstractContextManager[object]) -> None:
@@ -39,7 +39,9 @@ def modules(cell: CellConfig) -> dict[int, Module]:
     return {node_id: _module(cell, node_id) for node_id in modules_of(cell)}
 
 
-def stand_ins_of(made: Mapping[int, Module], lock: AbstractContextManager[object]) -> dict[int, StandIn]:
+def stand_ins_of(
+    made: Mapping[int, Module], lock: AbstractContextManager[object]
+) -> dict[int, SimulatedNode]:
     """Return what a user sees of modules; ``lock`` is that of their network."""
     return {node_id: ModuleStandIn(module, lock) for node_id, module in made.items()}
 

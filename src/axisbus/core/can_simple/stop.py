@@ -10,24 +10,24 @@ from functools import partial
 
 from axisbus.bus.gim6010.request import send
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.parallel import in_parallel
 from axisbus.cell.can_simple.modules import settings_by_axis
 from axisbus.cell.model import CellConfig
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.core.node_stop import stop_nodes
 from axisbus.drives.gim6010.can_simple.coexistence import identifiers
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.can_simple.port.stop_without_scan import ModuleRescue
 from axisbus.errors import BusError
-from axisbus.link import Stopped
+from axisbus.link import StopResult
 
 _POLL = 0.005  # s
 
 
 def stop_drives(
-    cell: CellConfig, channel: Channel, nodes: Iterable[Node], names: Collection[str]
-) -> list[Stopped]:
+    cell: CellConfig, channel: Channel, nodes: Iterable[CanopenNode], names: Collection[str]
+) -> list[StopResult]:
     """Stop the axes of these names, those of ``nodes`` and those of modules; blocks until they stand, at most about 8 s.
 
     The modules come first where there is no other thread for them: their ladder is the shorter one.
@@ -38,9 +38,9 @@ def stop_drives(
     return [stopped for each in in_parallel(lambda work: work(), works) for stopped in each]
 
 
-def stop_modules(channel: Channel, modules: Mapping[str, ModuleSettings]) -> list[Stopped]:
+def stop_modules(channel: Channel, modules: Mapping[str, ModuleSettings]) -> list[StopResult]:
     """Stop the modules of these axes, all at a time, and return how each was left; blocks until they stand, at most about 8 s."""
-    heard: deque[Frame] = deque()
+    heard: deque[CanFrame] = deque()
     rescues = {name: ModuleRescue(settings) for name, settings in modules.items()}
     ears = {
         can_id: partial(_hear, heard, can_id)
@@ -56,10 +56,10 @@ def stop_modules(channel: Channel, modules: Mapping[str, ModuleSettings]) -> lis
     finally:
         for can_id, ear in ears.items():
             channel.unsubscribe(can_id, ear)
-    return [Stopped(name, each.ok, each.text) for name, each in rescues.items()]
+    return [StopResult(name, each.ok, each.text) for name, each in rescues.items()]
 
 
-def _step(channel: Channel, heard: deque[Frame], rescues: Mapping[str, ModuleRescue]) -> None:
+def _step(channel: Channel, heard: deque[CanFrame], rescues: Mapping[str, ModuleRescue]) -> None:
     while heard:
         frame = heard.popleft()
         for each in rescues.values():
@@ -70,5 +70,5 @@ def _step(channel: Channel, heard: deque[Frame], rescues: Mapping[str, ModuleRes
                 send(channel, order)
 
 
-def _hear(heard: deque[Frame], can_id: int, data: bytes, stamp: float) -> None:
-    heard.append(Frame(stamp, can_id, bytes(data)))
+def _hear(heard: deque[CanFrame], can_id: int, data: bytes, stamp: float) -> None:
+    heard.append(CanFrame(stamp, can_id, bytes(data)))

@@ -12,14 +12,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.core.can_simple.module_port import ModuleSender
 from axisbus.errors import BusError
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.direct import DirectCycle
 
 _STEP = 0.005  # s: answers and heartbeats come as often, and no plant is stepped more often than it has to be
-Ear = Callable[[Frame], None]
+Ear = Callable[[CanFrame], None]
 Receiver = Callable[[bytes, float], None]
 
 
@@ -84,7 +84,7 @@ class VirtualLine:
     def _tell(self, module: Module) -> None:
         for can_id, data in module.take_frames():
             for ear in self._ears:
-                ear(Frame(self.now, can_id, bytes(data), can_id > 0x7FF))
+                ear(CanFrame(self.now, can_id, bytes(data), can_id > 0x7FF))
             for receiver in self._receivers.get(can_id, ()):
                 receiver(bytes(data), self.now)
 

@@ -21,23 +21,23 @@ from axisbus.cell.io.signals import points_of
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cia301.dropped_frames import Drop
 from axisbus.cia301.emcy import Emcy
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia401.port import IoPort
-from axisbus.cia401.signal import Point, addresses
-from axisbus.cia402.port import ALL_OUTPUTS, INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Port, Source
-from axisbus.core.can_simple.modules import Modules
+from axisbus.cia401.signal import IoPoint, addresses
+from axisbus.cia402.port import ALL_OUTPUTS, INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Port, ValueTransport
+from axisbus.core.can_simple.modules import CanSimpleModules
 from axisbus.core.can_simple.simulated_modules import modules, stand_ins_of
 from axisbus.core.can_simple.virtual import MixedCycle, VirtualLine
 from axisbus.core.direct.node import DirectNode
 from axisbus.core.io.safe import make_safe
 from axisbus.core.node_access_parts import NodeParts
-from axisbus.core.simulated_nodes import StandIn
+from axisbus.core.simulated_nodes import SimulatedNode
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import NodeTimeout, SdoError, SecondMasterError
-from axisbus.link import Parting, Stopped, Unsafe
+from axisbus.link import NodeShutdown, StopResult, Unsafe
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.direct import DirectCycle, DirectPort
@@ -133,7 +133,7 @@ class DirectComms:
         require_synchronous(axis, self._more.get(axis.name, ()), capabilities.outputs)
         return capabilities
 
-    def connect_io(self, points: Sequence[Point]) -> str:  # noqa: ARG002  # of the same points
+    def connect_io(self, points: Sequence[IoPoint]) -> str:  # noqa: ARG002  # of the same points
         """Use the port that the link has made for them."""
         self.io = self._io
         return "PDOs, in virtual time"
@@ -203,14 +203,14 @@ class DirectLink:
             devices=[device for node_id, device in self._devices.items() if not any(cell.axes_of(node_id))],
         )
         self.stand_ins = {
-            node_id: StandIn(device, nullcontext()) for node_id, device in self._devices.items()
+            node_id: SimulatedNode(device, nullcontext()) for node_id, device in self._devices.items()
         } | stand_ins_of(guests, nullcontext())
-        self._modules: Modules | None = None
+        self._modules: CanSimpleModules | None = None
         if isinstance(self.cycle, MixedCycle):
             self._modules = _booted_modules(cell, self.cycle, self._booted)
 
     def boot(self, node_id: int) -> Booted:
-        """As ``Link.boot``, at first or when it has appeared."""
+        """As ``CellConnection.boot``, at first or when it has appeared."""
         if self._of_module(node_id):
             return self._booted[node_id]
         cell, eds, device = self._cell, self._dictionaries[node_id], self._devices[node_id]
@@ -248,48 +248,50 @@ class DirectLink:
             self.cycle.listeners += [_looking(events) for events in self._modules.events]
 
     def ports(self, node_id: int) -> Mapping[str, Port]:
-        """As ``Link.ports``."""
+        """As ``CellConnection.ports``."""
         if self._modules is not None and node_id in self._modules:
             return self._modules.ports(node_id)
         return dict[str, Port](self._own(node_id))
 
     def io(self, node_id: int) -> IoPort | None:
-        """As ``Link.io``."""
+        """As ``CellConnection.io``."""
         return self._io_used.get(node_id)
 
     def parts(self, node_id: int) -> NodeParts:
-        """As ``Link.parts``."""
+        """As ``CellConnection.parts``."""
         if self._modules is not None and node_id in self._modules:
             return self._modules.parts(node_id)
         return self._parts[node_id]
 
     def answers(self, node_id: int) -> bool:
-        """As ``Link.answers``."""
+        """As ``CellConnection.answers``."""
         return self._devices[node_id].answers_sdo
 
     def ready(self) -> None:
         """Nothing to wait for."""
 
-    def rescue(self, names: Collection[str]) -> list[Stopped]:
+    def rescue(self, names: Collection[str]) -> list[StopResult]:
         """Without the scan no virtual time passes, so nothing more can be done or seen here."""
-        return [Stopped(name, False, "NOT CONFIRMED as stopped: virtual time stands still") for name in names]
+        return [
+            StopResult(name, False, "NOT CONFIRMED as stopped: virtual time stands still") for name in names
+        ]
 
-    def make_safe(self, points: Collection[Point]) -> list[Unsafe]:
-        """As ``Link.make_safe``: SDO takes no time here."""
+    def make_safe(self, points: Collection[IoPoint]) -> list[Unsafe]:
+        """As ``CellConnection.make_safe``: SDO takes no time here."""
         objects = {node_id: DeviceObjects(device) for node_id, device in self._devices.items()}
         return make_safe(objects, points)
 
-    def leave(self, how: Mapping[int, Parting]) -> None:
-        """As ``Link.leave``."""
+    def leave(self, how: Mapping[int, NodeShutdown]) -> None:
+        """As ``CellConnection.leave``."""
         for node_id, node in self._booted.items():
-            if how[node_id] is not Parting.ARMED and node.watch is not None:
+            if how[node_id] is not NodeShutdown.ARMED and node.watch is not None:
                 with suppress(SdoError):  # a node that is gone cannot be let go
                     node.watch.restore()
-            if how[node_id] is Parting.REST and node.report.ok and not self._of_module(node_id):
+            if how[node_id] is NodeShutdown.REST and node.report.ok and not self._of_module(node_id):
                 self._devices[node_id].nmt_command(NmtCommand.ENTER_PRE_OPERATIONAL)
 
     def close(self) -> None:
-        """As ``Link.close``."""
+        """As ``CellConnection.close``."""
         self.cycle.close()
 
     def bus_time(self, now: float) -> datetime | None:  # noqa: ARG002  # there is no TIME
@@ -305,7 +307,7 @@ class DirectLink:
         return ()
 
     def on_command_of_others(self, call: Callable[[SecondMasterError, frozenset[int]], None]) -> None:
-        """As ``Link.on_command_of_others``: there is no bus."""
+        """As ``CellConnection.on_command_of_others``: there is no bus."""
 
     def drops(self) -> Sequence[Drop]:
         """None: there are no frames."""
@@ -318,11 +320,11 @@ class DirectLink:
     def carried(self) -> None:
         """None: there are no frames."""
 
-    def tap(self, ear: Callable[[Frame], None]) -> None:
-        """As ``Link.tap``: there are no frames."""
+    def tap(self, ear: Callable[[CanFrame], None]) -> None:
+        """As ``CellConnection.tap``: there are no frames."""
 
-    def untap(self, ear: Callable[[Frame], None]) -> None:
-        """As ``Link.untap``."""
+    def untap(self, ear: Callable[[CanFrame], None]) -> None:
+        """As ``CellConnection.untap``."""
 
     def _of_module(self, node_id: int) -> bool:
         return self._modules is not None and node_id in self._modules
@@ -331,9 +333,9 @@ class DirectLink:
         return {axis.name: self._ports[axis.name] for axis in self._cell.axes_of(node_id)}
 
 
-def _booted_modules(cell: CellConfig, cycle: MixedCycle, booted: dict[int, Booted]) -> Modules:
+def _booted_modules(cell: CellConfig, cycle: MixedCycle, booted: dict[int, Booted]) -> CanSimpleModules:
     """Boot the modules, before any other node expects our heartbeat: time passes meanwhile."""
-    found = Modules(cell, cycle.line, clock=cycle.now, sleep=cycle.sleep)
+    found = CanSimpleModules(cell, cycle.line, clock=cycle.now, sleep=cycle.sleep)
     for node_id in modules_of(cell):
         booted[node_id] = found.boot(node_id, _FIND_TIME)
     return found
@@ -343,7 +345,7 @@ def _looking(events: NodeEvents) -> Callable[[float, Mapping[int, tuple[Emcy, ..
     return lambda now, _: events.look(now)
 
 
-def _io_port(cell: CellConfig, points: Sequence[Point], device: Device) -> DirectIoPort:
+def _io_port(cell: CellConfig, points: Sequence[IoPoint], device: Device) -> DirectIoPort:
     inputs, outputs = (addresses(points, output=output) for output in (False, True))
     heartbeat = cell.bus.heartbeat or _HEARTBEAT
     return DirectIoPort(device, inputs, outputs, sync=cell.bus.sync, heartbeat=heartbeat)
@@ -355,13 +357,17 @@ def _port(cell: CellConfig, axis: AxisConfig, device: Device) -> DirectPort:
     offset = 0x800 * (axis.drive_axis - 1)
     if cell.bus.sync:
         asked = more_outputs(axis, cell.nodes[axis.node], device.eds)
-        more = {name: Source.SYNC_PDO for name in asked if ALL_OUTPUTS[name] + offset in device.eds}
+        more = {name: ValueTransport.SYNC_PDO for name in asked if ALL_OUTPUTS[name] + offset in device.eds}
         return DirectPort(device, axis.drive_axis - 1, outputs=more, node_heartbeat=heartbeat)
     return DirectPort(
         device,
         axis.drive_axis - 1,
-        inputs={name: Source.EVENT_PDO for name, index in INPUT_OBJECTS.items() if has(index + offset)},
-        outputs={name: Source.EVENT_PDO for name, index in OUTPUT_OBJECTS.items() if has(index + offset)},
+        inputs={
+            name: ValueTransport.EVENT_PDO for name, index in INPUT_OBJECTS.items() if has(index + offset)
+        },
+        outputs={
+            name: ValueTransport.EVENT_PDO for name, index in OUTPUT_OBJECTS.items() if has(index + offset)
+        },
         event_timer=_EVENT_TIMER,
         node_heartbeat=heartbeat,
     )

@@ -5,25 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from axisbus.cia401.port import IoPort
-from axisbus.cia401.signal import Point
-from axisbus.cia402.port import Source
+from axisbus.cia401.signal import IoPoint
+from axisbus.cia402.port import ValueTransport
 from axisbus.errors import AxisbusError, StateError, Stopped
-from axisbus.motion.command_status import Status, Ticket
+from axisbus.motion.command_status import CommandStatus, Status
 from axisbus.motion.io.commands import SetOutputs
 from axisbus.motion.io.node import NodeIo
-from axisbus.motion.io.reading import Reading
+from axisbus.motion.io.reading import IoReading
 
 
-class Board:
+class IoScan:
     """Holds each node's ``NodeIo`` with its port, and what was known after the last cycle. Belongs to the scan's thread."""
 
     def __init__(self) -> None:
-        self.readings: dict[str, Reading] = {}
+        self.readings: dict[str, IoReading] = {}
         self._nodes: tuple[tuple[IoPort, NodeIo], ...] = ()
         self._of: dict[str, NodeIo] = {}
         self._leaving = False
         self.changed = False  # whether a command has ended in this cycle
-        self.note: Callable[[Mapping[str, Reading]], None] = lambda _: None  # before anything is sent
+        self.note: Callable[[Mapping[str, IoReading]], None] = lambda _: None  # before anything is sent
 
     def __bool__(self) -> bool:
         return bool(self._nodes)
@@ -37,14 +37,14 @@ class Board:
         """Return the bits of a point that is there."""
         return self._of[name].points[name].width
 
-    def source_of(self, name: str) -> Source:
+    def source_of(self, name: str) -> ValueTransport:
         """Return how an input travels; of one that is not there, as what comes when it changes."""
         for port, node in self._nodes:
             if name in node.points:
                 return port.sources[port.inputs.index(node.points[name].address)]
-        return Source.EVENT_PDO
+        return ValueTransport.EVENT_PDO
 
-    def accept(self, command: SetOutputs, ticket: Ticket) -> None:
+    def accept(self, command: SetOutputs, ticket: CommandStatus) -> None:
         """Set outputs, all or none; the ticket ends when all act (``NodeIo``), or at once where one cannot be set."""
         if self._leaving:  # it has waited behind others while the axes were stopped
             ticket.finish(Status.ERROR, _too_late(ticket.name))
@@ -69,7 +69,7 @@ class Board:
         What is set is noted before it is sent: who finds this core dead makes safe what had been noted.
         """
         self.changed = False
-        readings: dict[str, Reading] = {}
+        readings: dict[str, IoReading] = {}
         for port, node in self._nodes:
             inputs = port.read(now)
             port.write(node.step(now, inputs))
@@ -91,7 +91,7 @@ class Board:
         return self._leaving and all(node.rests for _, node in self._nodes)
 
     @property
-    def ours(self) -> list[Point]:
+    def ours(self) -> list[IoPoint]:
         """The outputs that were set."""
         return [point for _, node in self._nodes for point in node.ours]
 
@@ -104,15 +104,15 @@ class Board:
 class _Shared:
     """A command for outputs of several nodes: it ends when all have, or with the first that fails."""
 
-    def __init__(self, ticket: Ticket, parts: int) -> None:
+    def __init__(self, ticket: CommandStatus, parts: int) -> None:
         self._ticket = ticket
         self._left = parts
 
-    def part(self) -> Ticket:
+    def part(self) -> CommandStatus:
         """Return the ticket of one node's part."""
-        return Ticket(self._ticket.name, self._hear)
+        return CommandStatus(self._ticket.name, self._hear)
 
-    def _hear(self, part: Ticket) -> None:
+    def _hear(self, part: CommandStatus) -> None:
         self._left -= 1
         if part.status is not Status.DONE:
             self._ticket.finish(part.status, part.error)

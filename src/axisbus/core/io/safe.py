@@ -8,14 +8,14 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from itertools import groupby
 
-from axisbus.boot.objects import Objects
+from axisbus.boot.objects import NodeObjects
 from axisbus.bus.parallel import in_parallel
-from axisbus.cia401.signal import Address, Point
-from axisbus.errors import AxisbusError, SdoTimeout, in_a_line
+from axisbus.cia401.signal import Address, IoPoint
+from axisbus.errors import AxisbusError, SdoTimeout, one_line
 from axisbus.link import Unsafe
 
 
-def make_safe(objects: Mapping[int, Objects], points: Collection[Point]) -> list[Unsafe]:
+def make_safe(objects: Mapping[int, NodeObjects], points: Collection[IoPoint]) -> list[Unsafe]:
     """Lead ``points`` to their safe states, all nodes at a time; return those not confirmed. Raises nothing of a bus; blocks."""
     nodes = sorted({point.node for point in points})
     own = [[point for point in points if point.node == node] for node in nodes]
@@ -23,7 +23,7 @@ def make_safe(objects: Mapping[int, Objects], points: Collection[Point]) -> list
     return [unsafe for each in found for unsafe in each]
 
 
-def _of_node(objects: Objects, points: list[Point]) -> list[Unsafe]:
+def _of_node(objects: NodeObjects, points: list[IoPoint]) -> list[Unsafe]:
     """One object after the other; once the node does not answer, no more is asked of it."""
     ordered, found = sorted(points, key=_address), list[Unsafe]()
     for address, mine in groupby(ordered, _address):
@@ -31,15 +31,15 @@ def _of_node(objects: Objects, points: list[Point]) -> list[Unsafe]:
             found += _of_object(objects, address, list(mine))
         except SdoTimeout as error:
             rest = ordered[next(at for at, point in enumerate(ordered) if point.address == address) :]
-            return [*found, *(_unsafe(point, in_a_line(error)) for point in rest)]
+            return [*found, *(_unsafe(point, one_line(error)) for point in rest)]
     return found
 
 
-def _address(point: Point) -> Address:
+def _address(point: IoPoint) -> Address:
     return point.address
 
 
-def _of_object(objects: Objects, address: Address, points: list[Point]) -> list[Unsafe]:
+def _of_object(objects: NodeObjects, address: Address, points: list[IoPoint]) -> list[Unsafe]:
     try:
         before = _read(objects, address)
         wanted = _with(points, before)
@@ -50,7 +50,7 @@ def _of_object(objects: Objects, address: Address, points: list[Point]) -> list[
     except SdoTimeout:
         raise
     except AxisbusError as error:
-        return [_unsafe(point, in_a_line(error)) for point in points]
+        return [_unsafe(point, one_line(error)) for point in points]
     return [
         _unsafe(point, f"written {point.safe}, and it reads back {point.of(after)}")
         for point in points
@@ -58,17 +58,17 @@ def _of_object(objects: Objects, address: Address, points: list[Point]) -> list[
     ]
 
 
-def _with(points: Iterable[Point], word: int) -> int:
+def _with(points: Iterable[IoPoint], word: int) -> int:
     for point in points:
         word = point.into(word, point.safe)
     return word
 
 
-def _read(objects: Objects, address: Address) -> int:
+def _read(objects: NodeObjects, address: Address) -> int:
     value = objects.read(*address)
     assert isinstance(value, int)
     return int(value)
 
 
-def _unsafe(point: Point, text: str) -> Unsafe:
+def _unsafe(point: IoPoint, text: str) -> Unsafe:
     return Unsafe(point.name, point.node, f"{point.object_text} of node {point.node}: {text}")

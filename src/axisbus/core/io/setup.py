@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from axisbus.cell.io.signals import points_of
 from axisbus.cell.model import CellConfig
-from axisbus.core.io.io_scan import Board
+from axisbus.core.io.io_scan import IoScan
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import NodeError
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from axisbus.core.runtime import CellLink
 
 
-def add_io(board: Board, cell: CellConfig, link: CellLink, node_id: int, eds: Eds) -> None:
+def add_io(board: IoScan, cell: CellConfig, link: CellLink, node_id: int, eds: Eds) -> None:
     """Take in the inputs and outputs of a node that has come up, where the cell names any."""
     port = link.io(node_id)
     if port is not None:
@@ -25,7 +25,7 @@ def add_io(board: Board, cell: CellConfig, link: CellLink, node_id: int, eds: Ed
         board.add(NodeIo(node_id, points, port), port)
 
 
-def make_sure(board: Board, link: CellLink) -> list[Unsafe]:
+def confirm_safe_outputs(board: IoScan, link: CellLink) -> list[Unsafe]:
     """See that every output that was set is in its safe state, or lead it there; return what is not confirmed. Blocks.
 
     That the scan has sent it says little: a node may be gone for a moment before that is known of it.
@@ -34,7 +34,7 @@ def make_sure(board: Board, link: CellLink) -> list[Unsafe]:
     return link.make_safe(ours) if ours else []
 
 
-def unconfirmed(board: Board) -> list[Unsafe]:
+def unconfirmed(board: IoScan) -> list[Unsafe]:
     """Return the outputs that were set, as long as nobody has looked at them."""
     text = "leaving was broken off before it was looked at"
     return [Unsafe(point.name, point.node, f"{point.object_text}: {text}") for point in board.ours]

@@ -1,4 +1,4 @@
-"""What a machine holds of a core in a process of its own (``core.core.Owner``)."""
+"""What a machine holds of a core in a process of its own (``core.core.CoreInterface``)."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from axisbus.core.files import load_dictionaries
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.process.launch import Processes
 from axisbus.core.process.nodes import RemoteEvents, RemoteNode, RemoteObjects
-from axisbus.core.process.remote_proxy import Control
-from axisbus.core.process.rpc_client import Calls
+from axisbus.core.process.remote_proxy import SimulatedDrivesHandle
+from axisbus.core.process.rpc_client import RpcClient
 from axisbus.core.process.session import Errors, RemoteSession
-from axisbus.core.process.shared_counters import Tally
+from axisbus.core.process.shared_counters import SharedCounters
 from axisbus.core.process.trajectory_feeder import Feeder
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
 from axisbus.ipc import messages as m
 from axisbus.ipc.image import ImageReader
 from axisbus.ipc.io_image import IoImage
-from axisbus.ipc.stream import Stream
+from axisbus.ipc.stream import MessageStream
 
 if TYPE_CHECKING:
     from axisbus.core.core import Joined
-    from axisbus.core.process.listener import Visit
+    from axisbus.core.process.listener import ClientConnection
 
 log = logging.getLogger("axisbus")
 _SLICE = 0.1  # seconds; a wait in slices lets signal handlers run on every platform
@@ -50,14 +50,16 @@ class RemoteCore:
     commanded_by = ""  # who has the command, as it was when this program came
     in_cycle: Callable[[], bool] | None = None
 
-    def __init__(self, cell: CellConfig, process: Processes | Visit, wanted: m.Open | m.Attach) -> None:
+    def __init__(
+        self, cell: CellConfig, process: Processes | ClientConnection, wanted: m.OpenCell | m.Attach
+    ) -> None:
         """Let ``process`` open ``cell``, or join it where it is open; blocks until that is done. Raises as ``Machine.open``."""
         self._cell = cell
         self._wanted = wanted
         self.joined = isinstance(wanted, m.Attach)
         self._process = process
         self._dictionaries: Mapping[int, Eds] = {}
-        self._opened: m.Opened | m.NotOpened | None = None
+        self._opened: m.CellOpened | m.NotOpened | None = None
         self._news = threading.Event()  # of opening, and of leaving
         self._left: m.Left | None = None
         self._joined: Joined = lambda _: None
@@ -65,17 +67,17 @@ class RemoteCore:
         self.booted: dict[int, Booted] = {}
         self.nodes: dict[int, NodeParts] = {}
         self._errors = Errors()
-        stream = Stream(process.line, m.CODEC.pack, "axisbus asks")
-        self._calls = Calls(stream, self._soon(), self._later(), self._gone)
+        stream = MessageStream(process.line, m.CODEC.pack, "axisbus asks")
+        self._calls = RpcClient(stream, self._soon(), self._later(), self._gone)
         image = ImageReader(process.memory, tuple(cell.axes), self._errors.of)
         io = IoImage(process.memory, len(cell.axes), tuple(cell.io))
-        tally = Tally(process.memory, len(cell.axes), len(cell.io))
+        tally = SharedCounters(process.memory, len(cell.axes), len(cell.io))
         self.session = RemoteSession(self._calls, image, io, tally, self._errors, {}, cell.bus.scan_period)
         self._warden_over = threading.Event()
         if process.warden is None:  # a guest has none, and learns only that the core is gone
             self._warden_over.set()
         control = process.control
-        self._control = None if control is None else Control(control)
+        self._control = None if control is None else SimulatedDrivesHandle(control)
         self.stand_ins = {} if self._control is None else self._control.stand_ins(cell.nodes)
         self._calls.start()  # the core may be gone at once: all that is needed then has been made
         self._warden = self._watch_warden(process.warden)
@@ -86,14 +88,14 @@ class RemoteCore:
             raise
 
     def begin(self, joined: Joined, after_cycle: Callable[[], None] = lambda: None) -> None:  # noqa: ARG002  # of virtual time
-        """As ``Owner.begin``; the scan runs already."""
+        """As ``CoreInterface.begin``; the scan runs already."""
         self._joined = joined
 
     def await_values(self) -> None:
-        """As ``Owner.await_values``; the core has done that."""
+        """As ``CoreInterface.await_values``; the core has done that."""
 
     def leave(self, reason: str) -> list[AxisbusError]:
-        """As ``Owner.leave``; then the process has ended."""
+        """As ``CoreInterface.leave``; then the process has ended."""
         self._calls.send(m.Leave(reason))
         times = [facts.parameters.stop_times.ladder for facts in self.session.axes.values()]
         interruption = self._wait(
@@ -122,7 +124,7 @@ class RemoteCore:
         return interruption
 
     def disown(self) -> None:
-        """As ``Owner.disown``."""
+        """As ``CoreInterface.disown``."""
         for calls in self._lines:
             calls.disown()
         if self._control is not None:
@@ -140,17 +142,17 @@ class RemoteCore:
             calls.close(_FAREWELL)
         self._process.end()
 
-    def _watch_warden(self, line: socket.socket | None) -> Calls | None:
+    def _watch_warden(self, line: socket.socket | None) -> RpcClient | None:
         """Take the messages of the watchdog process."""
         if line is None:
             return None
-        stream = Stream(line, m.CODEC.pack, "axisbus asks warden")
-        warden = Calls(stream, {m.Rescued: self._take_rescued}, {}, self._warden_gone)
+        stream = MessageStream(line, m.CODEC.pack, "axisbus asks warden")
+        warden = RpcClient(stream, {m.Rescued: self._take_rescued}, {}, self._warden_gone)
         warden.start()
         return warden
 
     @property
-    def _lines(self) -> list[Calls]:
+    def _lines(self) -> list[RpcClient]:
         return [self._calls] if self._warden is None else [self._calls, self._warden]
 
     # -- opening -------------------------------------------------------------------------------------------------------
@@ -193,10 +195,10 @@ class RemoteCore:
 
     def _soon(self) -> dict[type, Callable[..., None]]:
         return {
-            m.Opened: self._take_opened,
+            m.CellOpened: self._take_opened,
             m.NotOpened: self._take_opened,
             m.ErrorTold: self._errors.take,
-            m.Condition: lambda condition: self.session.take(condition),
+            m.CoreCondition: lambda condition: self.session.take(condition),
             m.Left: self._take_left,
             m.WantSamples: lambda want: self._feeder.request(want.stream, want.first, want.count),
             m.StreamOver: lambda over: self._feeder.drop(over.stream),
@@ -204,14 +206,14 @@ class RemoteCore:
 
     def _later(self) -> dict[type, Callable[..., None]]:
         return {
-            m.Told: lambda told: self.session.tell(told),
-            m.Cycles: lambda cycles: self.session.show(cycles),
+            m.CommandEvents: lambda told: self.session.tell(told),
+            m.CycleImages: lambda cycles: self.session.show(cycles),
             m.Frames: lambda frames: self.session.show_frames(frames),
             m.NodeTold: self._tell_event,
-            m.Joined: self._join,
+            m.NodeJoined: self._join,
         }
 
-    def _take_opened(self, opened: m.Opened | m.NotOpened) -> None:
+    def _take_opened(self, opened: m.CellOpened | m.NotOpened) -> None:
         self._opened = opened
         self._news.set()
 
@@ -223,7 +225,7 @@ class RemoteCore:
     def _tell_event(self, told: m.NodeTold) -> None:
         self._events[told.event.node].tell(told.event)
 
-    def _join(self, joined: m.Joined) -> None:
+    def _join(self, joined: m.NodeJoined) -> None:
         self._take_node(joined.node, joined.facts)
         self.session.join(joined.axes)
         self._joined(self.booted[joined.node])

@@ -7,13 +7,13 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from axisbus.cia301.frame import Frame
-from axisbus.core.process.publisher import Reader
+from axisbus.cia301.frame import CanFrame
+from axisbus.core.process.publisher import ClientOutbox
 from axisbus.core.process.queries import COMMANDING, OF_CORE, OF_NODE, last_words, told
 from axisbus.core.process.streams import Streams
 from axisbus.errors import AxisbusError, OwnershipError, StateError, Stopped
 from axisbus.ipc import messages as m
-from axisbus.ipc.stream import Stream
+from axisbus.ipc.stream import MessageStream
 from axisbus.motion import commands as c
 from axisbus.motion.command_status import Status
 from axisbus.motion.group.commands import ForEach
@@ -30,10 +30,12 @@ _ASKED = 64  # questions of one client that may wait for their answers
 Command = AnyCommand
 
 
-class Desk:
+class ClientHandler:
     """One client of a core; holds the connection, the trajectories that it feeds, and why it commands no more. For one thread."""
 
-    def __init__(self, clients: Clients, place: int, stream: Stream, reader: Reader, who: str) -> None:
+    def __init__(
+        self, clients: Clients, place: int, stream: MessageStream, reader: ClientOutbox, who: str
+    ) -> None:
         """``place``: its own number among the clients, 0 for the program that opened the cell; ``who`` it is, for people."""
         self.stream = stream
         self.reader = reader
@@ -107,25 +109,25 @@ class Desk:
             return Stopped(f"{name} was not begun", observed=self.leaving)
         return self._clients.refusal(self, name)
 
-    def _ask(self, message: m.Ask) -> None:
+    def _ask(self, message: m.CoreQuery) -> None:
         if self.place and not self._questions.acquire(blocking=False):
             error = StateError(f"{message.what} was not asked", observed="too much is asked at a time")
-            self.stream.send(m.Answer(message.number, None, error))
+            self.stream.send(m.CoreReply(message.number, None, error))
             return
         self._clients.pool.submit(self._answer, message)
 
-    def _answer(self, message: m.Ask) -> None:
+    def _answer(self, message: m.CoreQuery) -> None:
         try:
-            answer = m.CODEC.pack(m.Answer(message.number, self._find(message)))
+            answer = m.CODEC.pack(m.CoreReply(message.number, self._find(message)))
         except BaseException as error:  # noqa: BLE001  # whatever it was, somebody waits for it
-            self.stream.send(m.Answer(message.number, None, told(error)))
+            self.stream.send(m.CoreReply(message.number, None, told(error)))
         else:
             self.stream.send(answer)
         finally:
             if self.place:
                 self._questions.release()
 
-    def _find(self, message: m.Ask) -> object:
+    def _find(self, message: m.CoreQuery) -> object:
         core = self._clients.core
         if not message.node and message.what in OF_CLIENT:
             return OF_CLIENT[message.what](self)
@@ -163,7 +165,7 @@ class Desk:
         else:
             session.untap(self._hear_frames)
 
-    def _hear_frames(self, frames: Sequence[Frame]) -> None:
+    def _hear_frames(self, frames: Sequence[CanFrame]) -> None:
         for frame in frames:
             self.reader.frames.hear(frame)
 
@@ -175,7 +177,7 @@ class Desk:
     def _add_group(self, message: m.AddGroup) -> None:
         self._clients.core.session.add_group(message.key, message.members)
 
-    def _feed(self, message: m.Samples) -> None:
+    def _feed(self, message: m.TrajectorySamples) -> None:
         self._streams.feed(message)
 
     def _fail(self, message: m.NoSamples) -> None:
@@ -187,7 +189,7 @@ class Desk:
     def _request_halt(self, message: m.RequestHalt) -> None:
         self._clients.request_halt(self, message.reason, message.number)
 
-    def _hold_to_run(self, message: m.HoldToRun) -> None:
+    def _hold_to_run(self, message: m.HoldToRunMessage) -> None:
         self._clients.hold_to_run(self, message.seconds, message.continuous)
 
     def _leave(self, message: m.Leave) -> None:
@@ -198,25 +200,25 @@ class Desk:
         self.stream.send(m.Left((), last_words(core.session, core.nodes)))
 
 
-_TAKES: dict[type, Callable[[Desk, Any], None]] = {
-    m.Submit: Desk._submit,
-    m.AddGroup: Desk._add_group,
-    m.Observe: Desk._observe,
-    m.Tap: Desk._tap,
-    m.Ask: Desk._ask,
-    m.Samples: Desk._feed,
-    m.NoSamples: Desk._fail,
-    m.RequestStop: Desk._request_stop,
-    m.RequestHalt: Desk._request_halt,
-    m.HoldToRun: Desk._hold_to_run,
-    m.Leave: Desk._leave,
+_TAKES: dict[type, Callable[[ClientHandler, Any], None]] = {
+    m.Submit: ClientHandler._submit,
+    m.AddGroup: ClientHandler._add_group,
+    m.Observe: ClientHandler._observe,
+    m.Tap: ClientHandler._tap,
+    m.CoreQuery: ClientHandler._ask,
+    m.TrajectorySamples: ClientHandler._feed,
+    m.NoSamples: ClientHandler._fail,
+    m.RequestStop: ClientHandler._request_stop,
+    m.RequestHalt: ClientHandler._request_halt,
+    m.HoldToRunMessage: ClientHandler._hold_to_run,
+    m.Leave: ClientHandler._leave,
 }
 
 # What is asked of the clients, and not of the core.
-OF_CLIENT: dict[str, Callable[[Desk], object]] = {
-    "programs": Desk._programs,
-    "has_command": Desk._has_command,
-    "take_command": Desk._take_command,
+OF_CLIENT: dict[str, Callable[[ClientHandler], object]] = {
+    "programs": ClientHandler._programs,
+    "has_command": ClientHandler._has_command,
+    "take_command": ClientHandler._take_command,
 }
 
 

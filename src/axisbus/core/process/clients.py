@@ -2,9 +2,9 @@
 
 Theory of operation
 -------------------
-Each client has a ``Desk``. Its commands are known to the scan by its own numbers and its place, so that their ends find back to it.
-The command belongs to whoever opened the cell, or to nobody where that shares it; a guest gets it where it is free, or takes it.
-When it changes hands, or its holder is gone, everything that moves halts before anybody else may command.
+Each client has a ``ClientHandler``. Its commands are known to the scan by its own numbers and its place, so that their ends find
+back to it. The command belongs to whoever opened the cell, or to nobody where that shares it; a guest gets it where it is free, or
+takes it. When it changes hands, or its holder is gone, everything that moves halts before anybody else may command.
 
 A program that only wants axes to stop (``door.StopRequest``) is no client, and needs no place: however many there are, it is taken.
 
@@ -26,22 +26,29 @@ from contextlib import suppress
 
 from axisbus.bus.link.ownership import described
 from axisbus.core.core import Core
-from axisbus.core.process.client_handler import NUMBERS, Command, Desk, not_commanding
-from axisbus.core.process.duplicate_commands import Merging
-from axisbus.core.process.listener import Door, StopAnswer, StopRequest, answer_stop, refuse, welcome
-from axisbus.core.process.publisher import Outlet
+from axisbus.core.process.client_handler import NUMBERS, ClientHandler, Command, not_commanding
+from axisbus.core.process.duplicate_commands import DuplicateCommands
+from axisbus.core.process.listener import (
+    ClientListener,
+    StopAnswer,
+    StopRequest,
+    answer_stop,
+    refuse,
+    welcome,
+)
+from axisbus.core.process.publisher import Publisher
 from axisbus.core.process.queries import condition_of
 from axisbus.errors import AxisbusError, OwnershipError, StateError
 from axisbus.errors import Stopped as StoppedError
 from axisbus.ipc import messages as m
-from axisbus.ipc.stream import Stream
-from axisbus.link import Stopped
+from axisbus.ipc.stream import MessageStream
+from axisbus.link import StopResult
 from axisbus.motion import commands as c
 from axisbus.motion.command_status import ENDED, Status
 from axisbus.motion.commands import HandOver, QuickStop
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import MOVING, AxisState
-from axisbus.session import CommandEvent, Program, Target
+from axisbus.session import ClientProgram, CommandEvent, Target
 from axisbus.version import __version__
 
 log = logging.getLogger("axisbus")
@@ -68,14 +75,14 @@ class _End:
 class Clients:
     """Holds the desks, who has the command, and the questions that are being answered; for any thread."""
 
-    def __init__(self, core: Core, outlet: Outlet, pool: ThreadPoolExecutor) -> None:
+    def __init__(self, core: Core, outlet: Publisher, pool: ThreadPoolExecutor) -> None:
         self.core = core
         self.outlet = outlet
         self.pool = pool
         self._lock = threading.Lock()  # of who is there; what goes through them takes the last whole list
-        self._merging = Merging()
-        self._condition = m.Condition()
-        self._desks: dict[int, Desk] = {}
+        self._merging = DuplicateCommands()
+        self._condition = m.CoreCondition()
+        self._desks: dict[int, ClientHandler] = {}
         self._places = itertools.count()
         self._numbers = itertools.count(1)
         self._waits: dict[int, _End] = {}
@@ -84,24 +91,24 @@ class Clients:
         self.giving = (
             threading.Lock()
         )  # of a command: held from the look whether its client may until the scan has it
-        self._opener: Desk | None = None
-        self._holder: Desk | None = None
+        self._opener: ClientHandler | None = None
+        self._holder: ClientHandler | None = None
         core.session.listen(self._hear)
 
     # -- who is there --------------------------------------------------------------------------------------------------
 
-    def admit(self, stream: Stream, who: str) -> Desk:
+    def admit(self, stream: MessageStream, who: str) -> ClientHandler:
         """Take in a client."""
         with self._lock:
-            desk = Desk(self, next(self._places), stream, self.outlet.admit(stream), who)
+            desk = ClientHandler(self, next(self._places), stream, self.outlet.admit(stream), who)
             self._desks = {**self._desks, desk.place: desk}
         return desk
 
-    def open_for(self, program: Desk, shared: bool) -> None:
+    def open_for(self, program: ClientHandler, shared: bool) -> None:
         """Let the program that opened the cell have the command, unless it shares it."""
         self._opener = self._holder = None if shared else program
 
-    def dismiss(self, desk: Desk) -> None:
+    def dismiss(self, desk: ClientHandler) -> None:
         """A client is gone: if it had the command, what moves halts. Blocks until that is done."""
         desk.gone()
         self.give_up(desk, f"{desk.name}, which had the command, is gone")
@@ -150,20 +157,20 @@ class Clients:
         return "" if self._holder is None else self._holder.name
 
     @property
-    def programs(self) -> tuple[Program, ...]:
+    def programs(self) -> tuple[ClientProgram, ...]:
         """Who is there: the program that opened the cell first, then the guests as they came."""
         return tuple(
-            Program(desk.name, desk is self._holder, desk.reader.lost, desk.reader.frames.lost)
+            ClientProgram(desk.name, desk is self._holder, desk.reader.lost, desk.reader.frames.lost)
             for desk in self._desks.values()
         )
 
-    def refusal(self, desk: Desk, name: str) -> OwnershipError | None:
+    def refusal(self, desk: ClientHandler, name: str) -> OwnershipError | None:
         """Return why a client may not command, None where it may."""
         if desk is self._holder:
             return None
         return not_commanding(name, self.commanded_by, guest=desk.place != 0, passing=self._passing.locked())
 
-    def give_command(self, desk: Desk, take: bool) -> None:
+    def give_command(self, desk: ClientHandler, take: bool) -> None:
         """Let a client have the command; where it is taken from another, what moves halts first. Blocks until that is done.
 
         Harmless where it has it. Raises:
@@ -188,7 +195,7 @@ class Clients:
                 remedy="stop the machine: axisbus stop CELL",
             )
 
-    def give_up(self, desk: Desk, reason: str, quick: bool = False) -> None:
+    def give_up(self, desk: ClientHandler, reason: str, quick: bool = False) -> None:
         """Take the command from whoever has it no more; what moves halts first. Blocks until that is done."""
         with self._passing:
             if desk is not self._holder or desk is self._opener:
@@ -218,7 +225,7 @@ class Clients:
         times = [facts.parameters.stop_times.ladder for facts in self.core.session.axes.values()]
         return max(times, default=0.0) + _MARGIN
 
-    def stop(self, axes: Sequence[str], quick: bool, who: str) -> list[Stopped]:
+    def stop(self, axes: Sequence[str], quick: bool, who: str) -> list[StopResult]:
         """Quick-stop or halt these axes, or all of the cell where none is named, for ``who``; return how each was left. Blocks."""
         verb, there = "quick_stop" if quick else "halt", self.core.session.axes
         names = list(axes or self.core.cell.axes)
@@ -230,26 +237,26 @@ class Clients:
         until = time.monotonic() + self.stop_within
         return [self._stopped(name, ends.get(name), until, quick) for name in names]
 
-    def _stopped(self, name: str, end: _End | None, until: float, quick: bool) -> Stopped:
+    def _stopped(self, name: str, end: _End | None, until: float, quick: bool) -> StopResult:
         if end is None:
-            return Stopped(name, False, "NOT REACHED: its node has not come up in the machine that runs")
+            return StopResult(name, False, "NOT REACHED: its node has not come up in the machine that runs")
         if not end.come.wait(max(0.0, until - time.monotonic())):
-            return Stopped(
+            return StopResult(
                 name, False, "NOT CONFIRMED as stopped: the machine that runs has not seen it stand"
             )
         if end.event is None or end.event.status is not Status.DONE:
             error = None if end.event is None else end.event.error
-            return Stopped(
+            return StopResult(
                 name, False, f"NOT CONFIRMED as stopped by the machine that runs: {error or 'it broke off'}"
             )
         snapshot = self._seen(name, end.event_at)
         if quick:
-            return Stopped(name, True, f"stands, {snapshot.state.value}")
+            return StopResult(name, True, f"stands, {snapshot.state.value}")
         units, position = self.core.session.axes[name].parameters.units, snapshot.position
         if position is None:
-            return Stopped(name, True, "stands at a position that is not known")
+            return StopResult(name, True, "stands at a position that is not known")
         at = units.turned(units.position.to_units(position - snapshot.origin))
-        return Stopped(name, True, f"stands at {at:.4f} {units.position.unit}")
+        return StopResult(name, True, f"stands at {at:.4f} {units.position.unit}")
 
     def _seen(self, name: str, since: float) -> Snapshot:
         """Return an axis as of the first cycle that began after ``since``; blocks for a cycle."""
@@ -266,7 +273,7 @@ class Clients:
             self._halted(number, over)
         return end
 
-    def request_stop(self, desk: Desk, reason: str, quick: bool) -> None:
+    def request_stop(self, desk: ClientHandler, reason: str, quick: bool) -> None:
         """A client has been told to stop all that it has commanded, and commands nothing more."""
         if desk.place == 0:
             self.core.session.request_stop(reason, quick)
@@ -275,13 +282,13 @@ class Clients:
         if desk is self._holder:
             threading.Thread(target=self.halt, args=(f"{desk.name}: {reason}", quick), name="halting").start()
 
-    def request_halt(self, desk: Desk, reason: str, number: int) -> None:
+    def request_halt(self, desk: ClientHandler, reason: str, number: int) -> None:
         """A client was interrupted and goes on: what it has commanded halts. One that commands nothing has set nothing going."""
         if desk is self._holder:
             by = f"{desk.name}: {reason}" if desk.place else reason
             self.core.session.request_halt(by, desk.place * NUMBERS + number)
 
-    def hold_to_run(self, desk: Desk, seconds: float | None, continuous: float | None) -> None:
+    def hold_to_run(self, desk: ClientHandler, seconds: float | None, continuous: float | None) -> None:
         """A client promises to say this again in time, or no more. One that commands nothing has nothing to hold."""
         with self.giving:
             if desk is self._holder:
@@ -314,7 +321,12 @@ class Guests:
     """Takes programs in at the door, each with a thread of its own: those that join, and those that only want axes to stop."""
 
     def __init__(
-        self, door: Door, clients: Clients, image: int, opened: Callable[[], m.Opened], text: str
+        self,
+        door: ClientListener,
+        clients: Clients,
+        image: int,
+        opened: Callable[[], m.CellOpened],
+        text: str,
     ) -> None:
         """``image``: the descriptor of the images; ``opened``: what guests are told; ``text``: of the file (``m.Attach``)."""
         self._door = door
@@ -359,7 +371,7 @@ class Guests:
     def _serve(self, line: socket.socket, process: int) -> None:
         line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _SHAKE)
         line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _SHAKE)
-        stream = Stream(line, m.CODEC.pack, "axisbus guest's", _LARGEST)
+        stream = MessageStream(line, m.CODEC.pack, "axisbus guest's", _LARGEST)
         try:
             welcome(line, self._image)
             self._talk(line, stream, described(process, kept=True))
@@ -370,7 +382,7 @@ class Guests:
             stream.finish()
             self._there.release()
 
-    def _talk(self, line: socket.socket, stream: Stream, who: str) -> None:
+    def _talk(self, line: socket.socket, stream: MessageStream, who: str) -> None:
         messages = map(m.CODEC.unpack, stream.messages())
         wanted = next(messages, None)
         if not isinstance(wanted, m.Attach):
@@ -385,7 +397,7 @@ class Guests:
             self._clients.dismiss(desk)
             log.info("left by %s", who)
 
-    def _welcome(self, desk: Desk, wanted: m.Attach) -> bool:
+    def _welcome(self, desk: ClientHandler, wanted: m.Attach) -> bool:
         try:
             self._require_same(wanted)
             if wanted.command:
@@ -410,7 +422,7 @@ class Guests:
             )
 
 
-def _read(desk: Desk, messages: map[object]) -> None:
+def _read(desk: ClientHandler, messages: map[object]) -> None:
     """Take a guest's messages, not too many in too short a time, until it leaves or sends what no guest has to say."""
     free, before = float(_BURST), time.monotonic()
     for message in messages:

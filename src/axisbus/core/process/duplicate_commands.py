@@ -10,7 +10,7 @@ from axisbus.session import CommandEvent
 _REMEMBERED = 256  # commands that have ended
 
 
-class Merging:
+class DuplicateCommands:
     """Holds who is one with whom, and how the last commands have ended; for any thread."""
 
     def __init__(self) -> None:

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import axisbus
 from axisbus.bus.link import ownership
-from axisbus.bus.link.claims import Held
+from axisbus.bus.link.claims import HeldClaim
 from axisbus.bus.link.socketpair import cable
 from axisbus.cell.model import SIMULATED, BusConfig, CellConfig
 from axisbus.core.process import shared_counters
 from axisbus.core.process.persistence.plant_log import history_path
-from axisbus.core.process.startup_args import Duty
+from axisbus.core.process.startup_args import StartupArgs
 from axisbus.core.realtime_setup import (
     APART,
     FIFO,
@@ -93,7 +93,7 @@ class Processes:
         own = (line.fileno(), memory, tell.fileno(), os.getpid())
         end = (self.line.fileno(), inode_of(self.line))
         numbers = [*map(_number, others), -1 if lock is None else lock.mark]
-        self._warden = _start(Duty(*own, path_of(cell), axes, signals, *end, *numbers))
+        self._warden = _start(StartupArgs(*own, path_of(cell), axes, signals, *end, *numbers))
         os.close(memory)
         for passed in (line, tell, *others):
             if passed is not None:
@@ -116,7 +116,7 @@ class Processes:
         self._warden.returncode = 0
 
 
-def _number(end: socket.socket | Held | None) -> int:
+def _number(end: socket.socket | HeldClaim | None) -> int:
     return -1 if end is None else end.fileno()
 
 
@@ -125,7 +125,7 @@ def path_of(cell: CellConfig) -> str:
     return str(Path(cell.file).absolute())
 
 
-def _start(duty: Duty) -> subprocess.Popen[bytes]:
+def _start(duty: StartupArgs) -> subprocess.Popen[bytes]:
     return subprocess.Popen(
         [sys.executable, "-P", "-m", "axisbus.core", json.dumps(asdict(duty))],
         pass_fds=sorted(duty.all),

@@ -28,11 +28,11 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from axisbus.bus.link.claims import CellKeys, Claim, claims, peer_of
+from axisbus.bus.link.claims import CellFileId, ChannelClaim, claims, peer_of
 from axisbus.bus.link.ownership import described, holder, user_name
 from axisbus.cell.model import SIMULATED, CellConfig
 from axisbus.errors import ScanError
-from axisbus.link import Stopped
+from axisbus.link import StopResult
 
 _ROOT = 0
 _JOINS, _STOPS = b"a", b"s"
@@ -73,7 +73,7 @@ class StopRequest:
 class StopAnswer:
     """How a core has stopped axes; ``text`` is the digest of its cell file as it was opened."""
 
-    axes: tuple[Stopped, ...]
+    axes: tuple[StopResult, ...]
     text: str = ""
 
 
@@ -117,7 +117,7 @@ class _New:
         return Caller(self.line, self.process, stop)
 
 
-class Door:
+class ClientListener:
     """The core's side; holds the programs that have not yet said what they come for."""
 
     def __init__(self, listening: socket.socket) -> None:
@@ -213,7 +213,7 @@ def answer_stop(line: socket.socket, answer: float | StopAnswer) -> None:
     line.sendall(json.dumps(said).encode() + b"\n")
 
 
-class Visit:
+class ClientConnection:
     """A guest's side: what ``launch.Processes`` is to the program that opened the cell. Holds the connection, and the images."""
 
     warden = control = None
@@ -231,12 +231,12 @@ class Visit:
         """Nothing is to be let go of in a forked child."""
 
 
-def machines_of(cell: str) -> list[Claim]:
+def machines_of(cell: str) -> list[ChannelClaim]:
     """Return the claims of machines of this cell file that run on this computer, whoever's they are, the oldest first."""
-    return claims(cell=CellKeys.of(cell)) if sys.platform == "linux" else []
+    return claims(cell=CellFileId.of(cell)) if sys.platform == "linux" else []
 
 
-def found_of(cell: CellConfig) -> list[Claim]:
+def found_of(cell: CellConfig) -> list[ChannelClaim]:
     """Return the claims of a cell's machines, and that of whoever has its CAN channel."""
     found, bus = machines_of(cell.file), cell.bus
     held = None if bus.interface == SIMULATED else holder(bus.interface, bus.channel)
@@ -244,7 +244,7 @@ def found_of(cell: CellConfig) -> list[Claim]:
     return found if held is None or held.name in known else [*found, held]
 
 
-def is_trusted(claim: Claim, cell: str) -> bool:
+def is_trusted(claim: ChannelClaim, cell: str) -> bool:
     """Whether this program may take what holds a claim for a machine of this cell file: by its user."""
     if claim.user == os.geteuid():
         return True
@@ -253,14 +253,14 @@ def is_trusted(claim: Claim, cell: str) -> bool:
     return False
 
 
-def why_not(claim: Claim, cell: str) -> str:
+def why_not(claim: ChannelClaim, cell: str) -> str:
     """Return why a program cannot come in to what holds a claim, for people; empty where it can."""
     if not is_trusted(claim, cell):
         return f"of user {user_name(claim.user)}, to which only programs of that user can come in"
     return "" if claim.door else "in itself, so that no other program can come in"
 
 
-def knock(cell: str) -> tuple[socket.socket, int] | None:
+def connect(cell: str) -> tuple[socket.socket, int] | None:
     """Go in to the core of this cell file; return the connection, and the descriptor of its images. Blocks for a moment.
 
     None where no core of this user is found that can be joined.
@@ -277,7 +277,7 @@ def knock(cell: str) -> tuple[socket.socket, int] | None:
     return None
 
 
-def ask_to_stop(claim: Claim, request: StopRequest, patience: float) -> StopAnswer:
+def ask_to_stop(claim: ChannelClaim, request: StopRequest, patience: float) -> StopAnswer:
     """Have the machine of a claim stop its axes; blocks until it says how, or nothing has been heard for ``patience`` seconds.
 
     Raises:
@@ -292,7 +292,7 @@ def ask_to_stop(claim: Claim, request: StopRequest, patience: float) -> StopAnsw
             line.settimeout(min(within, _LONGEST) + patience)
             results, text = json.loads(answers.readline())
             return StopAnswer(
-                tuple(Stopped(str(axis), ok is True, str(said)) for axis, ok, said in results), text
+                tuple(StopResult(str(axis), ok is True, str(said)) for axis, ok, said in results), text
             )
         except TimeoutError:
             raise _unreached(claim, "it does not answer: it hangs, or boots its nodes") from None
@@ -305,7 +305,7 @@ def text_of(cell: str) -> str:
     return hashlib.sha256(Path(cell).read_bytes()).hexdigest()
 
 
-def _enter(claim: Claim, words: bytes, patience: float) -> socket.socket | None:
+def _enter(claim: ChannelClaim, words: bytes, patience: float) -> socket.socket | None:
     """Connect to the holder of a claim and say something; None where it is gone.
 
     Raises:
@@ -333,7 +333,7 @@ def _enter(claim: Claim, words: bytes, patience: float) -> socket.socket | None:
     return line
 
 
-def _connects(line: socket.socket, claim: Claim) -> bool:
+def _connects(line: socket.socket, claim: ChannelClaim) -> bool:
     try:
         line.connect(claim.name)
     except BlockingIOError:
@@ -341,7 +341,7 @@ def _connects(line: socket.socket, claim: Claim) -> bool:
     return True
 
 
-def _admitted(line: socket.socket, claim: Claim, cell: str) -> tuple[socket.socket, int] | None:
+def _admitted(line: socket.socket, claim: ChannelClaim, cell: str) -> tuple[socket.socket, int] | None:
     """Return the connection and the images that a core hands over; None where it ends meanwhile."""
     why = ""
     try:
@@ -365,7 +365,7 @@ def _admitted(line: socket.socket, claim: Claim, cell: str) -> tuple[socket.sock
     )
 
 
-def _unreached(claim: Claim, why: str) -> ScanError:
+def _unreached(claim: ChannelClaim, why: str) -> ScanError:
     return ScanError(
         f"the machine that {described(claim.process)} runs was not reached",
         observed=why,

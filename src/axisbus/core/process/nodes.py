@@ -13,14 +13,14 @@ from axisbus.cia301.datatypes import Value
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.incident import Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.cia301.sdo import Way
-from axisbus.core.process.rpc_client import Calls
+from axisbus.cia301.sdo import SdoTransferType
+from axisbus.core.process.rpc_client import RpcClient
 
 
 class _OfNode:
     """Something of a node; what it tells is asked of the core."""
 
-    def __init__(self, calls: Calls, node_id: int) -> None:
+    def __init__(self, calls: RpcClient, node_id: int) -> None:
         self._calls = calls
         self._node_id = node_id
 
@@ -29,7 +29,7 @@ class _OfNode:
 
 
 class RemoteObjects(_OfNode):
-    """The objects of a node, by SDO transfers that the core makes (``boot.objects.Objects``)."""
+    """The objects of a node, by SDO transfers that the core makes (``boot.objects.NodeObjects``)."""
 
     @property
     def node_id(self) -> int:
@@ -55,7 +55,13 @@ class RemoteObjects(_OfNode):
         return data
 
     def download(
-        self, index: int, subindex: int, data: bytes, *, way: Way = Way.AUTO, progress: Progress | None = None
+        self,
+        index: int,
+        subindex: int,
+        data: bytes,
+        *,
+        way: SdoTransferType = SdoTransferType.AUTO,
+        progress: Progress | None = None,
     ) -> None:
         """Set an object's bytes; blocks; ``progress`` is told when all have arrived."""
         self._ask("download", index, subindex, bytes(data), way)
@@ -97,14 +103,14 @@ class RemoteEmcy(_OfNode):
 class RemoteNode(_OfNode):
     """A node as ``NodeParts.node``."""
 
-    def __init__(self, calls: Calls, node_id: int) -> None:
+    def __init__(self, calls: RpcClient, node_id: int) -> None:
         super().__init__(calls, node_id)
         self.node_id = node_id
         self.nmt = RemoteNmt(calls, node_id)
         self.emcy = RemoteEmcy(calls, node_id)
 
     def command(self, command: NmtCommand, timeout: float = 2.0) -> None:
-        """Send an NMT command and wait until it is confirmed; blocks, raises as ``Node.command``."""
+        """Send an NMT command and wait until it is confirmed; blocks, raises as ``CanopenNode.command``."""
         self._ask("command", command, timeout)
 
     @property
@@ -117,7 +123,7 @@ class RemoteNode(_OfNode):
 class RemoteEvents(_OfNode):
     """What error control tells of a node; holds who hears it."""
 
-    def __init__(self, calls: Calls, node_id: int) -> None:
+    def __init__(self, calls: RpcClient, node_id: int) -> None:
         super().__init__(calls, node_id)
         self._hear: tuple[Callable[[NodeEvent], None], ...] = ()
 

@@ -11,8 +11,8 @@ from contextlib import suppress
 from axisbus.errors import AxisbusError
 from axisbus.ipc.frames import FrameQueue
 from axisbus.ipc.image import ImageWriter
-from axisbus.ipc.messages import Cycles, ErrorTold, Frames, Told
-from axisbus.ipc.stream import Stream
+from axisbus.ipc.messages import CommandEvents, CycleImages, ErrorTold, Frames
+from axisbus.ipc.stream import MessageStream
 from axisbus.motion.snapshot import Snapshot
 from axisbus.session import CommandEvent
 
@@ -20,14 +20,14 @@ _EVERY = 0.1  # seconds between two messages with images: each wakes who records
 _MOST = 2000  # messages that wait: then images are left out, and counted
 
 
-class Reader:
+class ClientOutbox:
     """One client as the outlet sees it; holds the events that wait for the image of their cycle, and images for a recording.
 
     An event that the scan tells is sent once the image of its cycle can be read: who waits for a command's end then sees what it
     has come to.
     """
 
-    def __init__(self, stream: Stream) -> None:
+    def __init__(self, stream: MessageStream) -> None:
         self.observed = False  # whether images of all cycles are wanted
         self.stream = stream
         self.frames = FrameQueue()
@@ -47,7 +47,7 @@ class Reader:
             while True:
                 events.append(self._events.popleft())
         if events:
-            self.stream.send(Told(tuple(events)))
+            self.stream.send(CommandEvents(tuple(events)))
 
     def flush_frames(self) -> None:
         """Send the frames that wait, where the client takes what it is sent."""
@@ -56,7 +56,7 @@ class Reader:
             if packed or lost:
                 self.stream.send(Frames(packed, lost))
 
-    def after_cycle(self, now: float, outlet: Outlet) -> None:
+    def after_cycle(self, now: float, outlet: Publisher) -> None:
         """Send what waited for the image that is there now; does not block."""
         if self._events:
             self.flush()
@@ -65,7 +65,7 @@ class Reader:
         elif self._images:
             self._send_images()
 
-    def _keep(self, now: float, outlet: Outlet) -> None:
+    def _keep(self, now: float, outlet: Publisher) -> None:
         if self.stream.waiting > _MOST:
             self.lost += 1
             return
@@ -75,17 +75,17 @@ class Reader:
 
     def _send_images(self) -> None:
         lost = self.lost
-        self.stream.send(Cycles(tuple(self._images), lost - self._told_lost))
+        self.stream.send(CycleImages(tuple(self._images), lost - self._told_lost))
         self._images, self._told_lost = [], lost
 
 
-class Outlet:
+class Publisher:
     """Writes the images; holds who reads, and which errors they were told. ``after_cycle`` belongs to the scan's thread."""
 
     def __init__(self, memory: mmap.mmap, names: Sequence[str]) -> None:
         """``names``: of all axes of the cell."""
         self._image = ImageWriter(memory, names)
-        self._readers: tuple[Reader, ...] = ()
+        self._readers: tuple[ClientOutbox, ...] = ()
         self._scan: int | None = None
         self._numbers: dict[str, int] = {}
         self._told: dict[str, tuple[AxisbusError, str]] = {}
@@ -101,9 +101,9 @@ class Outlet:
         """The axes that have an error, as of the last cycle."""
         return self._numbers.keys()
 
-    def admit(self, stream: Stream) -> Reader:
+    def admit(self, stream: MessageStream) -> ClientOutbox:
         """Take in a client, and tell it the errors that images call by their numbers now."""
-        reader = Reader(stream)
+        reader = ClientOutbox(stream)
         self._readers = (*self._readers, reader)
         for name, number in list(self._numbers.items()):
             told = self._told.get(name)
@@ -111,11 +111,11 @@ class Outlet:
                 stream.send(ErrorTold(number, told[0]))
         return reader
 
-    def dismiss(self, reader: Reader) -> None:
+    def dismiss(self, reader: ClientOutbox) -> None:
         """Tell a client nothing more."""
         self._readers = tuple(one for one in self._readers if one is not reader)
 
-    def hear(self, reader: Reader, event: CommandEvent) -> None:
+    def hear(self, reader: ClientOutbox, event: CommandEvent) -> None:
         """Take how a command of this client goes on; in the scan's thread it waits for the end of the cycle."""
         reader.add(event)
         if threading.get_ident() != self._scan:

@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from axisbus.core.node_access_parts import NodeParts
-from axisbus.errors import AxisbusError, ScanError, in_a_line
-from axisbus.ipc.messages import Condition
-from axisbus.session import Session
+from axisbus.errors import AxisbusError, ScanError, one_line
+from axisbus.ipc.messages import CoreCondition
+from axisbus.session import MachineSession
 
-# Of the core itself; in the order of ``Session``.
-OF_CORE: Mapping[str, Callable[[Session], Any]] = {
+# Of the core itself; in the order of ``MachineSession``.
+OF_CORE: Mapping[str, Callable[[MachineSession], Any]] = {
     "node_events": lambda session: session.node_events,
     "bus_events": lambda session: session.bus_events,
     "commands": lambda session: session.commands,
@@ -47,7 +47,7 @@ COMMANDING = frozenset({"write", "write_unchecked", "download", "command"})
 _KEPT = ("nmt", "reports", "emcy", "incidents", "pdo_events", "events")
 
 
-def last_words(session: Session, nodes: Mapping[int, NodeParts]) -> dict[tuple[int, str], Any]:
+def last_words(session: MachineSession, nodes: Mapping[int, NodeParts]) -> dict[tuple[int, str], Any]:
     """Return what would be answered now to each question that needs no transfer, by node (0: the core) and question."""
     found: dict[tuple[int, str], Any] = {(0, what): answer(session) for what, answer in OF_CORE.items()}
     for node_id, parts in nodes.items():
@@ -59,9 +59,9 @@ def _command(parts: NodeParts, command: object, timeout: float) -> None:
     parts.node.command(command, timeout)
 
 
-def condition_of(session: Session) -> Condition:
+def condition_of(session: MachineSession) -> CoreCondition:
     """Return how a core is now."""
-    return Condition(session.dead, session.ended, session.failed, session.left)
+    return CoreCondition(session.dead, session.ended, session.failed, session.left)
 
 
 def told(error: BaseException) -> AxisbusError:
@@ -70,7 +70,7 @@ def told(error: BaseException) -> AxisbusError:
         return error
     made = ScanError(
         "the core broke off",
-        observed=in_a_line(error),
+        observed=one_line(error),
         remedy="this is a mistake in axisbus: please report it",
     )
     made.__cause__ = error

@@ -15,14 +15,14 @@ from enum import IntEnum
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
-from axisbus.core.process.rpc_client import Calls
-from axisbus.errors import AxisbusError, StateError, in_a_line
-from axisbus.ipc.messages import CODEC, Answer, Ask
-from axisbus.ipc.stream import Stream
+from axisbus.core.process.rpc_client import RpcClient
+from axisbus.errors import AxisbusError, StateError, one_line
+from axisbus.ipc.messages import CODEC, CoreQuery, CoreReply
+from axisbus.ipc.stream import MessageStream
 from axisbus.ipc.values import NotForCrossing
 
 if TYPE_CHECKING:  # its proxy needs nothing of a simulation
-    from axisbus.core.simulated_nodes import StandIn
+    from axisbus.core.simulated_nodes import SimulatedNode
 
 Step = tuple[str, tuple[Any, ...] | None]  # an attribute, or with arguments the call of one
 Way = tuple[Step, ...]
@@ -71,22 +71,22 @@ def _shown(thing: object) -> tuple[str, Any]:
     return _VALUE, thing
 
 
-def answer_all(stream: Stream, stand_ins: Mapping[int, StandIn]) -> None:
+def answer_all(stream: MessageStream, stand_ins: Mapping[int, SimulatedNode]) -> None:
     """Answer what is asked of stand-ins until nobody asks any more, or nonsense; blocks."""
     for message in map(CODEC.unpack, stream.messages()):
-        if not isinstance(message, Ask):
+        if not isinstance(message, CoreQuery):
             return
         stream.send(_answer(message, stand_ins))
 
 
-def _answer(message: Ask, stand_ins: Mapping[int, StandIn]) -> Answer:
+def _answer(message: CoreQuery, stand_ins: Mapping[int, SimulatedNode]) -> CoreReply:
     try:
-        return Answer(message.number, _found(stand_ins, message))
+        return CoreReply(message.number, _found(stand_ins, message))
     except Exception as error:  # noqa: BLE001  # whatever it was, somebody waits for it
-        return Answer(message.number, None, _told(error))
+        return CoreReply(message.number, None, _told(error))
 
 
-def _found(stand_ins: Mapping[int, StandIn], message: Ask) -> Any:
+def _found(stand_ins: Mapping[int, SimulatedNode], message: CoreQuery) -> Any:
     if message.what == _NODES:
         return sorted(stand_ins)
     stand_in = stand_ins[message.node]
@@ -98,12 +98,12 @@ def _told(error: Exception) -> AxisbusError:
     """Return an error that can cross."""
     if isinstance(error, AxisbusError):
         return error
-    made = StateError("the simulated drive could not do that", observed=in_a_line(error))
+    made = StateError("the simulated drive could not do that", observed=one_line(error))
     made.__cause__ = error
     return made
 
 
-class Far:
+class RemoteProxy:
     """A thing in another process, at the end of a way."""
 
     __slots__ = ("_ask", "_way")
@@ -134,21 +134,21 @@ class Far:
         kind, value = self._ask("get", way)
         if kind == _CALL:
             return lambda *arguments: self._go(name, arguments)
-        return value if kind == _VALUE else Far(self._ask, way)
+        return value if kind == _VALUE else RemoteProxy(self._ask, way)
 
 
-class Control:
+class SimulatedDrivesHandle:
     """A program's hold on its simulated drives: they live as long as somebody has it, or one of them."""
 
     def __init__(self, line: socket.socket) -> None:
         """``line`` leads to their process."""
-        self._calls = Calls(Stream(line, CODEC.pack, "axisbus asks drives"), {}, {}, _nothing)
+        self._calls = RpcClient(MessageStream(line, CODEC.pack, "axisbus asks drives"), {}, {}, _nothing)
         self._calls.start()
         self._end = weakref.finalize(self, self._calls.part, _END)
 
-    def stand_ins(self, nodes: Iterable[int]) -> dict[int, StandIn]:
+    def stand_ins(self, nodes: Iterable[int]) -> dict[int, SimulatedNode]:
         """Return the stand-ins of these nodes."""
-        return {node_id: cast("StandIn", Far(partial(self._ask, node_id))) for node_id in nodes}
+        return {node_id: cast("SimulatedNode", RemoteProxy(partial(self._ask, node_id))) for node_id in nodes}
 
     def nodes(self) -> list[int]:
         """Return the nodes that there are; blocks for a moment."""

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from axisbus.bus.port import CanPort
 from axisbus.core.core import Core
-from axisbus.ipc.rescue_memory import NO_WORD, Held, LifelineWriter, Stage
+from axisbus.ipc.rescue_memory import NO_WORD, CoreStage, LifelineWriter, RescueRpdo
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.snapshot import Snapshot
 
@@ -86,7 +86,7 @@ class Lifeline:
         for name in (name for name in core.scan.axes if name not in self._virtual):
             self._enter(name)
 
-    def stage(self, stage: Stage) -> None:
+    def stage(self, stage: CoreStage) -> None:
         """Say how far the core is; before the scan begins, and after it has ended."""
         self._writer.stage(stage)
 
@@ -105,13 +105,13 @@ class Lifeline:
         port = self._core.runtime.ports[name]
         number = self._numbers[name]
         if not isinstance(port, CanPort):
-            self._writer.enter([Held(number)])
+            self._writer.enter([RescueRpdo(number)])
             self._known[name] = number, self._core.scan.axes[name], None
             return
         words, offsets = dict(port.controlwords), dict(port.cleared_bits)
         held = [
-            Held(number, cob_id, words.get(cob_id, NO_WORD), offsets.get(cob_id, 0))
+            RescueRpdo(number, cob_id, words.get(cob_id, NO_WORD), offsets.get(cob_id, 0))
             for cob_id in offsets | words
         ]
-        self._writer.enter(held or [Held(number)])
+        self._writer.enter(held or [RescueRpdo(number)])
         self._known[name] = number, self._core.scan.axes[name], port

@@ -9,12 +9,12 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from axisbus.bus.link.frame_queue import Inbox
+from axisbus.bus.link.frame_queue import UnboundedQueue
 from axisbus.core.fork_errors import inherited
-from axisbus.errors import ScanError, in_a_line
+from axisbus.errors import ScanError, one_line
 from axisbus.interrupt_guard import sheltered
 from axisbus.ipc import messages as m
-from axisbus.ipc.stream import Stream
+from axisbus.ipc.stream import MessageStream
 from axisbus.ipc.values import NotForCrossing
 from axisbus.link import alarm
 from axisbus.motion.stop.diagnosis import join_remedies
@@ -26,7 +26,7 @@ _SLICE = 0.1  # seconds; a wait in slices lets signal handlers run on every plat
 Take = Callable[[Any], None]
 
 
-class Calls:
+class RpcClient:
     """Holds the connection, the questions that wait for their answers, and what is to be done with each kind of message.
 
     ``soon`` are done by the reading thread at once, and must not block; ``later`` by another one, one after the other, in which the
@@ -34,15 +34,19 @@ class Calls:
     """
 
     def __init__(
-        self, stream: Stream, soon: Mapping[type, Take], later: Mapping[type, Take], gone: Callable[[], None]
+        self,
+        stream: MessageStream,
+        soon: Mapping[type, Take],
+        later: Mapping[type, Take],
+        gone: Callable[[], None],
     ) -> None:
         self._stream = stream
-        self._soon: dict[type, Take] = {m.Answer: self._answered, m.Logged: _log, **soon}
+        self._soon: dict[type, Take] = {m.CoreReply: self._answered, m.Logged: _log, **soon}
         self._later = dict(later)
         self._gone = gone
-        self._told: Inbox[object] = Inbox()
+        self._told: UnboundedQueue[object] = UnboundedQueue()
         self._numbers = itertools.count(1)
-        self._waiting: dict[int, tuple[threading.Event, list[m.Answer]]] = {}
+        self._waiting: dict[int, tuple[threading.Event, list[m.CoreReply]]] = {}
         self.last: dict[tuple[int, str], Any] = {}  # answers of a core that has been left
         self._over = False
         self._inherited = False
@@ -78,10 +82,12 @@ class Calls:
             raise inherited(what)
         if (node, what) in self.last:
             return self.last[node, what]
-        number, answered, answers = next(self._numbers), threading.Event(), list[m.Answer]()
+        number, answered, answers = next(self._numbers), threading.Event(), list[m.CoreReply]()
         self._waiting[number] = (answered, answers)
         try:
-            self.send(m.CODEC.pack(m.Ask(number, what, node, arguments)))  # here: what cannot cross is raised
+            self.send(
+                m.CODEC.pack(m.CoreQuery(number, what, node, arguments))
+            )  # here: what cannot cross is raised
             while not _wait_a_moment(answered) and not self._over:
                 pass
         finally:
@@ -147,9 +153,9 @@ class Calls:
         try:
             take(message)
         except Exception as error:  # of a program's own callback: what comes next must be told all the same
-            log.error("while the program was told of something: %s", in_a_line(error), exc_info=error)
+            log.error("while the program was told of something: %s", one_line(error), exc_info=error)
 
-    def _answered(self, answer: m.Answer) -> None:
+    def _answered(self, answer: m.CoreReply) -> None:
         waiting = self._waiting.get(answer.number)
         if waiting is not None:
             waiting[1].append(answer)

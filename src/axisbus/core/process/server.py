@@ -31,17 +31,17 @@ from axisbus.core.canlink import CanLink
 from axisbus.core.core import Core
 from axisbus.core.files import read_once
 from axisbus.core.process.bus_factory import reach
-from axisbus.core.process.client_handler import Desk
+from axisbus.core.process.client_handler import ClientHandler
 from axisbus.core.process.clients import Clients, Guests
-from axisbus.core.process.listener import Door, text_of
+from axisbus.core.process.listener import ClientListener, text_of
 from axisbus.core.process.persistence.faults import Faults
 from axisbus.core.process.persistence.journal import journal
-from axisbus.core.process.publisher import Outlet
+from axisbus.core.process.publisher import Publisher
 from axisbus.core.process.queries import last_words, told
 from axisbus.core.process.rescue_record import BEAT, NOBODY, Lifeline, WardenWatch, state_of
-from axisbus.core.process.shared_counters import Tally
-from axisbus.core.process.signal_forwarding import INTERRUPTED, STOPPING, Ear
-from axisbus.core.process.startup_args import Duty
+from axisbus.core.process.shared_counters import SharedCounters
+from axisbus.core.process.signal_forwarding import INTERRUPTED, STOPPING, SignalForwarder
+from axisbus.core.process.startup_args import StartupArgs
 from axisbus.core.realtime_setup import OWN_PROCESS, IdleCollector, keep_awake, take_priority, take_processor
 from axisbus.core.runtime import Runtime
 from axisbus.eds.model import Eds
@@ -50,8 +50,8 @@ from axisbus.ipc import messages as m
 from axisbus.ipc.image import ImageReader, size_of
 from axisbus.ipc.io_image import IoImage
 from axisbus.ipc.own_socket import SLICE, FarEnd
-from axisbus.ipc.rescue_memory import Stage
-from axisbus.ipc.stream import Stream
+from axisbus.ipc.rescue_memory import CoreStage
+from axisbus.ipc.stream import MessageStream
 from axisbus.ipc.values import NotForCrossing
 from axisbus.version import __version__
 
@@ -64,12 +64,12 @@ _WARDEN_GONE = f"the warden of the core is gone: {NOBODY}"
 _WAYS_OUT = {signal.SIGTERM: "SIGTERM", signal.SIGHUP: "SIGHUP"}
 
 
-class Server:
+class CoreServer:
     """One program's core; holds the machine once it is open."""
 
     def __init__(
         self,
-        stream: Stream,
+        stream: MessageStream,
         memory: mmap.mmap,
         image: int,
         axes: int,
@@ -92,14 +92,14 @@ class Server:
         self._drives = drives
         self._who = who
         self._listening = listening
-        self._ear: Ear | None = None
+        self._ear: SignalForwarder | None = None
         self._in_cells = False
         self._lifeline: Lifeline | None = None
         self._core: Core | None = None
         self._clients: Clients | None = None
         self._faults: Faults | None = None
         self._guests: Guests | None = None
-        self._program: Desk | None = None
+        self._program: ClientHandler | None = None
         self._asked = ThreadPoolExecutor(_ASKED, "axisbus asked")
         self._deaf: int | None = None  # the warden, once it has been found not to run
         self._leaving = threading.Lock()
@@ -110,7 +110,7 @@ class Server:
         messages = self._messages()
         wanted = next(messages, None)
         try:
-            if isinstance(wanted, m.Open) and self._open(wanted):
+            if isinstance(wanted, m.OpenCell) and self._open(wanted):
                 self._serve(messages)
         finally:
             self._leave("the program is gone")
@@ -130,7 +130,7 @@ class Server:
 
     def listen(self, signals: socket.socket) -> None:
         """Hear the signals that the program cannot take: what it takes them out of."""
-        self._ear = Ear(signals, STOPPING)
+        self._ear = SignalForwarder(signals, STOPPING)
 
     def watch(self, pidfd: int, end: FarEnd) -> None:
         """Leave when the process of ``pidfd`` is gone or has lost its end of the connection, though others may hold that too."""
@@ -149,7 +149,7 @@ class Server:
 
     # -- opening -------------------------------------------------------------------------------------------------------
 
-    def _open(self, wanted: m.Open) -> bool:
+    def _open(self, wanted: m.OpenCell) -> bool:
         try:
             self._require_same(wanted.version)
             cell, dictionaries = read_once(wanted.cell)  # it has been checked by the program
@@ -162,14 +162,14 @@ class Server:
             return False
         return True
 
-    def _begin(self, cell: CellConfig, dictionaries: Mapping[int, Eds], wanted: m.Open) -> None:
+    def _begin(self, cell: CellConfig, dictionaries: Mapping[int, Eds], wanted: m.OpenCell) -> None:
         self._await_warden()
         gc.collect()  # now: from the boot-up on, drives and master expect each other's heartbeats
         link = CanLink(cell, dictionaries, channel=reach(cell, self._drives))
         runtime = Runtime(link, sorted(cell.nodes), link.stand_ins)
         core = runtime.use(lambda booted: Core(cell, booted, realtime=True))
         names = tuple(cell.axes)
-        self._core, outlet = core, Outlet(self._memory, names)
+        self._core, outlet = core, Publisher(self._memory, names)
         self._clients = Clients(core, outlet, self._asked)
         self._program = self._clients.admit(self._stream, self._who)
         self._clients.open_for(self._program, wanted.shared)
@@ -181,7 +181,7 @@ class Server:
         self._faults = Faults(cell, core.session, core.nodes, outlet, reader, self._degree)
         if cell.io:
             core.scan.io.note = IoImage(self._memory, self._axes, tuple(cell.io)).write
-        tally = Tally(self._memory, self._axes, len(cell.io))
+        tally = SharedCounters(self._memory, self._axes, len(cell.io))
         tally.take(core.scan.lateness)
         core.session.observe(tally.writer(link.carried))
         core.session.observe(outlet.after_cycle)
@@ -190,7 +190,7 @@ class Server:
         core.begin(self._joined)
         core.await_values()
         core.session.observe(IdleCollector(cell.bus.scan_period).after_cycle)
-        self._lifeline.stage(Stage.RUNNING)
+        self._lifeline.stage(CoreStage.RUNNING)
         self._let_in(wanted.cell)
         self._stream.send(self._opened())
         threading.Thread(target=self._watch_condition, name="axisbus condition", daemon=True).start()
@@ -233,18 +233,18 @@ class Server:
                 remedy="let both run the same installation: look at PYTHONPATH and the virtual environment",
             )
 
-    def _opened(self) -> m.Opened:
+    def _opened(self) -> m.CellOpened:
         assert self._core is not None
         assert self._clients is not None
         nodes = {node_id: self._facts(node_id, booted) for node_id, booted in self._core.booted.items()}
         axes, holder = dict(self._core.session.axes), self._clients.commanded_by
-        return m.Opened(nodes, axes, self._degree, os.getpid(), holder)
+        return m.CellOpened(nodes, axes, self._degree, os.getpid(), holder)
 
     def _let_in(self, cell: str) -> None:
         """Open the door for guests."""
         assert self._clients is not None
         if self._listening is not None:
-            door = Door(self._listening)
+            door = ClientListener(self._listening)
             self._guests = Guests(door, self._clients, self._image, self._opened, text_of(cell))
             self._guests.start()
 
@@ -275,7 +275,7 @@ class Server:
         assert self._clients is not None
         axes = {name: facts for name, facts in self._core.session.axes.items() if name in booted.parameters}
         node_id = booted.report.node_id
-        self._clients.tell(m.Joined(node_id, self._facts(node_id, booted), axes))
+        self._clients.tell(m.NodeJoined(node_id, self._facts(node_id, booted), axes))
 
     def _watch_condition(self) -> None:
         """Tell when the scan has ended, failed, or been asked to stop; and what it told when it did."""
@@ -302,10 +302,10 @@ class Server:
         if self._core is not None and self._leaving.acquire(blocking=False):
             log.info("leaving: %s", reason)
             self._core.session.request_stop(reason)
-            self._stage(Stage.LEAVING)
+            self._stage(CoreStage.LEAVING)
             threading.Thread(target=partial(self._do_leave, reason), name="leaving").start()
 
-    def _stage(self, stage: Stage) -> None:
+    def _stage(self, stage: CoreStage) -> None:
         if self._lifeline is not None:
             self._lifeline.stage(stage)
 
@@ -316,7 +316,7 @@ class Server:
             failures = tuple(self._core.leave(reason))
         except BaseException as error:  # noqa: BLE001  # the program is told whatever it was
             failures = (told(error),)
-        self._stage(Stage.LEFT)
+        self._stage(CoreStage.LEFT)
         if self._faults is not None:
             self._faults.close()
         if self._guests is not None:
@@ -335,12 +335,12 @@ class Server:
             self._stream.close(_FAREWELL)
 
 
-def serve(duty: Duty, warden: socket.socket) -> None:
+def serve(duty: StartupArgs, warden: socket.socket) -> None:
     """Be the core of a program until one of both is gone; blocks. ``warden`` leads to who watches."""
-    stream = Stream(socket.socket(fileno=duty.line), m.CODEC.pack, "axisbus answers")
+    stream = MessageStream(socket.socket(fileno=duty.line), m.CODEC.pack, "axisbus answers")
     log.addHandler(StreamHandler(stream))
     line = socket.socket(fileno=duty.drives) if duty.simulates else None
-    server = Server(
+    server = CoreServer(
         stream,
         mmap.mmap(duty.memory, 0),
         duty.memory,
@@ -362,7 +362,7 @@ def serve(duty: Duty, warden: socket.socket) -> None:
 class StreamHandler(logging.Handler):
     """Sends the core's log to the program."""
 
-    def __init__(self, stream: Stream) -> None:
+    def __init__(self, stream: MessageStream) -> None:
         super().__init__(logging.WARNING)  # what is less is for the journal
         self._stream = stream
 

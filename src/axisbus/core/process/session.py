@@ -1,4 +1,4 @@
-"""The way to a core in a process of its own (``session.Session``): commands as messages, values from shared memory."""
+"""The way to a core in a process of its own (``session.MachineSession``): commands as messages, values from shared memory."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from datetime import datetime
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent
 from axisbus.cia301.dropped_frames import Drop
-from axisbus.cia301.frame import Carried
+from axisbus.cia301.frame import BusTraffic
 from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia402.port import Waiter
 from axisbus.core.fork_errors import inherited
 from axisbus.core.lateness import hanging
-from axisbus.core.process.rpc_client import Calls, gone
-from axisbus.core.process.shared_counters import Tally
+from axisbus.core.process.rpc_client import RpcClient, gone
+from axisbus.core.process.shared_counters import SharedCounters
 from axisbus.core.process.streams import Trajectories
 from axisbus.core.waiting import ThreadWaiter
 from axisbus.errors import AxisbusError
@@ -27,17 +27,17 @@ from axisbus.ipc.frames import unpacked
 from axisbus.ipc.image import ImageReader
 from axisbus.ipc.io_image import IoImage
 from axisbus.motion.command_status import ENDED, Status
-from axisbus.motion.io.reading import Reading
+from axisbus.motion.io.reading import IoReading
 from axisbus.motion.snapshot import Snapshot
 from axisbus.session import (
     AnyCommand,
     AxisFacts,
+    ClientProgram,
     CommandEvent,
     CommandSeen,
     HearFrames,
     LatenessReport,
     Observer,
-    Program,
     Target,
 )
 
@@ -79,10 +79,10 @@ class RemoteSession:
 
     def __init__(
         self,
-        calls: Calls,
+        calls: RpcClient,
         image: ImageReader,
         io: IoImage,
-        tally: Tally,
+        tally: SharedCounters,
         errors: Errors,
         axes: Mapping[str, AxisFacts],
         period: float,
@@ -97,7 +97,7 @@ class RemoteSession:
         self._period = period
         self._waiter = ThreadWaiter()
         self.trajectories = Trajectories(calls.send, period)
-        self._condition = m.Condition()
+        self._condition = m.CoreCondition()
         self._listeners: tuple[Callable[[CommandEvent], None], ...] = ()
         self._observers: tuple[Observer, ...] = ()
         self._taps: dict[HearFrames, frozenset[int]] = {}
@@ -119,8 +119,8 @@ class RemoteSession:
         return self._image.read()
 
     @property
-    def readings(self) -> Mapping[str, Reading]:
-        """As ``Session.readings``."""
+    def readings(self) -> Mapping[str, IoReading]:
+        """As ``MachineSession.readings``."""
         return self._io.read()
 
     @property
@@ -159,7 +159,7 @@ class RemoteSession:
 
     @property
     def left(self) -> tuple[float, str] | None:
-        """As ``Session.left``."""
+        """As ``MachineSession.left``."""
         return self._condition.left or self._asked
 
     @property
@@ -173,55 +173,55 @@ class RemoteSession:
         return self._tally.lateness
 
     @property
-    def carried(self) -> Carried | None:
-        """As ``Session.carried``, up to the last cycle."""
+    def carried(self) -> BusTraffic | None:
+        """As ``MachineSession.carried``, up to the last cycle."""
         return self._tally.carried
 
     # -- questions -----------------------------------------------------------------------------------------------------
 
     @property
     def node_events(self) -> list[NodeEvent]:
-        """As ``Session.node_events``; blocks for an answer of the core."""
+        """As ``MachineSession.node_events``; blocks for an answer of the core."""
         return list(self._calls.ask("node_events"))
 
     @property
     def bus_events(self) -> list[ControllerEvent]:
-        """As ``Session.bus_events``; blocks for an answer of the core."""
+        """As ``MachineSession.bus_events``; blocks for an answer of the core."""
         return list(self._calls.ask("bus_events"))
 
     @property
     def commands(self) -> list[CommandSeen]:
-        """As ``Session.commands``; blocks for an answer of the core."""
+        """As ``MachineSession.commands``; blocks for an answer of the core."""
         return list(self._calls.ask("commands"))
 
     @property
     def drops(self) -> tuple[Drop, ...]:
-        """As ``Session.drops``; blocks for an answer of the core."""
+        """As ``MachineSession.drops``; blocks for an answer of the core."""
         return tuple(self._calls.ask("drops"))
 
     @property
     def sdo_counts(self) -> tuple[SdoCount, ...]:
-        """As ``Session.sdo_counts``; blocks for an answer of the core."""
+        """As ``MachineSession.sdo_counts``; blocks for an answer of the core."""
         return tuple(self._calls.ask("sdo_counts"))
 
     @property
     def bus_time(self) -> datetime | None:
-        """As ``Session.bus_time``; blocks for an answer of the core."""
+        """As ``MachineSession.bus_time``; blocks for an answer of the core."""
         found: datetime | None = self._calls.ask("bus_time")
         return found
 
     @property
-    def programs(self) -> tuple[Program, ...]:
-        """As ``Session.programs``; blocks for an answer of the core."""
+    def programs(self) -> tuple[ClientProgram, ...]:
+        """As ``MachineSession.programs``; blocks for an answer of the core."""
         return tuple(self._calls.ask("programs"))
 
     @property
     def has_command(self) -> bool:
-        """As ``Session.has_command``; blocks for an answer of the core."""
+        """As ``MachineSession.has_command``; blocks for an answer of the core."""
         return bool(self._calls.ask("has_command"))
 
     def take_command(self) -> None:
-        """As ``Session.take_command``."""
+        """As ``MachineSession.take_command``."""
         self._calls.ask("take_command")
 
     # -- commands ------------------------------------------------------------------------------------------------------
@@ -256,7 +256,7 @@ class RemoteSession:
 
     def hold_to_run(self, seconds: float | None, continuous: float | None = None) -> None:
         """As ``Session.hold_to_run``."""
-        self._calls.send(m.HoldToRun(seconds, continuous))
+        self._calls.send(m.HoldToRunMessage(seconds, continuous))
 
     def observe(self, observer: Observer) -> None:
         """As ``Session.observe``; in the thread that tells events, a few cycles at a time."""
@@ -270,12 +270,12 @@ class RemoteSession:
             self._calls.send(m.Observe(False))
 
     def tap(self, hear: HearFrames, can_ids: Collection[int] = ()) -> None:
-        """As ``Session.tap``; in the thread that tells events."""
+        """As ``MachineSession.tap``; in the thread that tells events."""
         self._taps = {**self._taps, hear: frozenset(can_ids)}
         self._want_frames()
 
     def untap(self, hear: HearFrames) -> None:
-        """As ``Session.untap``."""
+        """As ``MachineSession.untap``."""
         self._taps = {other: ids for other, ids in self._taps.items() if other != hear}
         self._want_frames()
 
@@ -286,7 +286,7 @@ class RemoteSession:
 
     # -- what the core tells -------------------------------------------------------------------------------------------
 
-    def tell(self, told: m.Told) -> None:
+    def tell(self, told: m.CommandEvents) -> None:
         """Let who listens have the events of a cycle."""
         for event in told.events:
             if event.status in ENDED:
@@ -295,7 +295,7 @@ class RemoteSession:
                 hear(event)
         self._waiter.notify()
 
-    def show(self, cycles: m.Cycles) -> None:
+    def show(self, cycles: m.CycleImages) -> None:
         """Let who observes have the images of some cycles."""
         if cycles.lost:
             log.warning(
@@ -317,7 +317,7 @@ class RemoteSession:
             if wanted:
                 hear(wanted)
 
-    def take(self, condition: m.Condition) -> None:
+    def take(self, condition: m.CoreCondition) -> None:
         """Note how the core is now."""
         self._condition = condition
         self._waiter.notify()
@@ -331,7 +331,7 @@ class RemoteSession:
         while self._busy:
             number, name = self._busy.popitem()
             error = self._calls.gone(f"{name} was ended", self.rescued)
-            self.tell(m.Told((CommandEvent(number, Status.ERROR, error, ""),)))
+            self.tell(m.CommandEvents((CommandEvent(number, Status.ERROR, error, ""),)))
         self._waiter.notify()
 
     def disown(self) -> None:

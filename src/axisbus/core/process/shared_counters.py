@@ -12,7 +12,7 @@ import mmap
 import struct
 from collections.abc import Callable
 
-from axisbus.cia301.frame import Carried
+from axisbus.cia301.frame import BusTraffic
 from axisbus.core.lateness import COUNTS, Lateness
 from axisbus.ipc import io_image
 from axisbus.session import LatenessReport
@@ -27,7 +27,7 @@ def offset(axes: int, points: int) -> int:
     return io_image.offset(axes) + io_image.size_of(points)
 
 
-class Tally:
+class SharedCounters:
     """The numbers in ``memory``, for their one writer and for any reader of any process."""
 
     def __init__(self, memory: mmap.mmap, axes: int, points: int) -> None:
@@ -41,7 +41,7 @@ class Tally:
         """Let what a scan counts stand here from now on; for the thread of the scan, or before it runs."""
         lateness.share(self._lateness)
 
-    def writer(self, carried: Callable[[], Carried | None]) -> Callable[..., None]:
+    def writer(self, carried: Callable[[], BusTraffic | None]) -> Callable[..., None]:
         """Return what notes, after each cycle, what the bus has carried."""
         pack, memory, at = _CARRIED.pack_into, self._memory, self._at
 
@@ -58,10 +58,10 @@ class Tally:
         return self._lateness.report()
 
     @property
-    def carried(self) -> Carried | None:
+    def carried(self) -> BusTraffic | None:
         """What the bus had carried after the last cycle; None before the first."""
         for _ in range(_TRIES):
             time, frames, octets, again = _CARRIED.unpack_from(self._memory, self._at)
             if time == again:
                 break
-        return Carried(time, frames, octets) if time else None
+        return BusTraffic(time, frames, octets) if time else None

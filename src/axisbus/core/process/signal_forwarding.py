@@ -22,7 +22,7 @@ _PATIENCE = 0.1  # seconds
 _MOST = 64
 
 
-class Ear:
+class SignalForwarder:
     """Looks at the signals of a program; holds since when one has been waiting, and how many have been told."""
 
     def __init__(self, end: socket.socket, names: dict[int, str]) -> None:

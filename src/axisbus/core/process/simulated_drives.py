@@ -19,20 +19,20 @@ from axisbus.bus.link.socketpair_bus import PairBus
 from axisbus.cell.model import CellConfig
 from axisbus.core.can_simple.simulated_modules import modules, stand_ins_of
 from axisbus.core.files import read_once
-from axisbus.core.process.persistence.plant_log import History, history_path
+from axisbus.core.process.persistence.plant_log import PlantLog, history_path
 from axisbus.core.process.remote_proxy import answer_all
-from axisbus.core.process.startup_args import Duty
+from axisbus.core.process.startup_args import StartupArgs
 from axisbus.core.realtime_setup import take_priority
-from axisbus.core.simulated_nodes import StandIn, devices
+from axisbus.core.simulated_nodes import SimulatedNode, devices
 from axisbus.ipc.messages import CODEC
-from axisbus.ipc.stream import Stream
+from axisbus.ipc.stream import MessageStream
 from axisbus.sim.node.network import StandIns
 
 _ROUND = 0.05  # seconds
 _NOTED = 0.01  # seconds between two lines of a history
 
 
-def serve(duty: Duty, ready: socket.socket) -> None:
+def serve(duty: StartupArgs, ready: socket.socket) -> None:
     """Let the drives of a cell live until its core and its program are gone; blocks. ``ready`` is closed when they hear."""
     line, control = socket.socket(fileno=duty.far), socket.socket(fileno=duty.control)
     config, dictionaries = read_once(duty.cell)
@@ -43,9 +43,9 @@ def serve(duty: Duty, ready: socket.socket) -> None:
     bus = PairBus(line, of_drives=True)
     with StandIns("line", list(made.values()), bus=bus, guests=list(guests.values())) as network:
         ready.close()
-        stand_ins = {node_id: StandIn(device, network.lock) for node_id, device in made.items()}
+        stand_ins = {node_id: SimulatedNode(device, network.lock) for node_id, device in made.items()}
         stand_ins |= stand_ins_of(guests, network.lock)
-        stream = Stream(control, CODEC.pack, "axisbus drives")
+        stream = MessageStream(control, CODEC.pack, "axisbus drives")
         asked = threading.Thread(
             target=answer_all, args=(stream, stand_ins), name="axisbus asked", daemon=True
         )
@@ -57,7 +57,9 @@ def serve(duty: Duty, ready: socket.socket) -> None:
                     history.note()
 
 
-def _history(cell: CellConfig, stand_ins: Mapping[int, StandIn]) -> AbstractContextManager[History | None]:
+def _history(
+    cell: CellConfig, stand_ins: Mapping[int, SimulatedNode]
+) -> AbstractContextManager[PlantLog | None]:
     """Return the file that ``history`` in ``[bus.options]`` names, from the cell's folder; None where it names none."""
     path = history_path(cell)
-    return nullcontext() if path is None else History(path, stand_ins)
+    return nullcontext() if path is None else PlantLog(path, stand_ins)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Duty:
+class StartupArgs:
     """What a warden is told by who starts it: descriptors (-1: none), the cell's file, and how many axes it has.
 
     ``line`` leads from the core to its program and ``tell`` from the warden to it. Where drives are simulated, ``drives`` is the

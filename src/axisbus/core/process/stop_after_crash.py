@@ -13,22 +13,22 @@ from contextlib import ExitStack
 
 from axisbus.bus.cycle import sending_again
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.node.node import Node
+from axisbus.bus.node.node import CanopenNode
 from axisbus.cell.io.signals import all_points
 from axisbus.cell.model import CellConfig
-from axisbus.cia401.signal import Point
+from axisbus.cia401.signal import IoPoint
 from axisbus.core.can_simple.stop import stop_drives
 from axisbus.core.files import read_once
 from axisbus.core.io.safe import make_safe
 from axisbus.core.process.bus_factory import reach
-from axisbus.core.process.startup_args import Duty
+from axisbus.core.process.startup_args import StartupArgs
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
 from axisbus.ipc import image, rescue_memory
 from axisbus.ipc.io_image import IoImage
 from axisbus.ipc.messages import CODEC, Rescued
-from axisbus.ipc.stream import Stream
-from axisbus.link import Stopped, Unsafe
+from axisbus.ipc.stream import MessageStream
+from axisbus.link import StopResult, Unsafe
 
 TRIES_FOR = 1.0  # seconds: a driver may take a moment to see that its last user is dead
 _PAUSE = 0.05
@@ -36,10 +36,10 @@ _HUNG = 0.5  # seconds without a cycle, at least, after which a core that should
 _FAREWELL = 2.0  # seconds that telling the program may take
 
 
-class Rescuer:
+class CrashStop:
     """What a warden needs for a rescue, read while the core boots; holds the memory in which the core says how far it is."""
 
-    def __init__(self, duty: Duty) -> None:
+    def __init__(self, duty: StartupArgs) -> None:
         self._duty = duty
         self._memory = mmap.mmap(duty.memory, 0)
         self._at = image.size_of(duty.axes)
@@ -55,18 +55,18 @@ class Rescuer:
     @property
     def runs(self) -> bool:
         """Whether the core's scan ought to run."""
-        return rescue_memory.stage_of(self._memory, self._at) is rescue_memory.Stage.RUNNING
+        return rescue_memory.stage_of(self._memory, self._at) is rescue_memory.CoreStage.RUNNING
 
     @property
     def is_needed(self) -> bool:
         """Whether the core, which is dead, has not left its drives as it ought to."""
-        return self.runs or rescue_memory.stage_of(self._memory, self._at) is rescue_memory.Stage.LEAVING
+        return self.runs or rescue_memory.stage_of(self._memory, self._at) is rescue_memory.CoreStage.LEAVING
 
     def rescue(self, why: str) -> Rescued:
         """Stop the drives, make outputs safe, tell the program, and return what was told; blocks. ``why``: how the core ended."""
         found = rescue_memory.found(self._memory, self._at)
         names = [list(self._cell.axes)[axis] for axis in found.axes]
-        stream = Stream(socket.socket(fileno=self._duty.tell), CODEC.pack, "axisbus warden")
+        stream = MessageStream(socket.socket(fileno=self._duty.tell), CODEC.pack, "axisbus warden")
         rescued = self._stop(why, names, found.frames)
         stream.send(rescued)
         stream.close(_FAREWELL)
@@ -81,7 +81,7 @@ class Rescuer:
         safe = tuple(point.name for point in outputs if point.name not in doubtful)
         return Rescued(why, tuple(stopped), tuple(unsafe), safe)
 
-    def _outputs(self) -> list[Point]:
+    def _outputs(self) -> list[IoPoint]:
         """The outputs that had been set."""
         readings = IoImage(self._memory, self._duty.axes, tuple(self._cell.io)).read()
         points = all_points(self._cell, self._dictionaries)
@@ -100,8 +100,8 @@ def stop(
     open_channel: Callable[[], Channel],
     names: Sequence[str],
     frames: Sequence[tuple[int, bytes]],
-    outputs: Sequence[Point] = (),
-) -> tuple[list[Stopped], list[Unsafe]]:
+    outputs: Sequence[IoPoint] = (),
+) -> tuple[list[StopResult], list[Unsafe]]:
     """Stop the axes of these names, and return how each was left; blocks until they stand, at most about 6 s.
 
     Then ``outputs`` are led to their safe states; those of which that is not confirmed are returned too. ``frames``: what stops the
@@ -111,14 +111,14 @@ def stop(
         channel = _opened(open_channel)
     except AxisbusError as error:
         text = f"NOT STOPPED by this computer: {error.message}; only its drive's own watchdog can stop it now"
-        return [Stopped(name, False, text) for name in names], [
+        return [StopResult(name, False, text) for name in names], [
             _out_of_reach(point, error) for point in outputs
         ]
     with channel, sending_again(channel, [*frames, *_sync(cell)] if frames else []):
         return _stop_by_sdo(channel, cell, dictionaries, names, outputs)
 
 
-def _out_of_reach(point: Point, error: AxisbusError) -> Unsafe:
+def _out_of_reach(point: IoPoint, error: AxisbusError) -> Unsafe:
     return Unsafe(point.name, point.node, f"{point.object_text} of node {point.node}: {error.message}")
 
 
@@ -144,9 +144,11 @@ def _stop_by_sdo(
     cell: CellConfig,
     dictionaries: Mapping[int, Eds],
     names: Sequence[str],
-    outputs: Sequence[Point],
-) -> tuple[list[Stopped], list[Unsafe]]:
+    outputs: Sequence[IoPoint],
+) -> tuple[list[StopResult], list[Unsafe]]:
     with ExitStack() as stack:
-        nodes = [stack.enter_context(Node(channel, node_id, eds)) for node_id, eds in dictionaries.items()]
+        nodes = [
+            stack.enter_context(CanopenNode(channel, node_id, eds)) for node_id, eds in dictionaries.items()
+        ]
         stopped = stop_drives(cell, channel, nodes, names)
         return stopped, make_safe({node.node_id: node.sdo for node in nodes}, outputs)

@@ -32,7 +32,7 @@ class Streams:
         self._found[submit.stream] = weakref.ref(stream)
         return FollowTrajectory(stream)
 
-    def feed(self, samples: m.Samples) -> None:
+    def feed(self, samples: m.TrajectorySamples) -> None:
         """Give samples to the trajectory that they are of; it ends where they do not fit it."""
         stream = self._stream(samples.stream)
         if stream is None:
@@ -72,7 +72,7 @@ class Trajectories:
         self._period = period
         self._last = 0
         self.feeder = Feeder(
-            lambda number, first, positions: send(m.Samples(number, first, positions)),
+            lambda number, first, positions: send(m.TrajectorySamples(number, first, positions)),
             lambda number, error: send(m.NoSamples(number, error)),
         )
 

@@ -5,7 +5,7 @@ Theory of operation
 The first samples go with the command (``Sampler.head``), and are taken in the thread that gives it. Then the core asks, and one
 thread answers for all trajectories of a machine: each in its turn, for a short time, so that a slow one does not keep the others
 waiting any longer than that. A trajectory's samples are sent in order, each once. What its code raises ends it, with the error that
-``Guarded`` makes of it. A core that gets no answer brakes the axis along what it has.
+``CheckedTrajectory`` makes of it. A core that gets no answer brakes the axis along what it has.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from collections.abc import Callable
 
 from axisbus.errors import ArgumentError, AxisbusError
 from axisbus.motion.curve import following
-from axisbus.motion.moves.lookahead import Known
+from axisbus.motion.moves.lookahead import LookaheadTrajectory
 from axisbus.motion.moves.remote_trajectory import StreamHead
-from axisbus.motion.moves.user_trajectory import Guarded
+from axisbus.motion.moves.user_trajectory import CheckedTrajectory
 from axisbus.motion.numbers import number, told
 from axisbus.motion.path_limit_check import Ramped
 from axisbus.motion.trajectory import Trajectory
@@ -40,7 +40,7 @@ class Sampler:
         Raises:
             ArgumentError: the trajectory tells no duration.
         """
-        self._trajectory = Guarded(trajectory, name)
+        self._trajectory = CheckedTrajectory(trajectory, name)
         self._told = trajectory  # itself, for what it tells of itself in advance
         self._name = name
         self._step = step
@@ -56,7 +56,7 @@ class Sampler:
         """
         assert not self.next
         known, span, speed, hardest = self._told, None, None, None
-        if isinstance(known, Known):
+        if isinstance(known, LookaheadTrajectory):
             low, high = known.span
             span, speed = (
                 (self._fact(low, "span"), self._fact(high, "span")),

@@ -29,8 +29,8 @@ from axisbus.core.files import read_once
 from axisbus.core.process import server, simulated_drives
 from axisbus.core.process.persistence.journal import journal
 from axisbus.core.process.rescue_record import BEAT
-from axisbus.core.process.startup_args import Duty
-from axisbus.core.process.stop_after_crash import Rescuer
+from axisbus.core.process.startup_args import StartupArgs
+from axisbus.core.process.stop_after_crash import CrashStop
 from axisbus.core.realtime_setup import call_process, take_priority
 from axisbus.errors import AxisbusError
 
@@ -42,8 +42,8 @@ _PATIENCE = 5.0  # seconds; drives that are not there by then are missed by whoe
 
 
 def main(text: str) -> None:
-    """Do what the JSON of a ``Duty`` says, as the warden or as one of those that it becomes; blocks until that is done."""
-    duty = Duty(**json.loads(text))
+    """Do what the JSON of a ``StartupArgs`` says, as the warden or as one of those that it becomes; blocks until that is done."""
+    duty = StartupArgs(**json.loads(text))
     with suppress(AxisbusError):  # whoever needs it will say so
         read_once(duty.cell)
     gc.freeze()  # what is there now is there for ever, and shared by all of them
@@ -67,19 +67,19 @@ def main(text: str) -> None:
         server.serve(duty, far)
 
 
-def _become(name: str, duty: Duty, kept: set[int]) -> None:
+def _become(name: str, duty: StartupArgs, kept: set[int]) -> None:
     """Keep what is one's own, so that the others see the end of what they hold; and be known by one's name."""
     for number in duty.all - kept:
         os.close(number)
     call_process(name)
 
 
-def _guard(core: int, line: socket.socket, duty: Duty, drives_hear: socket.socket) -> None:
+def _guard(core: int, line: socket.socket, duty: StartupArgs, drives_hear: socket.socket) -> None:
     """Watch the core, a child, to its end; ``line`` leads to it. ``drives_hear`` ends when simulated drives hear their bus."""
     for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
         signal.signal(number, signal.SIG_IGN)  # the core's affair
     with line:  # its end tells the core that nobody watches any more
-        rescuer = Rescuer(duty)
+        rescuer = CrashStop(duty)
         take_priority()  # a computer that is busy beyond bearing is where a core may hang
         _await_end(drives_hear)
         with suppress(OSError):  # it has ended already
@@ -106,7 +106,7 @@ def _kill(core: int) -> None:
     os.waitpid(core, 0)
 
 
-def _watch(core: int, rescuer: Rescuer, cell: str, line: socket.socket) -> None:
+def _watch(core: int, rescuer: CrashStop, cell: str, line: socket.socket) -> None:
     """Wait for the end of the core, or make one; then stop its drives, if it has left any, and write down what came of it."""
     why = _end_of(core, rescuer, line)
     if rescuer.is_needed:
@@ -119,7 +119,7 @@ def _watch(core: int, rescuer: Rescuer, cell: str, line: socket.socket) -> None:
                 log.error("%s NOT CONFIRMED as safe: %s", output.output, output.text)
 
 
-def _end_of(core: int, rescuer: Rescuer, line: socket.socket) -> str:
+def _end_of(core: int, rescuer: CrashStop, line: socket.socket) -> str:
     number, idle, before = 0, 0.0, time.monotonic()
     due = before
     while (code := _exit_code(core)) is None:

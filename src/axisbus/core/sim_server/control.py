@@ -11,10 +11,10 @@ from contextlib import suppress
 from pathlib import Path
 
 from axisbus.core.process.remote_proxy import answer_all
-from axisbus.core.simulated_nodes import StandIn
+from axisbus.core.simulated_nodes import SimulatedNode
 from axisbus.errors import UserError
 from axisbus.ipc.messages import CODEC
-from axisbus.ipc.stream import Stream
+from axisbus.ipc.stream import MessageStream
 from axisbus.ipc.values import NotForCrossing
 
 _BACKLOG = 16
@@ -24,7 +24,7 @@ _LARGEST = 1 << 20  # bytes of a question
 class ControlDoor:
     """Lets programs of this user look at stand-ins and turn their dials; holds the socket."""
 
-    def __init__(self, path: Path, stand_ins: Mapping[int, StandIn]) -> None:
+    def __init__(self, path: Path, stand_ins: Mapping[int, SimulatedNode]) -> None:
         """``path``: of the socket, which is made; one that nobody answers any more is replaced.
 
         Raises:
@@ -52,7 +52,7 @@ class ControlDoor:
             threading.Thread(target=self._answer, args=(line,), name="axisbus asked", daemon=True).start()
 
     def _answer(self, line: socket.socket) -> None:
-        stream = Stream(line, CODEC.pack, "axisbus answers", _LARGEST)
+        stream = MessageStream(line, CODEC.pack, "axisbus answers", _LARGEST)
         try:
             with suppress(NotForCrossing):
                 answer_all(stream, self._stand_ins)

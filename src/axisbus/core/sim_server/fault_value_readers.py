@@ -8,11 +8,11 @@ from dataclasses import fields
 from typing import Any
 
 from axisbus.cell import value_readers as v
-from axisbus.cell.schema import Key, Keys
-from axisbus.cell.value_readers import Reader, Unfit
+from axisbus.cell.schema import CellKey, Keys
+from axisbus.cell.value_readers import InvalidValue, ValueReader
 from axisbus.eds.dictionary import Dictionary
 from axisbus.errors import ArgumentError
-from axisbus.sim.fault_injection import DriveDials, LssDials, NodeDials, ProgramDials
+from axisbus.sim.fault_injection import DriveFaults, LssDials, NodeFaults, ProgramDials
 
 NEVER = "never"
 _time = v.duration("0ms", "60min")
@@ -26,22 +26,24 @@ def _amount(value: Any) -> float:
         return math.inf
     try:
         return float(_time(value) if isinstance(value, str) else v.finite(value))
-    except Unfit as unfit:
-        raise Unfit('a number, a time with its unit such as "300ms", or "never"', unfit.remedy) from None
+    except InvalidValue as unfit:
+        raise InvalidValue(
+            'a number, a time with its unit such as "300ms", or "never"', unfit.remedy
+        ) from None
 
 
-def _table(read_key: Callable[[str], Any], read: Reader, example: str) -> Reader:
+def _table(read_key: Callable[[str], Any], read: ValueReader, example: str) -> ValueReader:
     def read_table(value: Any) -> dict[Any, Any]:
         if not isinstance(value, dict):
-            raise Unfit(f"a table such as {example}")
+            raise InvalidValue(f"a table such as {example}")
         return {read_key(key): read(item) for key, item in value.items()}
 
-    return Reader(read_table, {"type": "object"})
+    return ValueReader(read_table, {"type": "object"})
 
 
 def _number(key: str) -> int:
     if not key.isdigit():
-        raise Unfit("a table with numbers as its keys")
+        raise InvalidValue("a table with numbers as its keys")
     return int(key)
 
 
@@ -49,19 +51,19 @@ def _object(key: str) -> tuple[int, int]:
     try:
         found = _OBJECTS.resolve(key)
     except ArgumentError as error:
-        raise Unfit(f"a table with objects as its keys, and not {key!r}", error.remedy or "") from None
+        raise InvalidValue(f"a table with objects as its keys, and not {key!r}", error.remedy or "") from None
     return found.index, found.subindex
 
 
-_amounts = Reader(_amount, {"type": ["number", "string"]})
+_amounts = ValueReader(_amount, {"type": ["number", "string"]})
 _wholes = v.list_of(_whole, "whole numbers", empty=True)
-_BY_TYPE: Mapping[str, Reader] = {
+_BY_TYPE: Mapping[str, ValueReader] = {
     "bool": v.boolean,
     "int": _whole,
     "int | None": _whole,
     "float": _amounts,
-    "set[int]": Reader(lambda value: set(_wholes(value)), _wholes.json),
-    "frozenset[int]": Reader(lambda value: frozenset(_wholes(value)), _wholes.json),
+    "set[int]": ValueReader(lambda value: set(_wholes(value)), _wholes.json),
+    "frozenset[int]": ValueReader(lambda value: frozenset(_wholes(value)), _wholes.json),
     "dict[int, float]": _table(_number, _amounts, '{ 4 = "2s" }'),
     "dict[int, int]": _table(_number, _whole, "{ 1 = 0x06090030 }"),
     "dict[tuple[int, int], int]": _table(_object, _whole, '{ "6060:00" = 0x08000022 }'),
@@ -69,9 +71,11 @@ _BY_TYPE: Mapping[str, Reader] = {
 
 
 def _keys(dials: type) -> Keys:
-    return {field.name: Key(_BY_TYPE[str(field.type)]) for field in fields(dials) if field.type in _BY_TYPE}
+    return {
+        field.name: CellKey(_BY_TYPE[str(field.type)]) for field in fields(dials) if field.type in _BY_TYPE
+    }
 
 
-OF_AXIS: Keys = _keys(DriveDials)
-OF_NODE: Keys = _keys(NodeDials)
+OF_AXIS: Keys = _keys(DriveFaults)
+OF_NODE: Keys = _keys(NodeFaults)
 PARTS: Mapping[str, Keys] = {"lss": _keys(LssDials), "program": _keys(ProgramDials)}

@@ -17,7 +17,7 @@ from axisbus.cell import value_readers as v
 from axisbus.cell.model import CellConfig
 from axisbus.cell.problem import errors
 from axisbus.cell.reader import as_exception
-from axisbus.cell.schema import Key, Keys
+from axisbus.cell.schema import CellKey, Keys
 from axisbus.cell.tables import Fields, Tables
 from axisbus.core.sim_server.fault_value_readers import OF_AXIS, OF_NODE, PARTS
 from axisbus.errors import ArgumentError
@@ -36,17 +36,17 @@ KINDS: Mapping[str, str] = {
 }
 _time = v.duration("0ms", "1440min")
 _WHEN: Keys = {
-    "begin": Key(_time),
-    "when": Key(v.text),
-    "after": Key(_time),
-    "every": Key(v.duration("10ms", "1440min")),
-    "for": Key(v.duration("1ms", "1440min")),
+    "begin": CellKey(_time),
+    "when": CellKey(v.text),
+    "after": CellKey(_time),
+    "every": CellKey(v.duration("10ms", "1440min")),
+    "for": CellKey(v.duration("1ms", "1440min")),
 }
-_WHOSE: Keys = {"axis": Key(v.text), "node": Key(v.integer(1, 127))}
+_WHOSE: Keys = {"axis": CellKey(v.text), "node": CellKey(v.integer(1, 127))}
 _WHAT: Keys = {
-    "fault": Key(v.integer(1, 0xFFFF)),
-    "maker_bits": Key(v.integer(0, 0xFFFF_FFFF)),
-    "restart": Key(v.boolean),
+    "fault": CellKey(v.integer(1, 0xFFFF)),
+    "maker_bits": CellKey(v.integer(0, 0xFFFF_FFFF)),
+    "restart": CellKey(v.boolean),
 }
 _KEYS: Keys = {**_WHOSE, **_WHEN, **_WHAT, **OF_AXIS, **OF_NODE}
 
@@ -67,7 +67,7 @@ def load_faults(path: str | Path, cell: CellConfig) -> tuple[PlannedFault, ...]:
 class _Reading(Tables):
     """One walk through a file of faults."""
 
-    def __init__(self, document: toml.Document, cell: CellConfig) -> None:
+    def __init__(self, document: toml.TomlDocument, cell: CellConfig) -> None:
         super().__init__(document)
         self._cell = cell
 

@@ -14,7 +14,7 @@ from axisbus.core.files import load_dictionaries
 from axisbus.core.realtime_setup import take_priority
 from axisbus.core.sim_server.control import ControlDoor
 from axisbus.core.sim_server.player import Player
-from axisbus.core.simulated_nodes import StandIn, devices
+from axisbus.core.simulated_nodes import SimulatedNode, devices
 from axisbus.eds.model import Eds
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.faults.plan import PlannedFault
@@ -60,7 +60,9 @@ class Served:
                 StandIns(server.channel, list(self._devices.values()), bus=server.bus, guests=self._modules)
             )
             if control is not None:
-                made = {node_id: StandIn(device, network.lock) for node_id, device in self._devices.items()}
+                made = {
+                    node_id: SimulatedNode(device, network.lock) for node_id, device in self._devices.items()
+                }
                 made |= stand_ins_of(self._own, network.lock)
                 stack.callback(ControlDoor(control, made).close)
             if self._faults and self._cell is not None:

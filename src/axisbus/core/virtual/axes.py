@@ -7,7 +7,7 @@ from typing import NamedTuple
 from axisbus.cell.model import CellConfig
 from axisbus.cell.virtual.parameters import all_virtual
 from axisbus.cia402.port import Port
-from axisbus.core.io.io_scan import Board
+from axisbus.core.io.io_scan import IoScan
 from axisbus.core.virtual.drive import VirtualDrive
 from axisbus.core.virtual.encoder import EncoderPort
 from axisbus.core.virtual.port import VirtualPort
@@ -22,12 +22,12 @@ class VirtualAxis(NamedTuple):
     port: Port
 
 
-def virtual_axes(cell: CellConfig, board: Board) -> dict[str, VirtualAxis]:
+def virtual_axes(cell: CellConfig, board: IoScan) -> dict[str, VirtualAxis]:
     """Make the axes of a cell that have no drive: virtual ones at 0 and without power, encoders where their inputs are."""
     return {name: _axis(parameters, board) for name, parameters in all_virtual(cell).items()}
 
 
-def _axis(parameters: AxisParameters, board: Board) -> VirtualAxis:
+def _axis(parameters: AxisParameters, board: IoScan) -> VirtualAxis:
     port = EncoderPort(board, parameters.encoder) if parameters.encoder else _led(parameters)
     core = AxisCore(parameters, port.capabilities)
     core.confirm_position(

@@ -23,14 +23,14 @@ from axisbus.cia402 import objects
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Outputs
-from axisbus.cia402.state import State
-from axisbus.core.virtual.ramp import Ramps, Way, to_distance, to_rest, to_velocity
+from axisbus.cia402.state import PowerState
+from axisbus.core.virtual.ramp import RampLimits, RampProfile, to_distance, to_rest, to_velocity
 from axisbus.core.virtual.stage import STATUSWORDS, after
 from axisbus.units import unwrap, wrap
 
 _PP, _PV = ModeOfOperation.PROFILE_POSITION, ModeOfOperation.PROFILE_VELOCITY
 _CSP = ModeOfOperation.CYCLIC_SYNC_POSITION
-_ENABLED, _QUICK_STOP = State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE
+_ENABLED, _QUICK_STOP = PowerState.OPERATION_ENABLED, PowerState.QUICK_STOP_ACTIVE
 
 
 class _Rest(NamedTuple):
@@ -43,14 +43,14 @@ class _Go(NamedTuple):
     """To go to a position (unwrapped increments) and rest there."""
 
     target: int
-    ramps: Ramps
+    ramps: RampLimits
 
 
 class _Turn(NamedTuple):
     """To go on at a velocity."""
 
     velocity: int
-    ramps: Ramps
+    ramps: RampLimits
 
 
 class _Follow(NamedTuple):
@@ -66,7 +66,7 @@ class VirtualDrive:
 
     def __init__(self, slow: float, quick: float) -> None:
         """``slow`` and ``quick`` (increments per s², above 0) brake a halt, until 6084h is written, and a quick stop."""
-        self.state = State.SWITCH_ON_DISABLED
+        self.state = PowerState.SWITCH_ON_DISABLED
         self.mode = int(ModeOfOperation.NONE)
         self.settings = dict.fromkeys(SETTINGS, max(1, round(slow)))
         self._quick = quick
@@ -78,7 +78,7 @@ class VirtualDrive:
         self._target_velocity = 0
         self._goal: _Go | None = None
         self._wish: _Wish = _Rest(quick)
-        self._way = Way(0.0)
+        self._way = RampProfile(0.0)
 
     # -- what it shows -------------------------------------------------------------------------------------------------
 
@@ -134,12 +134,12 @@ class VirtualDrive:
         """Let ``dt`` seconds pass."""
         if isinstance(self._wish, _Follow):
             assert self._target is not None
-            self._way = Way((self._target - self._whole - self._part) / dt)
+            self._way = RampProfile((self._target - self._whole - self._part) / dt)
             self._whole, self._part = self._target, 0.0
         else:
             self._go_on(dt)
         if self.state is _QUICK_STOP and self._way.over:
-            self._enter_state(State.SWITCH_ON_DISABLED)
+            self._enter_state(PowerState.SWITCH_ON_DISABLED)
 
     def _go_on(self, dt: float) -> None:
         self._part += self._way.advance(dt)
@@ -163,7 +163,7 @@ class VirtualDrive:
         if outputs.controlword is not None:
             self._obey(outputs.controlword)
         if outputs.nmt_stop:
-            self._enter_state(State.SWITCH_ON_DISABLED)
+            self._enter_state(PowerState.SWITCH_ON_DISABLED)
         if outputs.target_position is not None:
             self._target = None if self._halted else unwrap(self._place, outputs.target_position)
         self._lay(self._wanted())
@@ -197,7 +197,7 @@ class VirtualDrive:
             self._goal = _Go(unwrap(self._place, self._shown_target), self._ramps)
         self._acknowledged = bool(word & cw.NEW_SET_POINT) and (bool(edge) or self._acknowledged)
 
-    def _enter_state(self, state: State) -> None:
+    def _enter_state(self, state: PowerState) -> None:
         if state is not self.state:
             self.state = state
             self._forget()
@@ -211,7 +211,7 @@ class VirtualDrive:
         return bool(self._word & cw.HALT)
 
     @property
-    def _ramps(self) -> Ramps:
+    def _ramps(self) -> RampLimits:
         speed, up, down = (
             float(self.settings[index])
             for index in (
@@ -220,7 +220,7 @@ class VirtualDrive:
                 objects.PROFILE_DECELERATION,
             )
         )
-        return Ramps(speed, up, down)
+        return RampLimits(speed, up, down)
 
     # -- what leads it -----------------------------------------------------------------------------------------------------
 

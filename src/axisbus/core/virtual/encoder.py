@@ -6,7 +6,7 @@ import math
 
 from axisbus.cia301 import abort
 from axisbus.cia301.nmt import NmtState
-from axisbus.cia401.port import Known
+from axisbus.cia401.port import SignalValidity
 from axisbus.cia402.port import (
     INPUT_OBJECTS,
     OUTPUT_OBJECTS,
@@ -15,15 +15,15 @@ from axisbus.cia402.port import (
     Outputs,
     Sample,
     SdoReply,
-    Source,
+    ValueTransport,
 )
-from axisbus.cia402.state import State
-from axisbus.core.io.io_scan import Board
+from axisbus.cia402.state import PowerState
+from axisbus.core.io.io_scan import IoScan
 from axisbus.core.virtual.stage import STATUSWORDS
 from axisbus.units import wrap
 
 _OPERATIONAL = int(NmtState.OPERATIONAL)
-_OFF = STATUSWORDS[State.SWITCH_ON_DISABLED]
+_OFF = STATUSWORDS[PowerState.SWITCH_ON_DISABLED]
 _AGE = 0.1  # seconds, of the statusword, which is of this very cycle
 
 
@@ -33,17 +33,17 @@ class EncoderPort:
     Whether a count is fresh is known by the input: what it calls unknown is not told here.
     """
 
-    def __init__(self, board: Board, name: str) -> None:
+    def __init__(self, board: IoScan, name: str) -> None:
         """``name`` of the input, on this board as soon as its node has come up."""
         self._board = board
         self._name = name
         self._replies: tuple[SdoReply, ...] = ()
         self._count: int | None = None
-        inputs = dict.fromkeys(INPUT_OBJECTS, Source.NONE) | {
-            "statusword": Source.SYNC_PDO,
+        inputs = dict.fromkeys(INPUT_OBJECTS, ValueTransport.NONE) | {
+            "statusword": ValueTransport.SYNC_PDO,
             "position": board.source_of(name),
         }
-        outputs = dict.fromkeys(OUTPUT_OBJECTS, Source.NONE)
+        outputs = dict.fromkeys(OUTPUT_OBJECTS, ValueTransport.NONE)
         ages = dict.fromkeys(inputs, _AGE) | {"position": math.inf}
         self.capabilities = Capabilities(inputs, outputs, remappable=False, max_age=ages)
 
@@ -69,7 +69,7 @@ class EncoderPort:
 
     def _position(self) -> Sample | None:
         reading = self._board.readings.get(self._name)
-        if reading is None or reading.known is not Known.YES or reading.value is None:
+        if reading is None or reading.known is not SignalValidity.YES or reading.value is None:
             return None
         if self._count is None:
             self._count = reading.value

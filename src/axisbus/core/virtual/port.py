@@ -14,7 +14,7 @@ from axisbus.cia402.port import (
     Sample,
     SdoReply,
     SdoRequest,
-    Source,
+    ValueTransport,
 )
 from axisbus.core.virtual.drive import VirtualDrive
 
@@ -77,5 +77,5 @@ class VirtualPort:
         return SdoReply(request.id, None, None)
 
 
-def _source(index: int) -> Source:
-    return Source.SYNC_PDO if index in OBJECTS else Source.NONE
+def _source(index: int) -> ValueTransport:
+    return ValueTransport.SYNC_PDO if index in OBJECTS else ValueTransport.NONE

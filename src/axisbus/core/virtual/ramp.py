@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from axisbus.motion.moves.profile_from_speed import Onward, Start
+from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
 
 
 class Piece(NamedTuple):
@@ -17,7 +17,7 @@ class Piece(NamedTuple):
     end: float
 
 
-class Ramps(NamedTuple):
+class RampLimits(NamedTuple):
     """Highest speed (per s) and ramps (per s²) of a way; all above 0."""
 
     speed: float
@@ -25,7 +25,7 @@ class Ramps(NamedTuple):
     down: float
 
 
-class Way:
+class RampProfile:
     """Pieces one after the other; holds how much of them is left. Behind the last one its velocity goes on."""
 
     __slots__ = ("_left", "_pieces", "velocity")
@@ -58,23 +58,23 @@ class Way:
         return gone
 
 
-def to_rest(velocity: float, down: float) -> Way:
+def to_rest(velocity: float, down: float) -> RampProfile:
     """Return the way to rest with a deceleration ``down`` above 0."""
-    return Way(velocity, [_change(velocity, 0.0, down)])
+    return RampProfile(velocity, [_change(velocity, 0.0, down)])
 
 
-def to_velocity(velocity: float, target: float, ramps: Ramps) -> Way:
+def to_velocity(velocity: float, target: float, ramps: RampLimits) -> RampProfile:
     """Return the way to a velocity: slower, also through rest, with the deceleration, faster with the acceleration."""
     between = target if velocity * target > 0.0 else 0.0  # whoever turns round comes to rest first
     slower = between if abs(between) < abs(velocity) else velocity
-    return Way(velocity, [_change(velocity, slower, ramps.down), _change(slower, target, ramps.up)])
+    return RampProfile(velocity, [_change(velocity, slower, ramps.down), _change(slower, target, ramps.up)])
 
 
-def to_distance(velocity: float, distance: float, ramps: Ramps) -> Way:
+def to_distance(velocity: float, distance: float, ramps: RampLimits) -> RampProfile:
     """Return the way that ends at rest after ``distance``: straight on where it can be braked to, else back again."""
-    planned = Onward(Start(0.0, velocity), distance, *ramps).pieces
+    planned = ProfileFromSpeed(Start(0.0, velocity), distance, *ramps).pieces
     ends = [*(speed for _, _, speed, _ in planned[1:]), 0.0]
-    return Way(
+    return RampProfile(
         velocity, [Piece(time, rate, end) for (time, _, _, rate), end in zip(planned, ends, strict=True)]
     )
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402 import statusword as sw
-from axisbus.cia402.state import STATUSWORD_PATTERNS, State
+from axisbus.cia402.state import STATUSWORD_PATTERNS, PowerState
 
-_S = State
+_S = PowerState
 # Nothing is missing here: there is a voltage, and nobody but the core leads the axis.
 _ALWAYS = sw.VOLTAGE_ENABLED | sw.REMOTE
 STATUSWORDS = {state: value | _ALWAYS for _, value, state in STATUSWORD_PATTERNS}
@@ -30,7 +30,7 @@ _NEXT = {
 }
 
 
-def after(state: State, controlword: int) -> State:
+def after(state: PowerState, controlword: int) -> PowerState:
     """Return the state to which a controlword leads from ``state``."""
     if not controlword & cw.ENABLE_VOLTAGE:
         return _S.SWITCH_ON_DISABLED

@@ -29,7 +29,7 @@ from statistics import median
 from typing import NamedTuple
 
 from axisbus.cia301 import cob
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple.identifier import split
 from axisbus.drives.gim6010.can_simple.messages import BY_COMMAND
@@ -95,7 +95,7 @@ class Speaker(NamedTuple):
 
 
 @dataclass(slots=True)
-class Listening:
+class ProtocolListener:
     """Tells who speaks another protocol; holds state: the last heartbeats by identifier, and the signs of CANopen so far."""
 
     frames: int = 0  # sound ones
@@ -107,7 +107,7 @@ class Listening:
     _canopen: set[int] = field(default_factory=set)  # nodes with error control
     _service: bool = False  # NMT or SYNC was heard
 
-    def note(self, frame: Frame) -> None:
+    def note(self, frame: CanFrame) -> None:
         """Take a frame, in the order of time."""
         if frame.error:
             return
@@ -123,7 +123,7 @@ class Listening:
         found = [speaker for key in self._heard if (speaker := self._judge(*key)) is not None]
         return sorted(found, key=lambda each: (each.protocol is Protocol.EXTENDED, each.node))
 
-    def speaker(self, frame: Frame) -> Speaker | None:
+    def speaker(self, frame: CanFrame) -> Speaker | None:
         """Return who sends a frame, where that is known to be a module of another protocol."""
         if frame.error or frame.remote:
             return None
@@ -138,7 +138,7 @@ class Listening:
             return None
         return self._judge(beat, False)
 
-    def _standard(self, frame: Frame) -> None:
+    def _standard(self, frame: CanFrame) -> None:
         self._signs(frame)
         command = frame.can_id & 0x1F
         if command == _HEARTBEAT and not frame.remote:
@@ -147,7 +147,7 @@ class Listening:
             node = frame.can_id >> _COMMAND_BITS
             self._positions.setdefault(node, deque(maxlen=_KEPT)).append(frame.data)
 
-    def _signs(self, frame: Frame) -> None:
+    def _signs(self, frame: CanFrame) -> None:
         """Note what only CANopen sends: error control (or a request for it), NMT commands, SYNC."""
         function, node = frame.can_id & 0x780, frame.can_id & 0x7F
         if function == cob.HEARTBEAT and node and (frame.remote or len(frame.data) == 1):
@@ -158,7 +158,7 @@ class Listening:
         ):
             self._service = True
 
-    def _keep(self, frame: Frame, can_id: int) -> None:
+    def _keep(self, frame: CanFrame, can_id: int) -> None:
         key = can_id, frame.extended
         if key in self._other:
             return
@@ -207,9 +207,9 @@ class Listening:
         return can_id not in _RESERVED and can_id & 0x7F in self._canopen
 
 
-def recognise(frames: Iterable[Frame]) -> list[Speaker]:
+def recognise(frames: Iterable[CanFrame]) -> list[Speaker]:
     """Return who of a bus speaks another protocol of the module than CANopen; ``frames`` in the order of time, in seconds."""
-    listening = Listening()
+    listening = ProtocolListener()
     for frame in frames:
         listening.note(frame)
     return listening.speakers

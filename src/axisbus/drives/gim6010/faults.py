@@ -23,7 +23,7 @@ _NOT_TOLD = "-"
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class GimFault:
     """One fault: the part of the firmware, its bit (one bit of 36), the code in 603Fh, and the bit of 1001h that goes with it.
 
     ``code`` and ``register_bit`` are None where nobody has told them. What to compare is ``objects`` on CANopen, ``parameter`` on
@@ -49,9 +49,9 @@ class Fault:
         return f"{self.category} {self.name}: {self.meaning} ({todo})"
 
 
-def _read() -> tuple[Fault, ...]:
+def _read() -> tuple[GimFault, ...]:
     return tuple(
-        Fault(
+        GimFault(
             row["category"],
             row["name"],
             int(row["bits"], 16),
@@ -100,7 +100,7 @@ def _single(bits: int) -> list[int]:
     return [1 << place for place in range(bits.bit_length()) if bits >> place & 1]
 
 
-def _narrowed(faults: Iterable[Fault], code: int, register: int | None) -> list[Fault]:
+def _narrowed(faults: Iterable[GimFault], code: int, register: int | None) -> list[GimFault]:
     """Return the faults that fit the code, and of them those that fit the error register, as far as any do."""
     left = list(faults)
     if code:
@@ -110,7 +110,7 @@ def _narrowed(faults: Iterable[Fault], code: int, register: int | None) -> list[
     return left
 
 
-def _registered(fault: Fault, register: int) -> bool:
+def _registered(fault: GimFault, register: int) -> bool:
     return fault.register_bit is None or bool(register >> fault.register_bit & 1)
 
 
@@ -126,7 +126,7 @@ def _of_category(category: str, bit: int) -> str:
     return f"{category} bit 0x{bit:08X} is not in the module's fault table"
 
 
-def _sentence(faults: list[Fault], what: str) -> str:
+def _sentence(faults: list[GimFault], what: str) -> str:
     if not faults:
         return f"{what} is not in the module's fault table"
     if len(faults) == 1:

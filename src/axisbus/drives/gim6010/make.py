@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from axisbus.drives.gim6010 import faults
-from axisbus.drives.make import Make, Measured
+from axisbus.drives.make import Make, MeasuredObject
 
 VENDOR_ID = 0x000C0B00  # CyberBeast
 
@@ -25,7 +25,7 @@ GIM6010 = Make(
         f"GIM6010-8: {COUNTS_PER_ROTOR_TURN} counts per turn of the rotor, gear {GEAR_RATIO}:1; if 6064h counts the rotor, "
         f"{COUNTS_PER_OUTPUT_TURN} per turn of the output, {COUNTS_PER_OUTPUT_TURN / 360:.4f} per degree"
     ),
-    measured={"temperature": Measured(0x200B, 2, 0.1)},  # the motor's, in 0.1 °C
+    measured={"temperature": MeasuredObject(0x200B, 2, 0.1)},  # the motor's, in 0.1 °C
     notes=(
         "its 6502h (0x761) does not agree with CiA 402: judge a mode by 6061h",
         "its protection against a dead master is off from the factory",

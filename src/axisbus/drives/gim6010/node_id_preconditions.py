@@ -8,17 +8,17 @@ from axisbus.cia301 import cob
 from axisbus.drives.gim6010.can_simple.coexistence import clashes, identifiers
 from axisbus.drives.gim6010.can_simple.identifier import NODES
 from axisbus.drives.gim6010.discovery.finder import Finder
-from axisbus.drives.gim6010.discovery.results import Finding, Spoken
+from axisbus.drives.gim6010.discovery.results import DiscoveredModule, ProtocolsFound
 from axisbus.errors import ArgumentError, StateError
 
 OVER_USB = {
-    Spoken.CANOPEN: (
+    ProtocolsFound.CANOPEN: (
         "connect it by USB and open odrivetool",
         "odrv0.can.config.protocol = 2",
         "odrv0.save_configuration(), after which it restarts",
         "switch it off and on, and look for it: axisbus gim6010 find",
     ),
-    Spoken.CAN_SIMPLE: (
+    ProtocolsFound.CAN_SIMPLE: (
         "connect it by USB and open odrivetool",
         "odrv0.can.config.protocol = 1",
         "odrv0.save_configuration(), after which it restarts",
@@ -27,7 +27,7 @@ OVER_USB = {
 }
 
 
-def require_one(finder: Finder, found: Sequence[Finding], node: int) -> Finding:
+def require_one(finder: Finder, found: Sequence[DiscoveredModule], node: int) -> DiscoveredModule:
     """Return the one module of CAN Simple that has this node ID, which is idle.
 
     Raises:
@@ -39,7 +39,9 @@ def require_one(finder: Finder, found: Sequence[Finding], node: int) -> Finding:
             observed=finder.unacknowledged,
             remedy="see axisbus gim6010 find",
         )
-    module = next((each for each in found if each.protocol is Spoken.CAN_SIMPLE and each.node == node), None)
+    module = next(
+        (each for each in found if each.protocol is ProtocolsFound.CAN_SIMPLE and each.node == node), None
+    )
     if module is None:
         raise StateError(
             f"no module that speaks CAN Simple has the node ID {node}",
@@ -58,7 +60,7 @@ def require_one(finder: Finder, found: Sequence[Finding], node: int) -> Finding:
     return module
 
 
-def require_free(finder: Finder, found: Sequence[Finding], new: int) -> None:
+def require_free(finder: Finder, found: Sequence[DiscoveredModule], new: int) -> None:
     """Check that ``new`` can be given to a module of CAN Simple (0 to 63).
 
     Raises:
@@ -66,7 +68,7 @@ def require_free(finder: Finder, found: Sequence[Finding], new: int) -> None:
     """
     if new not in NODES:
         raise ArgumentError(f"{new!r} is no node ID of CAN Simple", remedy="give a number from 0 to 63")
-    if any(each.protocol is Spoken.CAN_SIMPLE and each.node == new for each in found):
+    if any(each.protocol is ProtocolsFound.CAN_SIMPLE and each.node == new for each in found):
         raise StateError(f"another module has the node ID {new} already", remedy="give one that is free")
     mine = set(identifiers(new))
     foreign = [each for each in finder.picture.foreign() if not each.extended and each.can_id in mine]
@@ -78,7 +80,7 @@ def require_free(finder: Finder, found: Sequence[Finding], new: int) -> None:
     _require_no_clash([new], canopen_nodes(found))
 
 
-def require_canopen(found: Sequence[Finding], node: int) -> None:
+def require_canopen(found: Sequence[DiscoveredModule], node: int) -> None:
     """Check that the module with this node ID can be a CANopen node of the same ID on this bus.
 
     Raises:
@@ -94,14 +96,16 @@ def require_canopen(found: Sequence[Finding], node: int) -> None:
             f"there is a CANopen node {node} already", remedy="give the module a node ID that is free"
         )
     others = [
-        each.node for each in found if each.protocol is Spoken.CAN_SIMPLE and each.node not in (None, node)
+        each.node
+        for each in found
+        if each.protocol is ProtocolsFound.CAN_SIMPLE and each.node not in (None, node)
     ]
     _require_no_clash([each for each in others if each is not None], {*canopen_nodes(found), node})
 
 
-def canopen_nodes(found: Sequence[Finding]) -> set[int]:
+def canopen_nodes(found: Sequence[DiscoveredModule]) -> set[int]:
     """Return the CANopen nodes among what was found."""
-    return {each.node for each in found if each.protocol is Spoken.CANOPEN and each.node is not None}
+    return {each.node for each in found if each.protocol is ProtocolsFound.CANOPEN and each.node is not None}
 
 
 def _require_no_clash(simple: Collection[int], canopen: Collection[int]) -> None:

@@ -1,7 +1,7 @@
 """A complete, printable reference of a device from its EDS: what it holds, and how it is written as HTML and Markdown."""
 
-from axisbus.eds.device_doc.content import Reference, reference
+from axisbus.eds.device_doc.content import DeviceReference, reference
 from axisbus.eds.device_doc.html import html
 from axisbus.eds.device_doc.markdown import markdown
 
-__all__ = ["Reference", "html", "markdown", "reference"]
+__all__ = ["DeviceReference", "html", "markdown", "reference"]

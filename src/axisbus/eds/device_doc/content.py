@@ -10,17 +10,17 @@ from pathlib import PurePath
 from axisbus.cia402 import value_texts
 from axisbus.cia402.value_texts import Table
 from axisbus.eds import layout
-from axisbus.eds.layout import Layout
-from axisbus.eds.model import Eds, Finding, Object, Severity, Variable
+from axisbus.eds.layout import PdoLayout
+from axisbus.eds.model import Eds, EdsFinding, Object, Severity, Variable
 from axisbus.eds.report import overview, show, show_object, wording
-from axisbus.eds.report.overview import Area, Overview
+from axisbus.eds.report.overview import Area, EdsOverview
 from axisbus.wording import counted
 
 Fact = tuple[str, str]
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class ReferenceRow:
     """One entry, or a run of sub-indices that differ only in their number (``address`` ``01-08``); all texts may be empty.
 
     ``address`` is that of the sub-index, empty for an object without sub-indices. ``remarks`` are (title, text).
@@ -52,7 +52,7 @@ class ObjectPage:
     index: int
     name: str
     kind: str
-    rows: tuple[Row, ...]
+    rows: tuple[ReferenceRow, ...]
     explained: tuple[Explained, ...]
     line: int
 
@@ -88,7 +88,7 @@ class ModeRow:
 
 
 @dataclass(frozen=True, slots=True)
-class Reference:
+class DeviceReference:
     """The whole reference; ``pdos`` are to be drawn, ``axes`` is 0 for what is no drive."""
 
     title: str
@@ -96,9 +96,9 @@ class Reference:
     facts: tuple[Fact, ...]
     axes: int
     modes: tuple[ModeRow, ...]
-    pdos: tuple[Layout, ...]
+    pdos: tuple[PdoLayout, ...]
     areas: tuple[AreaPage, ...]
-    findings: tuple[Finding, ...]
+    findings: tuple[EdsFinding, ...]
 
     @property
     def verdict(self) -> str:
@@ -108,14 +108,16 @@ class Reference:
         return ", ".join(parts) or "nothing was found wrong"
 
 
-def reference(eds: Eds, node_id: int | None = None, findings: Sequence[Finding] | None = None) -> Reference:
+def reference(
+    eds: Eds, node_id: int | None = None, findings: Sequence[EdsFinding] | None = None
+) -> DeviceReference:
     """Return the reference of a device; values are those of ``node_id`` (1 to 127), without one formulas stay.
 
     ``findings`` are those of a check, else those of the reading.
     """
     seen = overview.overview(eds, node_id)
     pdos = layout.layouts(eds, node_id)
-    return Reference(
+    return DeviceReference(
         seen.title,
         PurePath(eds.source).name,
         tuple(_facts(eds, seen, node_id)),
@@ -127,7 +129,7 @@ def reference(eds: Eds, node_id: int | None = None, findings: Sequence[Finding] 
     )
 
 
-def _facts(eds: Eds, seen: Overview, node_id: int | None) -> Iterator[Fact]:
+def _facts(eds: Eds, seen: EdsOverview, node_id: int | None) -> Iterator[Fact]:
     device = eds.info.get("deviceinfo", {})
     who = seen.identity
     for title, text in (
@@ -168,7 +170,7 @@ def _file(eds: Eds) -> str:
     return ", ".join(part for part in parts if part)
 
 
-def _modes(seen: Overview) -> Iterator[ModeRow]:
+def _modes(seen: EdsOverview) -> Iterator[ModeRow]:
     said = {True: "yes", False: "no", None: "not said"}
     for claim in seen.claims:
         missing = ", ".join(wording.place(index) for index in claim.missing)
@@ -178,7 +180,7 @@ def _modes(seen: Overview) -> Iterator[ModeRow]:
 class _Pages:
     """Makes the pages of the objects; its only state is where each table of meanings stands, so that none is printed twice."""
 
-    def __init__(self, eds: Eds, node_id: int | None, pdos: tuple[Layout, ...]) -> None:
+    def __init__(self, eds: Eds, node_id: int | None, pdos: tuple[PdoLayout, ...]) -> None:
         self._eds = eds
         self._node_id = node_id
         self._pdos = pdos
@@ -199,19 +201,19 @@ class _Pages:
                 entry.line,
             )
 
-    def _rows(self, entry: Object) -> Iterator[Row]:
+    def _rows(self, entry: Object) -> Iterator[ReferenceRow]:
         for run in show.runs(list(entry.subs.values())):
             together = len({tuple(self._remarks(entry, sub)) for sub in run}) == 1
             for group in [run] if together else [[sub] for sub in run]:
                 yield self._row(entry, group)
 
-    def _row(self, entry: Object, run: list[Variable]) -> Row:
+    def _row(self, entry: Object, run: list[Variable]) -> ReferenceRow:
         first, last = run[0], run[-1]
         address = f"{first.subindex:02X}" if entry.is_record else ""
         name = first.denotation or first.name
         if len(run) > 1:
             address, name = f"{address}-{last.subindex:02X}", f"{name} … ({len(run)} alike)"
-        return Row(
+        return ReferenceRow(
             address,
             name,
             wording.type_name(first),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from html import escape
 
-from axisbus.eds.layout import Layout, Slot
+from axisbus.eds.layout import PdoLayout, PdoSlot
 from axisbus.eds.report.pdo_text import letter
 
 _BYTE = 84  # width of one byte; all lengths are in pixels at normal size
@@ -17,7 +17,7 @@ _ROWS = 8  # of eight bytes each; no CAN frame is longer, only a faulty file
 _NARROW = 40  # narrower boxes hold a letter
 
 
-def svg(layout: Layout) -> str:
+def svg(layout: PdoLayout) -> str:
     """Return the drawing as an SVG element, empty for a PDO that maps nothing; bit 0 of each byte is on the left."""
     if not layout.bits:
         return ""
@@ -33,12 +33,12 @@ def svg(layout: Layout) -> str:
     )
 
 
-def has_letter(slot: Slot) -> bool:
+def has_letter(slot: PdoSlot) -> bool:
     """Whether the box of an object is too narrow for its address, and holds a letter."""
     return slot.bits * _BIT < _NARROW
 
 
-def _row(layout: Layout, row: int) -> Iterator[str]:
+def _row(layout: PdoLayout, row: int) -> Iterator[str]:
     top = row * (_HEIGHT + _RULER)
     low, high = row * 64, row * 64 + 64
     for byte in range(8):
@@ -52,7 +52,7 @@ def _row(layout: Layout, row: int) -> Iterator[str]:
         yield f'<path class="tick" d="M{byte * _BYTE + 0.5} {top + _RULER + _HEIGHT - 4}v4"/>'
 
 
-def _box(slot: Slot, short: str, left: float, width: float, top: int) -> Iterator[str]:
+def _box(slot: PdoSlot, short: str, left: float, width: float, top: int) -> Iterator[str]:
     kind = "space" if slot.mapped.is_dummy else "box"
     name = escape(f"{slot.address} {slot.name}, {slot.where}")
     yield f'<g><title>{name}</title><rect class="{kind}" x="{left + 0.5:g}" y="{top}.5" width="{width:g}" height="{_HEIGHT}"/>'

@@ -9,15 +9,15 @@ from pathlib import Path
 
 from axisbus.cia402.value_texts import Table
 from axisbus.eds.device_doc import drawing
-from axisbus.eds.device_doc.content import AreaPage, Explained, ObjectPage, Reference, Row
-from axisbus.eds.layout import Layout
+from axisbus.eds.device_doc.content import AreaPage, DeviceReference, Explained, ObjectPage, ReferenceRow
+from axisbus.eds.layout import PdoLayout
 from axisbus.eds.report import pdo_text, wording
 from axisbus.wording import counted
 
 _COLUMNS = ("", "Name", "Type", "Access", "PDO", "Value", "Limits")
 
 
-def html(page: Reference) -> str:
+def html(page: DeviceReference) -> str:
     """Return the whole page."""
     return "\n".join(
         (
@@ -46,7 +46,7 @@ def _style() -> str:
     return (Path(__file__).parent / "style.css").read_text(encoding="utf-8")
 
 
-def _contents(page: Reference) -> Iterator[str]:
+def _contents(page: DeviceReference) -> Iterator[str]:
     """Return the table of contents: on a screen beside the text, on paper in front of it."""
     yield f'<nav aria-label="Contents"><h2><a href="#device">{escape(page.title)}</a></h2><ul>'
     if page.axes:
@@ -64,12 +64,12 @@ def _contents(page: Reference) -> Iterator[str]:
     yield "</nav>"
 
 
-def _facts(page: Reference) -> str:
+def _facts(page: DeviceReference) -> str:
     rows = "".join(f"<tr><th>{escape(title)}</th><td>{escape(text)}</td></tr>" for title, text in page.facts)
     return f'<table class="plain facts" id="device">{rows}</table>'
 
 
-def _modes(page: Reference) -> Iterator[str]:
+def _modes(page: DeviceReference) -> Iterator[str]:
     if not page.axes:
         return
     several = page.axes > 1
@@ -90,7 +90,7 @@ def _modes(page: Reference) -> Iterator[str]:
     yield "</tbody></table>"
 
 
-def _pdos(page: Reference) -> Iterator[str]:
+def _pdos(page: DeviceReference) -> Iterator[str]:
     if not page.pdos:
         return
     yield '<h2 id="pdos">PDOs</h2>'
@@ -99,7 +99,7 @@ def _pdos(page: Reference) -> Iterator[str]:
         yield from _pdo(each)
 
 
-def _pdo(each: Layout) -> Iterator[str]:
+def _pdo(each: PdoLayout) -> Iterator[str]:
     state = "" if each.valid else " off"
     yield f'<section class="pdo-section{state}" id="{each.name}">'
     yield f'<h3>{each.name} <span class="faint">{escape(pdo_text.heading(each))}</span></h3>'
@@ -149,7 +149,7 @@ def _object(each: ObjectPage) -> Iterator[str]:
         yield f'<tr class="remark"><td></td><td colspan="6">{"".join(tail)}</td></tr>'
 
 
-def _row(row: Row, owner: ObjectPage | None, remarks: list[str]) -> Iterator[str]:
+def _row(row: ReferenceRow, owner: ObjectPage | None, remarks: list[str]) -> Iterator[str]:
     kinds = [*(["plain-object"] if owner else []), *(["has-remark"] if remarks else [])]
     opening = f"<tr{_class(kinds)}{f' id={owner.anchor!r}' if owner else ''}>".replace("'", '"')
     address = owner.place if owner else f":{row.address}"
@@ -190,7 +190,7 @@ def _meaning(name: str, table: Table) -> str:
     return f"<table><caption>{name}{escape(table.title)}</caption><tbody>{rows}</tbody></table>"
 
 
-def _findings(page: Reference) -> Iterator[str]:
+def _findings(page: DeviceReference) -> Iterator[str]:
     yield f'<h2 id="findings">Findings <span class="faint">({page.verdict})</span></h2>'
     if not page.findings:
         return

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 
-from axisbus.eds.device_doc.content import AreaPage, Explained, ObjectPage, Reference, Row
-from axisbus.eds.layout import Layout
+from axisbus.eds.device_doc.content import AreaPage, DeviceReference, Explained, ObjectPage, ReferenceRow
+from axisbus.eds.layout import PdoLayout
 from axisbus.eds.report import pdo_text, wording
 from axisbus.wording import counted
 
@@ -15,7 +15,7 @@ _SPECIAL = re.compile(r"([\\`*_\[\]<>|#])")
 _COLUMNS = ("", "Name", "Type", "Access", "PDO", "Value", "Limits")
 
 
-def markdown(page: Reference) -> str:
+def markdown(page: DeviceReference) -> str:
     """Return the whole text, in the Markdown of GitHub (tables, and anchors as HTML)."""
     return "\n".join(
         (
@@ -33,7 +33,7 @@ def markdown(page: Reference) -> str:
     )
 
 
-def _contents(page: Reference) -> Iterator[str]:
+def _contents(page: DeviceReference) -> Iterator[str]:
     yield "## Contents"
     yield ""
     if page.axes:
@@ -48,7 +48,7 @@ def _contents(page: Reference) -> Iterator[str]:
     yield ""
 
 
-def _modes(page: Reference) -> Iterator[str]:
+def _modes(page: DeviceReference) -> Iterator[str]:
     if not page.axes:
         return
     yield from _heading("Modes of operation", "modes")
@@ -58,7 +58,7 @@ def _modes(page: Reference) -> Iterator[str]:
     yield from _table(("Axis", "Mode", "", "Claimed by 6502h", "Mandatory objects that are not there"), rows)
 
 
-def _pdos(page: Reference) -> Iterator[str]:
+def _pdos(page: DeviceReference) -> Iterator[str]:
     if not page.pdos:
         return
     yield from _heading("PDOs", "pdos")
@@ -68,7 +68,7 @@ def _pdos(page: Reference) -> Iterator[str]:
         yield from _pdo(each)
 
 
-def _pdo(each: Layout) -> Iterator[str]:
+def _pdo(each: PdoLayout) -> Iterator[str]:
     yield f"### {each.name}"
     yield ""
     yield _text(pdo_text.heading(each))
@@ -103,7 +103,7 @@ def _object(each: ObjectPage) -> Iterator[str]:
         yield from _explained(explained)
 
 
-def _cells(row: Row) -> tuple[str, ...]:
+def _cells(row: ReferenceRow) -> tuple[str, ...]:
     address = f":{row.address}" if row.address else ""
     return (address, row.name, row.data_type, row.access, row.pdo, row.value, row.limits)
 
@@ -125,7 +125,7 @@ def _explained(each: Explained) -> Iterator[str]:
         yield from _table((table.key.capitalize(), "Meaning"), table.rows)
 
 
-def _findings(page: Reference) -> Iterator[str]:
+def _findings(page: DeviceReference) -> Iterator[str]:
     yield from _heading("Findings", "findings")
     yield f"{page.verdict[0].upper()}{page.verdict[1:]}."
     yield ""

@@ -9,23 +9,23 @@ from typing import NamedTuple
 
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.io import values
-from axisbus.eds.io.edit import Change
+from axisbus.eds.io.edit import LineEdit
 from axisbus.eds.io.findings import Findings
 from axisbus.eds.io.lazy_objects import FileObjects
-from axisbus.eds.io.reader import Reading
-from axisbus.eds.io.text import Document, Section
-from axisbus.eds.model import Finding, Severity
+from axisbus.eds.io.reader import EdsParseResult
+from axisbus.eds.io.text import EdsText, Section
+from axisbus.eds.model import EdsFinding, Severity
 
 _FIRST_OWN_TYPE = 0x40
 
 
-class Mended(NamedTuple):
+class Fix(NamedTuple):
     """One thing mended: the ``rule`` that it broke, the ``line`` (from 1) where, and in words what is changed."""
 
     rule: str
     line: int
     what: str
-    changes: tuple[Change, ...]
+    changes: tuple[LineEdit, ...]
 
 
 class _Every(Findings):
@@ -33,7 +33,7 @@ class _Every(Findings):
 
     def __init__(self) -> None:
         super().__init__()
-        self.found: dict[str, list[Finding]] = {}
+        self.found: dict[str, list[EdsFinding]] = {}
         self.lines: dict[str, list[int]] = {}
 
     def add(
@@ -46,7 +46,7 @@ class _Every(Findings):
         index: int | None = None,
         subindex: int | None = None,
     ) -> None:
-        finding = Finding(rule, Severity.NOTE, line, column, message, "", index, subindex)
+        finding = EdsFinding(rule, Severity.NOTE, line, column, message, "", index, subindex)
         self.found.setdefault(rule, []).append(finding)
 
     def add_lines(self, rule: str, numbers: Sequence[int], message: Callable[[int], str]) -> None:
@@ -54,12 +54,12 @@ class _Every(Findings):
         self.lines.setdefault(rule, []).extend(numbers)
 
 
-class Bench:
+class FixContext:
     """A reading on the bench; frozen, what it derives is worked out once on first use."""
 
-    def __init__(self, reading: Reading) -> None:
+    def __init__(self, reading: EdsParseResult) -> None:
         self.reading = reading
-        self.document: Document = reading.document
+        self.document: EdsText = reading.document
 
     @cached_property
     def _every(self) -> _Every:
@@ -70,7 +70,7 @@ class Bench:
         return every
 
     @property
-    def found(self) -> Mapping[str, Sequence[Finding]]:
+    def found(self) -> Mapping[str, Sequence[EdsFinding]]:
         """What reading found odd, all of it, by rule; without what ``lines`` has."""
         return self._every.found
 
@@ -97,7 +97,7 @@ class Bench:
         """Return the section in which a line stands, which must not be before the first."""
         return self._sections[bisect_right(self._starts, line) - 1]
 
-    def type_at(self, finding: Finding) -> DataType:
+    def type_at(self, finding: EdsFinding) -> DataType:
         """Return the data type of the value that a finding is about."""
         given = values.plain(self.section_at(finding.line).entries.get("datatype", "")) or 0
         if 0 < given < _FIRST_OWN_TYPE:
@@ -106,14 +106,14 @@ class Bench:
         return DataType(0) if entry is None else entry.data_type
 
 
-Mend = Callable[[Bench], Iterable[Mended]]
-_Single = Callable[[Bench, Finding], Mended | None]
+Mend = Callable[[FixContext], Iterable[Fix]]
+_Single = Callable[[FixContext, EdsFinding], Fix | None]
 
 
 def each(rule: str, single: _Single) -> Mend:
     """Return the mend that looks at each finding of a rule by itself."""
 
-    def mend(bench: Bench) -> Iterator[Mended]:
+    def mend(bench: FixContext) -> Iterator[Fix]:
         for finding in bench.found.get(rule, ()):
             mended = single(bench, finding)
             if mended is not None:

@@ -7,18 +7,18 @@ from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 
 from axisbus.eds import subindices
-from axisbus.eds.fixes.base import Bench, Mend, Mended, short
+from axisbus.eds.fixes.base import Fix, FixContext, Mend, short
 from axisbus.eds.fixes.spelling import LISTS
 from axisbus.eds.io import edit, values
 from axisbus.eds.io.compact import MAX_ENTRIES
-from axisbus.eds.io.edit import Change
+from axisbus.eds.io.edit import LineEdit
 from axisbus.eds.io.text import Section
 
 _COMMENT_LINE = re.compile(r"line[1-9][0-9]*")
 _MODULE_LIST = re.compile(r"m[0-9]+(?:fixedobjects|subextends)|connectedmodules")
 
 
-def _counted(bench: Bench, rule: str, section: Section, key: str, there: int) -> Iterator[Mended]:
+def _counted(bench: FixContext, rule: str, section: Section, key: str, there: int) -> Iterator[Fix]:
     """Correct a count, in the notation that it has; one that is not there is added below the section's header."""
     given = section.entries.get(key.lower())
     if values.plain(given or "") == there:
@@ -26,30 +26,30 @@ def _counted(bench: Bench, rule: str, section: Section, key: str, there: int) ->
     new = f"0x{there:X}" if (given or "")[:2].lower() == "0x" else str(there)
     if given is None:
         change = edit.insert_key(bench.document, section, key, new, first=True)
-        yield Mended(rule, section.line, f"[{section.name}] {key}={new} added", (change,))
+        yield Fix(rule, section.line, f"[{section.name}] {key}={new} added", (change,))
     else:
         change = edit.set_value(bench.document, section, key, new)
         what = f"[{section.name}] {key} {short(given) or 'empty'} -> {new}"
-        yield Mended(rule, section.places[key.lower()], what, (change,))
+        yield Fix(rule, section.places[key.lower()], what, (change,))
 
 
 def _numbered(section: Section) -> int:
     return sum(key[:1].isdigit() for key in section.entries)
 
 
-def _object_lists(bench: Bench) -> Iterator[Mended]:
+def _object_lists(bench: FixContext) -> Iterator[Fix]:
     """L001, L003."""
     for section in _clear(bench):
         rule = "L003" if "supportedobjects" in section.entries else "L001"
         yield from _counted(bench, rule, section, "SupportedObjects", _numbered(section))
 
 
-def _lists(bench: Bench) -> Iterator[Section]:
+def _lists(bench: FixContext) -> Iterator[Section]:
     sections = bench.document.sections
     yield from (sections[name] for name in LISTS if name in sections)
 
 
-def _numbering(bench: Bench) -> Iterator[Mended]:
+def _numbering(bench: FixContext) -> Iterator[Fix]:
     """L004: the entries numbered from 1 in the order in which they stand; one whose number was there already counts again."""
     for section in _clear(bench):
         entries = _entries(section)
@@ -59,10 +59,10 @@ def _numbering(bench: Bench) -> Iterator[Mended]:
             if key != str(number)
         ]
         if changes:
-            yield Mended("L004", changes[0].line, f"[{section.name}] numbered anew", tuple(changes))
+            yield Fix("L004", changes[0].line, f"[{section.name}] numbered anew", tuple(changes))
 
 
-def _clear(bench: Bench) -> Iterator[Section]:
+def _clear(bench: FixContext) -> Iterator[Section]:
     """Yield the lists without lines that are not understood, such as the marks of a merge."""
     strange = bench.lines.get("S006", ())
     for section in _lists(bench):
@@ -76,7 +76,7 @@ def _entries(section: Section) -> list[tuple[int, str, str]]:
     return [(line, key, given) for line, key, given in section.every() if key[:1].isdigit()]
 
 
-def _listed_already(bench: Bench) -> Iterator[Mended]:
+def _listed_already(bench: FixContext) -> Iterator[Fix]:
     """S004: an entry whose number is there already, of an object that another entry names."""
     for section in _clear(bench):
         counted = {values.plain(given) for key, given in section.entries.items() if key[:1].isdigit()}
@@ -86,11 +86,11 @@ def _listed_already(bench: Bench) -> Iterator[Mended]:
                 continue
             if index in counted:
                 what = f"[{section.name}] {key}={short(given)} removed, it is listed under another number"
-                yield Mended("S004", line, what, (Change(line, 1),))
+                yield Fix("S004", line, what, (LineEdit(line, 1),))
             counted.add(index)
 
 
-def _sub_numbers(bench: Bench) -> Iterator[Mended]:
+def _sub_numbers(bench: FixContext) -> Iterator[Fix]:
     """O007, O024."""
     parts, objects = bench.reading.parts, bench.reading.eds.objects
     for index, head in parts.heads.items():
@@ -103,15 +103,15 @@ def _sub_numbers(bench: Bench) -> Iterator[Mended]:
         yield from _sub_number(bench, rule, head, there)
 
 
-def _sub_number(bench: Bench, rule: str, head: Section, there: int) -> Iterator[Mended]:
+def _sub_number(bench: FixContext, rule: str, head: Section, there: int) -> Iterator[Fix]:
     if "subnumber" in head.entries:
         yield from _counted(bench, rule, head, "SubNumber", there)
     else:
         change = edit.insert_key(bench.document, head, "SubNumber", str(there))
-        yield Mended(rule, head.line, f"[{head.name}] SubNumber={there} added", (change,))
+        yield Fix(rule, head.line, f"[{head.name}] SubNumber={there} added", (change,))
 
 
-def _compact(bench: Bench) -> Iterator[Mended]:
+def _compact(bench: FixContext) -> Iterator[Fix]:
     """O013 and B001: the highest number of compact sub-indices is 254, and SubNumber is 0 beside it."""
     for index, head in bench.reading.parts.heads.items():
         if index in bench.reading.parts.subs:
@@ -123,7 +123,7 @@ def _compact(bench: Bench) -> Iterator[Mended]:
             yield from _counted(bench, "B001", head, "SubNumber", 0)
 
 
-def _beside(bench: Bench) -> Iterator[Mended]:
+def _beside(bench: FixContext) -> Iterator[Fix]:
     """B002, B003."""
     for (_, kind), section in bench.reading.parts.beside.items():
         links = kind == "objectlinks"
@@ -131,14 +131,14 @@ def _beside(bench: Bench) -> Iterator[Mended]:
         yield from _counted(bench, rule, section, key, _numbered(section))
 
 
-def _module_lists(bench: Bench) -> Iterator[Mended]:
+def _module_lists(bench: FixContext) -> Iterator[Fix]:
     """X004."""
     for name, section in bench.document.sections.items():
         if _MODULE_LIST.fullmatch(name):
             yield from _counted(bench, "X004", section, "NrOfEntries", _numbered(section))
 
 
-def _comment_lines(bench: Bench) -> Iterator[Mended]:
+def _comment_lines(bench: FixContext) -> Iterator[Fix]:
     """D017."""
     section = bench.document.sections.get("comments")
     if section is not None:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
-from axisbus.eds.fixes.base import Bench, Mend, Mended
+from axisbus.eds.fixes.base import Fix, FixContext, Mend
 from axisbus.eds.io import edit, values
 from axisbus.eds.model import DUMMIES
 
 _SHORT = re.compile(r"dummy([0-9a-f]{1,3})")
 
 
-def _short_keys(bench: Bench) -> Iterator[Mended]:
+def _short_keys(bench: FixContext) -> Iterator[Fix]:
     """D016, where the key is there in full under no other spelling."""
     section = bench.document.sections.get("dummyusage")
     if section is None:
@@ -24,10 +24,10 @@ def _short_keys(bench: Bench) -> Iterator[Mended]:
             continue
         taken.add(name.lower())
         change = edit.rename_key(bench.document, line, name)
-        yield Mended("D016", line, f"[{section.name}] {key.capitalize()} -> {name}", (change,))
+        yield Fix("D016", line, f"[{section.name}] {key.capitalize()} -> {name}", (change,))
 
 
-def _left_out(bench: Bench) -> Iterator[Mended]:
+def _left_out(bench: FixContext) -> Iterator[Fix]:
     """D019: what is not there means 0."""
     section = bench.document.sections.get("dummyusage")
     if section is None or any(values.plain(text) is None for text in section.entries.values()):
@@ -37,7 +37,7 @@ def _left_out(bench: Bench) -> Iterator[Mended]:
     }
     if absent:
         changes = tuple(edit.set_values(bench.document, section, absent))
-        yield Mended("D019", section.line, f"[{section.name}] {', '.join(absent)} added as 0", changes)
+        yield Fix("D019", section.line, f"[{section.name}] {', '.join(absent)} added as 0", changes)
 
 
 NAMES: Mapping[str, Mend] = {"D016": _short_keys}

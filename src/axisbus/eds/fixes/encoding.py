@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from axisbus.eds.io import text
-from axisbus.eds.io.text import Document
+from axisbus.eds.io.text import EdsText
 
 
-def plain_encoding(document: Document) -> Document | None:
+def plain_encoding(document: EdsText) -> EdsText | None:
     """S002: return the document without byte order mark, in ASCII or, where it has other letters, in UTF-8; None if it is so."""
     if not document.bom and not document.encoding.startswith("utf-16"):
         return None
@@ -21,7 +21,7 @@ def plain_encoding(document: Document) -> Document | None:
     return text.document(document.lines, document.newline, again.encoding, again.bom)
 
 
-def line_ends(document: Document) -> Document | None:
+def line_ends(document: EdsText) -> EdsText | None:
     """S014: return the document with LF where its lines end in CR alone, None if they do not."""
     if document.newline != "\r" or len(document.lines) == 1:
         return None

@@ -7,9 +7,9 @@ import unicodedata
 from collections.abc import Iterator, Mapping
 from functools import cache
 
-from axisbus.eds.fixes.base import Bench, Mend, Mended, short
-from axisbus.eds.io.edit import Change
-from axisbus.eds.io.text import Document, entry_of
+from axisbus.eds.fixes.base import Fix, FixContext, Mend, short
+from axisbus.eds.io.edit import LineEdit
+from axisbus.eds.io.text import EdsText, entry_of
 from axisbus.wording import counted
 
 MAX_LINE = 255  # DS 306 4.2
@@ -60,7 +60,7 @@ def _bare(letter: str) -> str | None:
     return apart[0] if known else None
 
 
-def is_certain(document: Document) -> bool:
+def is_certain(document: EdsText) -> bool:
     """Whether the letters beyond ASCII were read in the right code page.
 
     A code page is a guess. It counts as right where every letter is the same in all western code pages, and stands in words of
@@ -95,7 +95,7 @@ def _is_western(word: str) -> bool:
     return sum(not letter.isascii() and letter != "µ" for letter in word) * 2 <= len(word)
 
 
-def _letters(bench: Bench) -> Iterator[Mended]:
+def _letters(bench: FixContext) -> Iterator[Fix]:
     """S001: names and comments, all at once as the check tells of them; none where the code page may be another."""
     if not is_certain(bench.document):
         return
@@ -103,17 +103,17 @@ def _letters(bench: Bench) -> Iterator[Mended]:
     if changes:
         first = bench.document.lines[changes[0].line - 1].strip()
         more = f", and {counted(len(changes) - 1, 'more line')}" if len(changes) > 1 else ""
-        yield Mended("S001", changes[0].line, f"{short(first)} in ASCII{more}", changes)
+        yield Fix("S001", changes[0].line, f"{short(first)} in ASCII{more}", changes)
 
 
-def _changes(bench: Bench) -> Iterator[Change]:
+def _changes(bench: FixContext) -> Iterator[LineEdit]:
     for number, line in enumerate(bench.document.lines, 1):
         if line.isascii():
             continue
         raw = line.removesuffix("\r")
         new = plain(raw) if _is_for_people(raw) else None
         if new is not None and len(new) <= MAX_LINE:
-            yield Change(number, 1, (new,))
+            yield LineEdit(number, 1, (new,))
 
 
 def _is_for_people(raw: str) -> bool:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
-from axisbus.eds.fixes.base import Bench, Mend, Mended, each
+from axisbus.eds.fixes.base import Fix, FixContext, Mend, each
 from axisbus.eds.io import edit
 from axisbus.eds.io.build import ACCESS_TYPES
 from axisbus.eds.io.text import Section
-from axisbus.eds.model import Finding
+from axisbus.eds.model import EdsFinding
 
 LISTS = ("mandatoryobjects", "optionalobjects", "manufacturerobjects")
 _ZEROS = re.compile(r"(?i)sub0+(?=[0-9a-f])")
@@ -17,25 +17,25 @@ _RATE = re.compile(r"baudrate_[0-9]+")
 _RATE_AS_PRINTED = re.compile(r"\s*BaudRate_")
 
 
-def _commissioning(bench: Bench, finding: Finding) -> Mended | None:
+def _commissioning(bench: FixContext, finding: EdsFinding) -> Fix | None:
     """K001."""
     return _renamed(bench, "K001", bench.section_at(finding.line), "DeviceComissioning")
 
 
-def _leading_zeros(bench: Bench, finding: Finding) -> Mended | None:
+def _leading_zeros(bench: FixContext, finding: EdsFinding) -> Fix | None:
     """O012."""
     section = bench.section_at(finding.line)
     return _renamed(bench, "O012", section, _ZEROS.sub(lambda found: found[0][:3], section.name))
 
 
-def _renamed(bench: Bench, rule: str, section: Section, name: str) -> Mended | None:
+def _renamed(bench: FixContext, rule: str, section: Section, name: str) -> Fix | None:
     if name.lower() in bench.document.sections:
         return None
     change = edit.rename_section(bench.document, section, name)
-    return Mended(rule, section.line, f"[{section.name}] -> [{name}]", (change,))
+    return Fix(rule, section.line, f"[{section.name}] -> [{name}]", (change,))
 
 
-def _access(bench: Bench) -> Iterator[Mended]:
+def _access(bench: FixContext) -> Iterator[Fix]:
     """O019."""
     parts = bench.reading.parts
     for section in (*parts.heads.values(), *(sub for subs in parts.subs.values() for sub in subs.values())):
@@ -43,19 +43,19 @@ def _access(bench: Bench) -> Iterator[Mended]:
         if given.lower() in ACCESS_TYPES and not given.islower():
             change = edit.set_value(bench.document, section, "accesstype", given.lower())
             line = section.places["accesstype"]
-            yield Mended("O019", line, f"[{section.name}] {given} -> {given.lower()}", (change,))
+            yield Fix("O019", line, f"[{section.name}] {given} -> {given.lower()}", (change,))
 
 
-def _baud_rates(bench: Bench) -> Iterator[Mended]:
+def _baud_rates(bench: FixContext) -> Iterator[Fix]:
     """D012."""
     device = bench.document.sections.get("deviceinfo")
     for key, line in device.places.items() if device is not None else ():
         if _RATE.fullmatch(key) and not _RATE_AS_PRINTED.match(bench.document.lines[line - 1]):
             new = key.replace("baudrate", "BaudRate")
-            yield Mended("D012", line, f"-> {new}", (edit.rename_key(bench.document, line, new),))
+            yield Fix("D012", line, f"-> {new}", (edit.rename_key(bench.document, line, new),))
 
 
-def _supported_objects(bench: Bench) -> Iterator[Mended]:
+def _supported_objects(bench: FixContext) -> Iterator[Fix]:
     """S017, where the key differs by spaces or signs between its words alone."""
     for name in LISTS:
         section = bench.document.sections.get(name)
@@ -64,7 +64,7 @@ def _supported_objects(bench: Bench) -> Iterator[Mended]:
         for key, line in section.places.items():
             if re.sub(r"[ _-]", "", key) == "supportedobjects":
                 change = edit.rename_key(bench.document, line, "SupportedObjects")
-                yield Mended("S017", line, f"[{section.name}] {key[:40]} -> SupportedObjects", (change,))
+                yield Fix("S017", line, f"[{section.name}] {key[:40]} -> SupportedObjects", (change,))
                 break
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
-from axisbus.eds.fixes.base import Bench, Mend, Mended, each, short
+from axisbus.eds.fixes.base import Fix, FixContext, Mend, each, short
 from axisbus.eds.io import edit, text
-from axisbus.eds.io.edit import Change
+from axisbus.eds.io.edit import LineEdit
 from axisbus.eds.io.text import Section
-from axisbus.eds.model import Finding
+from axisbus.eds.model import EdsFinding
 
 _TRAILING = re.compile(r"\s*;|(?:^|\s+)#")
 _FOREIGN_COMMENT = ("#", "//")
@@ -18,33 +18,33 @@ _FOREIGN_COMMENT = ("#", "//")
 def _comments(rule: str) -> Mend:
     """S005, S006: comments in the manner of another format."""
 
-    def mend(bench: Bench) -> Iterator[Mended]:
+    def mend(bench: FixContext) -> Iterator[Fix]:
         for number in bench.lines.get(rule, ()):
             raw = bench.document.lines[number - 1].removesuffix("\r")
             if raw.lstrip().startswith(_FOREIGN_COMMENT):
-                change = Change(number, 1, (f";{raw.lstrip()}",))
-                yield Mended(rule, number, f"{short(raw.strip())} made a comment", (change,))
+                change = LineEdit(number, 1, (f";{raw.lstrip()}",))
+                yield Fix(rule, number, f"{short(raw.strip())} made a comment", (change,))
 
     return mend
 
 
-def _indented(bench: Bench, finding: Finding) -> Mended:
+def _indented(bench: FixContext, finding: EdsFinding) -> Fix:
     """S009."""
     raw = bench.document.lines[finding.line - 1].removesuffix("\r")
-    change = Change(finding.line, 1, (raw.lstrip(),))
-    return Mended("S009", finding.line, f"{short(raw.strip())} moved to column 1", (change,))
+    change = LineEdit(finding.line, 1, (raw.lstrip(),))
+    return Fix("S009", finding.line, f"{short(raw.strip())} moved to column 1", (change,))
 
 
-def _unclosed(bench: Bench, finding: Finding) -> Mended | None:
+def _unclosed(bench: FixContext, finding: EdsFinding) -> Fix | None:
     """S010."""
     section = bench.section_at(finding.line)
     if not section.name or "[" in section.name:
         return None
     change = edit.rename_section(bench.document, section, section.name)
-    return Mended("S010", finding.line, f"[{short(section.name)} closed", (change,))
+    return Fix("S010", finding.line, f"[{short(section.name)} closed", (change,))
 
 
-def _behind(bench: Bench, finding: Finding) -> Mended | None:
+def _behind(bench: FixContext, finding: EdsFinding) -> Fix | None:
     """S011: what follows a value or a name moves to a comment of its own, in the next line."""
     raw = bench.document.lines[finding.line - 1].removesuffix("\r")
     section = bench.section_at(finding.line)
@@ -52,8 +52,8 @@ def _behind(bench: Bench, finding: Finding) -> Mended | None:
     if not behind:
         return None
     comment = behind if behind[0] == ";" else f"; {behind}"
-    change = Change(finding.line, 1, (kept, comment))
-    return Mended("S011", finding.line, f"{short(behind)} moved to a line of its own", (change,))
+    change = LineEdit(finding.line, 1, (kept, comment))
+    return Fix("S011", finding.line, f"{short(behind)} moved to a line of its own", (change,))
 
 
 def _header(raw: str) -> tuple[str, str]:
@@ -72,7 +72,7 @@ def _value(raw: str) -> tuple[str, str]:
     return f"{key}={rest[:end]}", rest[end:].strip()
 
 
-def _same_section(bench: Bench, finding: Finding) -> Mended | None:
+def _same_section(bench: FixContext, finding: EdsFinding) -> Fix | None:
     """S003: the second of two sections that say the same."""
     second = bench.section_at(finding.line)
     first = bench.document.sections[second.name.lower()]
@@ -82,7 +82,7 @@ def _same_section(bench: Bench, finding: Finding) -> Mended | None:
         return None
     if not (_plain(bench, first) and _plain(bench, second)):
         return None
-    return Mended(
+    return Fix(
         "S003",
         finding.line,
         f"[{second.name}] removed, it says what line {first.line} says",
@@ -90,27 +90,27 @@ def _same_section(bench: Bench, finding: Finding) -> Mended | None:
     )
 
 
-def _plain(bench: Bench, section: Section) -> bool:
+def _plain(bench: FixContext, section: Section) -> bool:
     """Whether a section has no key twice, and no line that is not understood."""
     lines = [line for raw in bench.document.lines[section.line : section.end - 1] if (line := raw.strip())]
     return sum(line[0] != ";" for line in lines) == len(section.entries)
 
 
-def _without_comments(bench: Bench, section: Section) -> Iterator[Change]:
+def _without_comments(bench: FixContext, section: Section) -> Iterator[LineEdit]:
     lines = bench.document.lines
     ended = len(lines) if lines[-1] == "" else 0  # behind the last line end there is no line
     for number in range(section.line, section.end):
         if lines[number - 1].lstrip()[:1] != ";" and number != ended:
-            yield Change(number, 1)
+            yield LineEdit(number, 1)
 
 
-def _same_key(bench: Bench, finding: Finding) -> Mended | None:
+def _same_key(bench: FixContext, finding: EdsFinding) -> Fix | None:
     """S004: the second of two entries that say the same."""
     key, given = text.entry_of(bench.document.lines[finding.line - 1])
     if bench.section_at(finding.line).entries.get(key) != given:
         return None
     what = f"{short(key)} removed, it is there already with the same value"
-    return Mended("S004", finding.line, what, (Change(finding.line, 1),))
+    return Fix("S004", finding.line, what, (LineEdit(finding.line, 1),))
 
 
 MENDS: Mapping[str, Mend] = {

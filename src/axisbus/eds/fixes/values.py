@@ -6,10 +6,10 @@ import re
 from collections.abc import Callable, Mapping
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.eds.fixes.base import Bench, Mend, Mended, each, short
+from axisbus.eds.fixes.base import Fix, FixContext, Mend, each, short
 from axisbus.eds.io import edit, text, values
 from axisbus.eds.io.new_file import written
-from axisbus.eds.model import Finding, Number
+from axisbus.eds.model import EdsFinding, Number
 
 _H_SUFFIX = re.compile(r"(?:0[xX])?([0-9][0-9A-Fa-f]*)[hH]")
 _LETTER_O = re.compile(r"[oO][xX]([0-9A-Fa-f]+)")
@@ -67,7 +67,7 @@ _NEW_TEXTS: Mapping[str, _NewText] = {
 }
 
 
-def _mend(rule: str, bench: Bench, finding: Finding) -> Mended | None:
+def _mend(rule: str, bench: FixContext, finding: EdsFinding) -> Fix | None:
     """Rewrite one value; what would not be read as the same value afterwards is left alone."""
     section = bench.section_at(finding.line)
     key, given = text.entry_of(bench.document.lines[finding.line - 1])
@@ -81,7 +81,7 @@ def _mend(rule: str, bench: Bench, finding: Finding) -> Mended | None:
     ):
         return None
     change = edit.set_value(bench.document, section, key, new)
-    return Mended(rule, finding.line, f"[{section.name}] {short(given)} -> {short(new)}", (change,))
+    return Fix(rule, finding.line, f"[{section.name}] {short(given)} -> {short(new)}", (change,))
 
 
 def _same(rule: str, given: str, new: str, data_type: DataType) -> bool:

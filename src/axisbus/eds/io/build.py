@@ -9,9 +9,9 @@ from typing import TypeVar
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.io import compact, values
 from axisbus.eds.io.findings import Findings
-from axisbus.eds.io.sections import Sorted
-from axisbus.eds.io.text import Document, Section
-from axisbus.eds.io.values import Default, Problem
+from axisbus.eds.io.sections import SectionIndex
+from axisbus.eds.io.text import EdsText, Section
+from axisbus.eds.io.values import Default, ValueProblem
 from axisbus.eds.model import Number, Object, ObjectType, Variable, object_of, variable, variable_like
 
 ACCESS_TYPES = frozenset(("ro", "wo", "rw", "rwr", "rww", "const"))
@@ -42,10 +42,10 @@ _BOTH_ZERO = "V018"
 _DEFAULT = "defaultvalue"
 
 
-class Builder:
+class EdsObjectBuilder:
     """Builds objects one by one; what cannot be understood goes to ``findings`` where they are wanted, which is all it changes."""
 
-    def __init__(self, document: Document, parts: Sorted, findings: Findings | None = None) -> None:
+    def __init__(self, document: EdsText, parts: SectionIndex, findings: Findings | None = None) -> None:
         self._document = document
         self._parts = parts
         self._findings = findings
@@ -328,7 +328,7 @@ class Builder:
         return number.value if number is not None else 0
 
     def _problems(
-        self, problems: tuple[Problem, ...], section: Section, key: str, index: int, subindex: int | None
+        self, problems: tuple[ValueProblem, ...], section: Section, key: str, index: int, subindex: int | None
     ) -> None:
         for problem in problems:
             found = problem.key or key
@@ -345,7 +345,7 @@ class Builder:
 
 
 def _limits_hang_on_default(entries: Mapping[str, str], made: Variable) -> bool:
-    """Whether the limits may be others beside another default: two limits of 0 are; see ``Builder._only_zero``."""
+    """Whether the limits may be others beside another default: two limits of 0 are; see ``EdsObjectBuilder._only_zero``."""
     return bool(entries.get("lowlimit") and entries.get("highlimit")) and made.low == made.high
 
 
@@ -369,33 +369,33 @@ def _more(entries: Mapping[str, str]) -> Mapping[str, str]:
 
 
 @lru_cache(maxsize=256)
-def _object_type(text: str) -> tuple[ObjectType, tuple[Problem, ...]]:
+def _object_type(text: str) -> tuple[ObjectType, tuple[ValueProblem, ...]]:
     number, problems = values.integer(text)
     if number is None or not 0 <= number.value <= 0xFF:
-        return ObjectType.VAR, (Problem("O004", f"{text[:40]} is no object type"),)
+        return ObjectType.VAR, (ValueProblem("O004", f"{text[:40]} is no object type"),)
     if ObjectType(number.value) not in _KNOWN_TYPES:
-        problems = (*problems, Problem("O004", f"{text[:40]} is an unknown object type"))
+        problems = (*problems, ValueProblem("O004", f"{text[:40]} is an unknown object type"))
     return ObjectType(number.value), problems
 
 
 @lru_cache(maxsize=256)
-def _data_type(text: str) -> tuple[DataType, tuple[Problem, ...]]:
+def _data_type(text: str) -> tuple[DataType, tuple[ValueProblem, ...]]:
     number, problems = values.integer(text)
     if number is None or not 0 < number.value <= 0xFFFF:
         what = f"{text[:40]} is no data type" if text else "it is missing"
-        return DataType(0), (Problem("O002", what),)
+        return DataType(0), (ValueProblem("O002", what),)
     if number.value < _FIRST_OWN_TYPE and DataType(number.value) not in _KNOWN_DATA_TYPES:
-        problems = (*problems, Problem("O002", f"{text[:40]} is no data type of CiA 301"))
+        problems = (*problems, ValueProblem("O002", f"{text[:40]} is no data type of CiA 301"))
     return DataType(number.value), problems
 
 
 @lru_cache(maxsize=256)
-def _access(text: str) -> tuple[str, tuple[Problem, ...]]:
+def _access(text: str) -> tuple[str, tuple[ValueProblem, ...]]:
     """Read an access type in any case, also one with a comment behind it."""
     words = text.lower().replace(";", " ").split()
     first = words[0] if words else ""
     if first not in ACCESS_TYPES:
-        return "rw", (Problem("O003", f"{text[:40]} is no access type" if text else "it is missing"),)
+        return "rw", (ValueProblem("O003", f"{text[:40]} is no access type" if text else "it is missing"),)
     if len(words) > 1:
-        return first, (Problem("S011", f"text follows the access type: {text[:40]}"),)
+        return first, (ValueProblem("S011", f"text follows the access type: {text[:40]}"),)
     return first, ()

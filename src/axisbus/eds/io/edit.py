@@ -11,13 +11,13 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 from axisbus.eds.io import text
-from axisbus.eds.io.text import Document, Section
+from axisbus.eds.io.text import EdsText, Section
 from axisbus.errors import ArgumentError
 
 _BREAK = re.compile(r"[\x00-\x08\x0a-\x1f\x7f\x85\u2028\u2029]")
 
 
-class Change(NamedTuple):
+class LineEdit(NamedTuple):
     """Replace ``count`` lines from ``line`` on (from 1) by ``lines``, which have no line ends; with ``count`` 0 only insert."""
 
     line: int
@@ -38,7 +38,7 @@ class _Style(NamedTuple):
         return f"{self.indent}{shown}{self.before}={self.after if value else ''}{value}"
 
 
-def apply(document: Document, changes: Iterable[Change]) -> Document:
+def apply(document: EdsText, changes: Iterable[LineEdit]) -> EdsText:
     """Return the document with all changes made; insertions at one place keep their order.
 
     Raises:
@@ -64,7 +64,7 @@ def apply(document: Document, changes: Iterable[Change]) -> Document:
     return text.document(made, newline, document.encoding, document.bom)
 
 
-def _ended_lines(document: Document) -> tuple[list[str], bool]:
+def _ended_lines(document: EdsText) -> tuple[list[str], bool]:
     """Return the lines, each with what it has before its newline, also the last, and whether the last one does end."""
     *lines, last = document.lines
     if last == "":
@@ -90,7 +90,7 @@ def _check_encoding(raw: str, encoding: str) -> None:
         ) from None
 
 
-def set_value(document: Document, section: Section, key: str, value: str) -> Change:
+def set_value(document: EdsText, section: Section, key: str, value: str) -> LineEdit:
     """Return the change that gives ``key`` this value; a key that is not there is added behind the section's last.
 
     Of two equal keys the first, which counts, is changed. The line's spacing and the key's spelling stay.
@@ -105,10 +105,10 @@ def set_value(document: Document, section: Section, key: str, value: str) -> Cha
     head, _, rest = document.lines[number - 1].removesuffix("\r").partition("=")
     before = rest[: len(rest) - len(rest.lstrip())]
     after = rest[len(rest.rstrip()) :] if rest.strip() else ""
-    return Change(number, 1, (f"{head}={before}{value}{after}",))
+    return LineEdit(number, 1, (f"{head}={before}{value}{after}",))
 
 
-def insert_key(document: Document, section: Section, key: str, value: str, *, first: bool = False) -> Change:
+def insert_key(document: EdsText, section: Section, key: str, value: str, *, first: bool = False) -> LineEdit:
     """Return the change that adds ``key=value`` behind the last entry of a section, in the style of that entry.
 
     With ``first`` it comes before all entries, below the header.
@@ -118,10 +118,10 @@ def insert_key(document: Document, section: Section, key: str, value: str, *, fi
     """
     check_key(key, value)
     last = section.line if first else _last_entry(document, section)
-    return Change(last + 1, 0, (_style(document, section).entry(key, value),))
+    return LineEdit(last + 1, 0, (_style(document, section).entry(key, value),))
 
 
-def set_values(document: Document, section: Section, values: Mapping[str, str]) -> list[Change]:
+def set_values(document: EdsText, section: Section, values: Mapping[str, str]) -> list[LineEdit]:
     """Return the changes that give several keys of a section their values, as ``set_value`` does, in one look at the section.
 
     Raises:
@@ -137,11 +137,11 @@ def set_values(document: Document, section: Section, values: Mapping[str, str]) 
     if added:
         style = _style(document, section)
         lines = tuple(style.entry(key, value) for key, value in added.items())
-        changes.append(Change(_last_entry(document, section) + 1, 0, lines))
+        changes.append(LineEdit(_last_entry(document, section) + 1, 0, lines))
     return changes
 
 
-def rename_key(document: Document, line: int, key: str) -> Change:
+def rename_key(document: EdsText, line: int, key: str) -> LineEdit:
     """Return the change that gives the entry in ``line`` (from 1) another key; its value and spacing stay.
 
     Raises:
@@ -151,20 +151,20 @@ def rename_key(document: Document, line: int, key: str) -> Change:
     head, _, rest = document.lines[line - 1].removesuffix("\r").partition("=")
     old = head.strip()
     start = head.index(old)
-    return Change(line, 1, (f"{head[:start]}{key}{head[start + len(old) :]}={rest}",))
+    return LineEdit(line, 1, (f"{head[:start]}{key}{head[start + len(old) :]}={rest}",))
 
 
-def remove_keys(document: Document, section: Section, keys: Iterable[str]) -> Iterator[Change]:
+def remove_keys(document: EdsText, section: Section, keys: Iterable[str]) -> Iterator[LineEdit]:
     """Yield the changes that remove every line of these keys from a section."""
     unwanted = {key.lower() for key in keys}
     for number, key in entries(document, section):
         if key in unwanted:
-            yield Change(number, 1)
+            yield LineEdit(number, 1)
 
 
 def add_section(
-    document: Document, name: str, values: Mapping[str, str], before: Section | None = None
-) -> Change:
+    document: EdsText, name: str, values: Mapping[str, str], before: Section | None = None
+) -> LineEdit:
     """Return the change that adds a section with these entries before another one, else at the end.
 
     Raises:
@@ -174,8 +174,8 @@ def add_section(
 
 
 def add_sections(
-    document: Document, sections: Mapping[str, Mapping[str, str]], before: Section | None = None
-) -> Change:
+    document: EdsText, sections: Mapping[str, Mapping[str, str]], before: Section | None = None
+) -> LineEdit:
     """Return the change that adds several sections, like ``add_section``."""
     style = _style(document, before)
     lines: list[str] = []
@@ -189,19 +189,19 @@ def add_sections(
         start -= 1  # a comment above a section belongs to it
     spaced = start == 1 or not document.lines[start - 2].strip()  # whether blank lines stand between sections
     if before is not None and not spaced:
-        return Change(start, 0, tuple(line for line in lines if line))
-    return Change(start, 0, tuple(lines[1:] if spaced else lines) + (("",) if before is not None else ()))
+        return LineEdit(start, 0, tuple(line for line in lines if line))
+    return LineEdit(start, 0, tuple(lines[1:] if spaced else lines) + (("",) if before is not None else ()))
 
 
-def remove_section(document: Document, section: Section) -> Change:
+def remove_section(document: EdsText, section: Section) -> LineEdit:
     """Return the change that removes a section with the blank lines behind it; a comment behind its last entry stays."""
     end = _last_entry(document, section) + 1
     while end < section.end and not document.lines[end - 1].strip() and end < len(document.lines):
         end += 1
-    return Change(section.line, end - section.line)
+    return LineEdit(section.line, end - section.line)
 
 
-def rename_section(document: Document, section: Section, name: str) -> Change:
+def rename_section(document: EdsText, section: Section, name: str) -> LineEdit:
     """Return the change that gives a section another name, and a closing bracket in column 1 where it has none.
 
     Raises:
@@ -209,10 +209,10 @@ def rename_section(document: Document, section: Section, name: str) -> Change:
     """
     check_name(name)
     _, bracket, rest = document.lines[section.line - 1].removesuffix("\r").partition("]")
-    return Change(section.line, 1, (f"[{name}]{rest if bracket else ''}",))
+    return LineEdit(section.line, 1, (f"[{name}]{rest if bracket else ''}",))
 
 
-def entries(document: Document, section: Section) -> Iterator[tuple[int, str]]:
+def entries(document: EdsText, section: Section) -> Iterator[tuple[int, str]]:
     """Yield line number (from 1) and lower-case key of every entry of a section, also of repeated keys."""
     for number in range(section.line + 1, section.end):
         key, _ = text.entry_of(document.lines[number - 1])
@@ -220,12 +220,12 @@ def entries(document: Document, section: Section) -> Iterator[tuple[int, str]]:
             yield number, key
 
 
-def _last_entry(document: Document, section: Section) -> int:
+def _last_entry(document: EdsText, section: Section) -> int:
     """Return the line of the last entry of a section, that of its header where it has none."""
     return max((number for number, _ in entries(document, section)), default=section.line)
 
 
-def _style(document: Document, section: Section | None) -> _Style:
+def _style(document: EdsText, section: Section | None) -> _Style:
     """Return how a section writes its entries, else how the file's first ones are written."""
     for model in (section, *document.sections.values()):
         places = model.places if model is not None else {}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from axisbus.eds.model import Finding
+from axisbus.eds.model import EdsFinding
 from axisbus.eds.rules.table import rules
 from axisbus.wording import counted
 
@@ -16,7 +16,7 @@ class Findings:
 
     def __init__(self, most: int = MAX_FINDINGS) -> None:
         self._most = most
-        self._found: list[Finding] = []
+        self._found: list[EdsFinding] = []
         self._left_out = 0
 
     def add(
@@ -36,7 +36,7 @@ class Findings:
         broken = rules()[rule]
         place = column if line else 0
         self._found.append(
-            Finding(rule, broken.severity, line, place, message, broken.remedy, index, subindex)
+            EdsFinding(rule, broken.severity, line, place, message, broken.remedy, index, subindex)
         )
 
     def add_lines(self, rule: str, numbers: Sequence[int], message: Callable[[int], str]) -> None:
@@ -46,11 +46,11 @@ class Findings:
             self.add(rule, message(number), line=number)
         self._left_out += len(numbers) - len(kept)
 
-    def all(self) -> tuple[Finding, ...]:
+    def all(self) -> tuple[EdsFinding, ...]:
         """Return what was found, in the order of the lines."""
         found = sorted(self._found, key=lambda finding: (finding.line, finding.column))
         if self._left_out:
             more = rules()["S099"]
             text = f"{counted(self._left_out, 'more finding is', 'more findings are')} not listed"
-            found.append(Finding("S099", more.severity, 0, 0, text, more.remedy))
+            found.append(EdsFinding("S099", more.severity, 0, 0, text, more.remedy))
         return tuple(found)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from axisbus.eds.io import compact, modules, sections, text, values
-from axisbus.eds.io.build import Builder
+from axisbus.eds.io.build import EdsObjectBuilder
 from axisbus.eds.io.findings import Findings
-from axisbus.eds.io.sections import Sorted
-from axisbus.eds.io.text import Document
-from axisbus.eds.model import Finding, Object
+from axisbus.eds.io.sections import SectionIndex
+from axisbus.eds.io.text import EdsText
+from axisbus.eds.model import EdsFinding, Object
 
 
 class FileObjects(Mapping[int, Object]):
@@ -19,15 +19,15 @@ class FileObjects(Mapping[int, Object]):
     equal, and one of them is kept.
     """
 
-    def __init__(self, document: Document, parts: Sorted) -> None:
+    def __init__(self, document: EdsText, parts: SectionIndex) -> None:
         self.document = document
         self.parts = parts
         described = parts.heads.keys() | parts.subs.keys()
         self._implied = _implied(parts.info, described)
         self._indices = dict.fromkeys(sorted(described | self._implied.keys()))
-        self._builder = Builder(document, parts)
+        self._builder = EdsObjectBuilder(document, parts)
         self._made: dict[int, Object] = {}
-        self._findings: tuple[Finding, ...] | None = None
+        self._findings: tuple[EdsFinding, ...] | None = None
 
     def __getitem__(self, index: int) -> Object:
         found = self._made.get(index)
@@ -46,11 +46,11 @@ class FileObjects(Mapping[int, Object]):
     def __len__(self) -> int:
         return len(self._indices)
 
-    def _make(self, index: int, builder: Builder) -> Object:
+    def _make(self, index: int, builder: EdsObjectBuilder) -> Object:
         implied = self._implied.get(index)
         return builder.object(index) if implied is None else compact.pdo(index, implied)
 
-    def findings(self) -> tuple[Finding, ...]:
+    def findings(self) -> tuple[EdsFinding, ...]:
         """Return what is odd about the file, in the order of the lines; goes through all of it when first called."""
         if self._findings is None:
             found = Findings()
@@ -63,14 +63,14 @@ class FileObjects(Mapping[int, Object]):
         document = self.document
         text.report(document, found)
         sections.report(document.sections, self.parts, found)
-        builder = Builder(document, self.parts, found)
+        builder = EdsObjectBuilder(document, self.parts, found)
         for index in self._indices:
             self._made.setdefault(index, self._make(index, builder))
         modules.modules(document, found)
         node_id(document, found)
 
 
-def node_id(document: Document, findings: Findings | None = None) -> int | None:
+def node_id(document: EdsText, findings: Findings | None = None) -> int | None:
     """Return the node ID of a DCF, under either spelling of the section's name."""
     section = document.sections.get("devicecomissioning")
     if section is None:

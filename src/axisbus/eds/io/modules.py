@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.io import sections, values
-from axisbus.eds.io.build import Builder
+from axisbus.eds.io.build import EdsObjectBuilder
 from axisbus.eds.io.findings import Findings
-from axisbus.eds.io.sections import Sorted
-from axisbus.eds.io.text import Document, Section
+from axisbus.eds.io.sections import SectionIndex
+from axisbus.eds.io.text import EdsText, Section
 from axisbus.eds.model import DynamicChannel, Module, Object, ObjectType, SubExtension
 
 MAX_SEGMENTS = 0xFF  # NrOfSeg is UNSIGNED8
@@ -31,7 +31,7 @@ class _Parts(NamedTuple):
     extends: dict[int, Section]
 
 
-def modules(document: Document, findings: Findings | None = None) -> dict[int, Module]:
+def modules(document: EdsText, findings: Findings | None = None) -> dict[int, Module]:
     """Return the kinds of module by number; what is odd about their objects goes to ``findings``."""
     found: dict[int, _Parts] = {}
     for name in [name for name in document.sections if name[:1] == "m"]:
@@ -47,7 +47,7 @@ def modules(document: Document, findings: Findings | None = None) -> dict[int, M
     return {number: _module(number, found[number], document, findings) for number in sorted(found)}
 
 
-def _module(number: int, parts: _Parts, document: Document, findings: Findings | None) -> Module:
+def _module(number: int, parts: _Parts, document: EdsText, findings: Findings | None) -> Module:
     comments = _entries(parts, "comments")
     return Module(
         number,
@@ -58,16 +58,16 @@ def _module(number: int, parts: _Parts, document: Document, findings: Findings |
     )
 
 
-def _fixed(parts: _Parts, document: Document, findings: Findings | None) -> dict[int, Object | None]:
+def _fixed(parts: _Parts, document: EdsText, findings: Findings | None) -> dict[int, Object | None]:
     described = sections.sort(parts.fixed)
-    builder = Builder(document, described, findings)
+    builder = EdsObjectBuilder(document, described, findings)
     indices = described.heads.keys() | described.subs.keys()
     listed = _indices(_entries(parts, "fixedobjects"))
     return {index: builder.object(index) if index in indices else None for index in sorted(indices | listed)}
 
 
-def _extends(parts: _Parts, document: Document, findings: Findings | None) -> dict[int, SubExtension | None]:
-    builder = Builder(document, Sorted({}, {}, {}, {}, sections.Info({})), findings)
+def _extends(parts: _Parts, document: EdsText, findings: Findings | None) -> dict[int, SubExtension | None]:
+    builder = EdsObjectBuilder(document, SectionIndex({}, {}, {}, {}, sections.Info({})), findings)
     listed = _indices(_entries(parts, "subextends"))
     found: dict[int, SubExtension | None] = dict.fromkeys(sorted(parts.extends.keys() | listed))
     for index, section in parts.extends.items():
@@ -75,7 +75,7 @@ def _extends(parts: _Parts, document: Document, findings: Findings | None) -> di
     return found
 
 
-def _extension(index: int, section: Section, builder: Builder) -> SubExtension:
+def _extension(index: int, section: Section, builder: EdsObjectBuilder) -> SubExtension:
     name = section.entries.get("parametername", section.name)
     variable = builder.variable(section, index, 0, name, ObjectType.VAR)
     count, _, bits = section.entries.get("count", "").partition(";")
@@ -83,7 +83,7 @@ def _extension(index: int, section: Section, builder: Builder) -> SubExtension:
     return SubExtension(variable, *(values.plain(text.strip()) or 0 for text in (count, bits, extend)))
 
 
-def connected(document: Document) -> tuple[int, ...]:
+def connected(document: EdsText) -> tuple[int, ...]:
     """Return the modules that a DCF says the device carries, by their numbers, in the order of their places."""
     section = document.sections.get("connectedmodules")
     listed = _numbered(section.entries if section is not None else _NOTHING, "")
@@ -91,7 +91,7 @@ def connected(document: Document) -> tuple[int, ...]:
     return tuple(number for number in numbers if number is not None)
 
 
-def dynamic_channels(document: Document) -> tuple[DynamicChannel, ...]:
+def dynamic_channels(document: EdsText) -> tuple[DynamicChannel, ...]:
     """Return the segments of [DynamicChannels] that can be understood."""
     section = document.sections.get("dynamicchannels")
     if section is None:

@@ -10,7 +10,7 @@ the name: ``build`` takes each text apart once and makes the entries of the othe
 Nothing in a text stops the reading: what is not understood is absent in the model and named in a finding. The findings take a
 pass over the whole file, which is made when they are first asked for; it makes the objects on its way. They are those that
 reading meets by itself. Rules over a document as a whole belong in a package of their own beside this module; they take the
-``Reading``, which has the lines, the sections and the model. Only what is no EDS at all is an error.
+``EdsParseResult``, which has the lines, the sections and the model. Only what is no EDS at all is an error.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pathlib import Path
 from axisbus.eds.io import modules, sections, text
 from axisbus.eds.io.file_suggestions import files_near
 from axisbus.eds.io.lazy_objects import FileObjects, node_id
-from axisbus.eds.io.text import Document
+from axisbus.eds.io.text import EdsText
 from axisbus.eds.model import Eds
 from axisbus.errors import EdsError
 from axisbus.wording import counted
@@ -40,11 +40,11 @@ _WHAT_IS_AN_EDS = "an EDS is a text with sections such as [DeviceInfo] and [1000
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class EdsParseResult:
     """What reading one file gave: its text, its sections by kind, and the model with the findings."""
 
-    document: Document
-    parts: sections.Sorted
+    document: EdsText
+    parts: sections.SectionIndex
     eds: Eds
 
 
@@ -73,7 +73,7 @@ def loads(data: bytes, source: str) -> Eds:
     return replace(eds, source=source)
 
 
-def read(data: bytes, source: str) -> Reading:
+def read(data: bytes, source: str) -> EdsParseResult:
     """Read like ``loads``, and return the document as well, for rules and for writing back; nothing is cached.
 
     Raises:
@@ -104,7 +104,7 @@ def read(data: bytes, source: str) -> Reading:
     return read_document(text.parse(content), source)
 
 
-def read_document(document: Document, source: str) -> Reading:
+def read_document(document: EdsText, source: str) -> EdsParseResult:
     """Return what a document says, such as one that ``edit`` changed.
 
     Raises:
@@ -128,7 +128,7 @@ def read_document(document: Document, source: str) -> Reading:
         modules.dynamic_channels(document),
         _diagnose=objects.findings,
     )
-    return Reading(document, parts, eds)
+    return EdsParseResult(document, parts, eds)
 
 
 @lru_cache(maxsize=64)

@@ -47,7 +47,7 @@ class Info(Mapping[str, Mapping[str, str]]):
 
 
 @dataclass(frozen=True, slots=True)
-class Sorted:
+class SectionIndex:
     """Sections by index and sub-index; ``beside`` holds ``[xxxxName]`` and its kin as (index, ``name``).
 
     ``again`` are sections of a sub-index that has one already under another spelling, each with the first.
@@ -75,7 +75,7 @@ class _Indices(dict[str, int | None]):
         return index
 
 
-def sort(sections: Mapping[str, Section]) -> Sorted:
+def sort(sections: Mapping[str, Section]) -> SectionIndex:
     """Sort the sections of a document by their (lower-case) names; unknown ones are kept as information."""
     heads: dict[int, Section] = {}
     subs: dict[int, dict[int, Section]] = {}
@@ -100,7 +100,7 @@ def sort(sections: Mapping[str, Section]) -> Sorted:
                 again.append((section, first))
         if number == "1":
             _note_type(digits, section, types)
-    return Sorted(heads, subs, _beside(other), types, Info(other), tuple(again))
+    return SectionIndex(heads, subs, _beside(other), types, Info(other), tuple(again))
 
 
 def _led_by_zeros(number: str) -> int | None:
@@ -118,7 +118,7 @@ def _beside(other: Mapping[str, Section]) -> dict[tuple[int, str], Section]:
     return {(int(found[1], 16), found[2]): section for found, section in listed if found is not None}
 
 
-def report(sections: Mapping[str, Section], parts: Sorted, findings: Findings) -> None:
+def report(sections: Mapping[str, Section], parts: SectionIndex, findings: Findings) -> None:
     """Name what is odd about the sections' names."""
     again = dict(parts.again)
     for name, section in sections.items():

@@ -129,7 +129,7 @@ class Section:
 
 
 @dataclass(frozen=True)
-class Document:
+class EdsText:
     """A file's text: ``newline`` parts its ``lines``, ``bom`` and ``encoding`` make bytes of it.
 
     Where the line ending is CR LF, the lines keep their CR. ``sections`` is by lower-case name in the file's order; of two with
@@ -166,17 +166,17 @@ class Text(NamedTuple):
     bom: bytes = b""
 
 
-def parse(content: Text) -> Document:
+def parse(content: Text) -> EdsText:
     """Take a text apart into lines and sections; never raises, and leaves to ``report`` what is odd."""
     return _document(content.text, "\n" if "\n" in content.text else "\r", content.encoding, content.bom)
 
 
-def document(lines: Sequence[str], newline: str, encoding: str, bom: bytes) -> Document:
+def document(lines: Sequence[str], newline: str, encoding: str, bom: bytes) -> EdsText:
     """Return the document of these lines."""
     return _document(newline.join(lines), newline, encoding, bom)
 
 
-def _document(text: str, newline: str, encoding: str, bom: bytes) -> Document:
+def _document(text: str, newline: str, encoding: str, bom: bytes) -> EdsText:
     known = _Entries(newline)
     sections: dict[str, Section] = {}
     repeated = []
@@ -189,7 +189,7 @@ def _document(text: str, newline: str, encoding: str, bom: bytes) -> Document:
         line = end
         if sections.setdefault(section.name.lower(), section) is not section:
             repeated.append(section)
-    return Document(text, newline, encoding, bom, sections, repeated)
+    return EdsText(text, newline, encoding, bom, sections, repeated)
 
 
 def decode(data: bytes) -> Text:
@@ -224,7 +224,7 @@ def _utf16_without_bom(data: bytes) -> str:
     return "utf-16-le" if start[1:2] == b"\0" else "utf-16-be"
 
 
-def report(document: Document, findings: Findings) -> None:
+def report(document: EdsText, findings: Findings) -> None:
     """Name what is odd about a document's text."""
     every = [*document.sections.values(), *document.repeated]
     _report_preface(document, findings)
@@ -238,7 +238,7 @@ def report(document: Document, findings: Findings) -> None:
     _report_encoding(document, findings)
 
 
-def _report_preface(document: Document, findings: Findings) -> None:
+def _report_preface(document: EdsText, findings: Findings) -> None:
     start = next(iter(document.sections.values())).line if document.sections else len(document.lines) + 1
     lines = document.lines[: start - 1]
     odd = [number for number, raw in enumerate(lines, 1) if raw.strip()[:1] not in _BLANK_OR_COMMENT]
@@ -283,7 +283,7 @@ def _report_twice(keys: Sequence[str], section: Section, findings: Findings) -> 
         seen.add(key)
 
 
-def _report_encoding(document: Document, findings: Findings) -> None:
+def _report_encoding(document: EdsText, findings: Findings) -> None:
     if document.bom or document.encoding.startswith("utf-16"):
         mark = " with a byte order mark" if document.bom else ""
         findings.add("S002", f"the file is {document.encoding.upper()}{mark}", line=1)

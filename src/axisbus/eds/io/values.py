@@ -20,7 +20,7 @@ Limit = Number | float | None
 MAX_DIGITS = 40  # 64 bits take 20; longer texts are not numbers, and int() is slow on them
 
 
-class Problem(NamedTuple):
+class ValueProblem(NamedTuple):
     """What is wrong with a value: the rule's id, half a sentence, and the key where it is not the one that was read."""
 
     rule: str
@@ -32,7 +32,7 @@ class Parsed(NamedTuple, Generic[_T]):
     """A value as understood, None where absent or not understood, with what was wrong about its text."""
 
     value: _T
-    problems: tuple[Problem, ...] = ()
+    problems: tuple[ValueProblem, ...] = ()
 
 
 Integer = Parsed[Number | None]
@@ -69,19 +69,19 @@ def _other(text: str, data_type: DataType) -> Parsed[Default]:
     )  # nobody knows what it means in a type of the maker's
 
 
-class Limits(NamedTuple):
+class ValueLimits(NamedTuple):
     """LowLimit and HighLimit as understood."""
 
     low: Limit
     high: Limit
-    problems: tuple[Problem, ...] = ()
+    problems: tuple[ValueProblem, ...] = ()
 
 
-NO_LIMITS = Limits(None, None)
+NO_LIMITS = ValueLimits(None, None)
 
 
 @lru_cache(maxsize=1024)
-def limits(low_text: str, high_text: str, data_type: DataType, only_zero: bool = False) -> Limits:
+def limits(low_text: str, high_text: str, data_type: DataType, only_zero: bool = False) -> ValueLimits:
     """Read LowLimit and HighLimit together; limits that contradict each other or the type are none.
 
     Limits of strings, bytes and times say nothing and are left out. ``only_zero`` tells that two limits of 0 are meant as such.
@@ -95,18 +95,18 @@ def limits(low_text: str, high_text: str, data_type: DataType, only_zero: bool =
     )
     bottom, top = _plain(low.value), _plain(high.value)
     if bottom == top == 0 and not only_zero:
-        problem = Problem(
+        problem = ValueProblem(
             "V018", "LowLimit and HighLimit are both 0, which is taken to mean that there is none"
         )
-        return Limits(None, None, (*problems, problem))
+        return ValueLimits(None, None, (*problems, problem))
     wrapped = top is not None and top < 0 and "-" not in high_text
     if wrapped and (bottom is None or bottom >= 0):  # such as 0xFF for INTEGER8
-        problem = Problem("V002", f"{high_text} is beyond {data_type.name}", "highlimit")
-        return Limits(None, None, (*_without(problems, "V010"), problem))
+        problem = ValueProblem("V002", f"{high_text} is beyond {data_type.name}", "highlimit")
+        return ValueLimits(None, None, (*_without(problems, "V010"), problem))
     if bottom is not None and top is not None and bottom > top:
-        problem = Problem("V004", f"LowLimit={low_text} is above HighLimit={high_text}")
-        return Limits(None, None, (*problems, problem))
-    return Limits(_limit(low.value), _limit(high.value), problems)
+        problem = ValueProblem("V004", f"LowLimit={low_text} is above HighLimit={high_text}")
+        return ValueLimits(None, None, (*problems, problem))
+    return ValueLimits(_limit(low.value), _limit(high.value), problems)
 
 
 def _limit(value: Default) -> Limit:
@@ -120,7 +120,7 @@ def _plain(value: Default) -> float | None:
     return value if isinstance(value, (int, float)) else None
 
 
-def _without(problems: tuple[Problem, ...], rule: str) -> tuple[Problem, ...]:
+def _without(problems: tuple[ValueProblem, ...], rule: str) -> tuple[ValueProblem, ...]:
     return tuple(problem for problem in problems if problem.rule != rule)
 
 
@@ -137,7 +137,8 @@ def integer(text: str) -> Integer:
     if comment:
         inner = integer(text[: comment.start()].rstrip())
         return Parsed(
-            inner.value, (*inner.problems, Problem("S011", f"a comment follows the value: {_short(text)}"))
+            inner.value,
+            (*inner.problems, ValueProblem("S011", f"a comment follows the value: {_short(text)}")),
         )
     if not text:
         return Parsed(None)
@@ -156,14 +157,14 @@ def _number(text: str) -> Integer:
     if negative:
         minus = Number(-int(negative[1], 16))
         if text[-len(negative[1]) - 1] == "-":
-            return Parsed(minus, (Problem("V021", f"{text} is read as -0x{negative[1]}"),))
-        return Parsed(minus, (Problem("V010", f"{text} is a negative hexadecimal number"),))
+            return Parsed(minus, (ValueProblem("V021", f"{text} is read as -0x{negative[1]}"),))
+        return Parsed(minus, (ValueProblem("V010", f"{text} is a negative hexadecimal number"),))
     if _FRACTION.fullmatch(text):
         whole, fraction = re.split("[.,]", text)
         exact = Number(int(whole)) if not fraction.strip("0") else None
-        return Parsed(exact, (Problem("V011", f"{text} has a decimal point, the type is an integer"),))
+        return Parsed(exact, (ValueProblem("V011", f"{text} has a decimal point, the type is an integer"),))
     if text.lower() in _WORDS:
-        return Parsed(Number(_WORDS[text.lower()]), (Problem("V015", f"{text} is a word"),))
+        return Parsed(Number(_WORDS[text.lower()]), (ValueProblem("V015", f"{text} is a word"),))
     digits = text.lstrip("+-")
     if digits.isascii() and digits.isdigit() and len(text) - len(digits) <= 1:
         octal = not digits.strip("01234567")
@@ -171,7 +172,7 @@ def _number(text: str) -> Integer:
         harmless = octal and not digits.strip("0")
         how = "octal" if octal else "decimal, for octal has no 8 or 9"
         return Parsed(
-            Number(value), () if harmless else (Problem("V012", f"{text} is read as {how}: {value}"),)
+            Number(value), () if harmless else (ValueProblem("V012", f"{text} is read as {how}: {value}"),)
         )
     return _not_understood(text)
 
@@ -197,9 +198,9 @@ def _not_understood(text: str) -> Integer:
     meant = iec_number(text) if len(text) <= MAX_DIGITS else None
     if meant is not None:
         return Parsed(
-            None, (Problem("V001", f"{text} is a number of IEC 61131-3, DS 306 has it as {meant}"),)
+            None, (ValueProblem("V001", f"{text} is a number of IEC 61131-3, DS 306 has it as {meant}"),)
         )
-    return Parsed(None, (Problem("V001", f"{_short(text)} is no integer"),))
+    return Parsed(None, (ValueProblem("V001", f"{_short(text)} is no integer"),))
 
 
 def _formula(text: str) -> Integer:
@@ -209,18 +210,18 @@ def _formula(text: str) -> Integer:
     numbers = [_number(term) for term in terms if term not in node_ids]
     constants = [number.value.value for number in numbers if number.value is not None]
     if len(node_ids) != 1 or len(constants) != len(numbers):
-        return Parsed(None, (Problem("V020", f"{_short(text)} is no formula of $NODEID"),))
+        return Parsed(None, (ValueProblem("V020", f"{_short(text)} is no formula of $NODEID"),))
     value = Number(sum(constants), plus_node_id=True)
     problems = tuple(problem for number in numbers for problem in number.problems)
     return Parsed(value, problems + _spelling(text, terms[0], node_ids[0], value))
 
 
-def _spelling(text: str, first: str, node_id: str, value: Number) -> tuple[Problem, ...]:
+def _spelling(text: str, first: str, node_id: str, value: Number) -> tuple[ValueProblem, ...]:
     meant = f"$NODEID+0x{value.value:X}"
     if text[0] == "=" or node_id.lower() != "$nodeid":
-        return (Problem("V020", f"{text} is taken for {meant}"),)
+        return (ValueProblem("V020", f"{text} is taken for {meant}"),)
     if first != "$NODEID":
-        return (Problem("V006", f"{text} is meant as {meant}"),)
+        return (ValueProblem("V006", f"{text} is meant as {meant}"),)
     return ()
 
 
@@ -235,12 +236,14 @@ def typed_integer(text: str, data_type: DataType) -> Integer:
         return Parsed(number, problems)
     if data_type.signed and high < value <= 2 * high + 1 and not number.plus_node_id:
         wrapped = value - 2 * (high + 1)
-        problem = Problem("V010", f"{text} is {wrapped} as two's complement of {data_type.name}")
+        problem = ValueProblem("V010", f"{text} is {wrapped} as two's complement of {data_type.name}")
         return Parsed(Number(wrapped), (*problems, problem))
     if value < 0 <= low:
-        return Parsed(None, (*problems, Problem("V009", f"{text} is negative, the type is {data_type.name}")))
+        return Parsed(
+            None, (*problems, ValueProblem("V009", f"{text} is negative, the type is {data_type.name}"))
+        )
     return Parsed(
-        None, (*problems, Problem("V005", f"{text} does not fit {data_type.name} ({low} to {high})"))
+        None, (*problems, ValueProblem("V005", f"{text} does not fit {data_type.name} ({low} to {high})"))
     )
 
 
@@ -248,7 +251,7 @@ def _string(text: str) -> Parsed[str | None]:
     if not text:
         return ABSENT
     if len(text) >= 2 and text[0] == text[-1] == '"':
-        return Parsed(text[1:-1], (Problem("V013", f"{_short(text)} is in quotation marks"),))
+        return Parsed(text[1:-1], (ValueProblem("V013", f"{_short(text)} is in quotation marks"),))
     return Parsed(text)
 
 
@@ -265,8 +268,10 @@ def _real(text: str, data_type: DataType) -> Parsed[float | None]:
         if octets is not None:
             value: float = struct.unpack(_REAL_FORMATS[data_type], octets)[0]
             if math.isfinite(value):
-                return Parsed(value, (Problem("V014", f"{text} is read as the bit pattern of {value:g}"),))
-    return Parsed(None, (Problem("V001", f"{_short(text)} is no number of {data_type.name}"),))
+                return Parsed(
+                    value, (ValueProblem("V014", f"{text} is read as the bit pattern of {value:g}"),)
+                )
+    return Parsed(None, (ValueProblem("V001", f"{_short(text)} is no number of {data_type.name}"),))
 
 
 def _octets(text: str, _: DataType) -> Parsed[bytes | None]:
@@ -275,9 +280,11 @@ def _octets(text: str, _: DataType) -> Parsed[bytes | None]:
     octets = _hex(text[2:] if prefixed else text)
     if octets is None:
         return Parsed(
-            None, (Problem("V017", f"{_short(text)} is no string of octets, and counts as absent"),)
+            None, (ValueProblem("V017", f"{_short(text)} is no string of octets, and counts as absent"),)
         )
-    return Parsed(octets, (Problem("V017", f"{_short(text)} has 0x before its octets"),) if prefixed else ())
+    return Parsed(
+        octets, (ValueProblem("V017", f"{_short(text)} has 0x before its octets"),) if prefixed else ()
+    )
 
 
 def _time(text: str, _: DataType) -> Parsed[bytes | None]:
@@ -288,7 +295,7 @@ def _time(text: str, _: DataType) -> Parsed[bytes | None]:
         return Parsed(number.to_bytes(6, "little"))
     if octets is not None and len(octets) == 6:
         return Parsed(octets)
-    return Parsed(None, (Problem("V001", f"{_short(text)} is no time of 48 bits"),))
+    return Parsed(None, (ValueProblem("V001", f"{_short(text)} is no time of 48 bits"),))
 
 
 _READERS: dict[DataType, Callable[[str, DataType], Parsed[Default]]] = {

@@ -13,7 +13,7 @@ from pathlib import PurePath
 from axisbus.cia402 import controlword, modes, options, statusword
 from axisbus.cia402 import objects as cia402
 from axisbus.cia402.axes import first_axis
-from axisbus.cia402.controlword import Command
+from axisbus.cia402.controlword import PowerCommand
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.eds.model import Eds, Number, Object, Variable
 from axisbus.eds.report import naming, overview, wording
@@ -135,7 +135,7 @@ def _enumerations(eds: Eds, node_id: int | None) -> Iterator[str]:
         yield from _enum(
             "Command",
             "Controlwords that command the power stage (CiA 402-2 8.4.1).",
-            {each.name: f"0x{each.word:04X}" for each in Command},
+            {each.name: f"0x{each.word:04X}" for each in PowerCommand},
         )
         yield from _flags(
             "ControlwordBit", "Bits of the controlword; some by mode.", vars(controlword), _CONTROL_BITS

@@ -12,10 +12,10 @@ from collections.abc import Iterator
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds import layout
 from axisbus.eds.io import values
-from axisbus.eds.layout import Layout
+from axisbus.eds.layout import PdoLayout
 from axisbus.eds.model import Eds, Object, Variable
 from axisbus.eds.report import compare_object, consequences, overview, pdo_text, wording
-from axisbus.eds.report.difference import Difference, Group
+from axisbus.eds.report.difference import DifferenceGroup, EdsDifference
 from axisbus.wording import counted
 
 _DEVICE = (
@@ -46,7 +46,7 @@ _COMMISSIONING = (
 )
 
 
-def diff(a: Eds, b: Eds, node_id: int | None = None) -> tuple[Difference, ...]:
+def diff(a: Eds, b: Eds, node_id: int | None = None) -> tuple[EdsDifference, ...]:
     """Return what ``b`` says differently from ``a``, by group and object; empty where they mean the same.
 
     With ``node_id`` (1 to 127) values are compared as they are for that node, so that ``$NODEID+0x180`` equals 0x185 for node 5.
@@ -57,32 +57,36 @@ def diff(a: Eds, b: Eds, node_id: int | None = None) -> tuple[Difference, ...]:
         *_identity(a, b, node_id),
         *_pdos(a, b, node_id),
         *_dummies(a, b),
-        *_presence(a, b, Group.REMOVED),
-        *_presence(b, a, Group.ADDED),
+        *_presence(a, b, DifferenceGroup.REMOVED),
+        *_presence(b, a, DifferenceGroup.ADDED),
     ]
     for one, other in shared:
         found += compare_object.object_differences(one, other, node_id, mapped)
-    order = list(Group)
+    order = list(DifferenceGroup)
     return tuple(
         sorted(found, key=lambda each: (order.index(each.group), each.index or 0, each.subindex or 0))
     )
 
 
-def _identity(a: Eds, b: Eds, node_id: int | None) -> Iterator[Difference]:
+def _identity(a: Eds, b: Eds, node_id: int | None) -> Iterator[EdsDifference]:
     ours, theirs = a.info.get("deviceinfo", {}), b.info.get("deviceinfo", {})
     for key, title in _DEVICE:
         texts = (overview.text(ours.get(key)), overview.text(theirs.get(key)))
         if texts[0] != texts[1]:
-            yield Difference(Group.IDENTITY, title, *texts, matters=consequences.DEVICE.get(title, ""))
+            yield EdsDifference(
+                DifferenceGroup.IDENTITY, title, *texts, matters=consequences.DEVICE.get(title, "")
+            )
     for key, title in _DEVICE_NUMBERS:
         given = ours.get(key, "").strip(), theirs.get(key, "").strip()
         if _device_number(given[0]) != _device_number(given[1]):
-            yield Difference(Group.IDENTITY, title, *given, matters=consequences.DEVICE.get(title, ""))
+            yield EdsDifference(
+                DifferenceGroup.IDENTITY, title, *given, matters=consequences.DEVICE.get(title, "")
+            )
     yield from _commissioning(a, b)
     yield from _modes(a, b, node_id)
 
 
-def _commissioning(a: Eds, b: Eds) -> Iterator[Difference]:
+def _commissioning(a: Eds, b: Eds) -> Iterator[EdsDifference]:
     """Return what two DCFs say differently of the node that they are made for; nothing where one is an EDS."""
     ours, theirs = (
         eds.info.get("devicecomissioning") or eds.info.get("devicecommissioning") or {} for eds in (a, b)
@@ -92,7 +96,7 @@ def _commissioning(a: Eds, b: Eds) -> Iterator[Difference]:
     for key, title, meaning in _COMMISSIONING:
         given = ours.get(key, "").strip(), theirs.get(key, "").strip()
         if _device_number(given[0]) != _device_number(given[1]):
-            yield Difference(Group.IDENTITY, f"DCF: {title}", *given, matters=meaning)
+            yield EdsDifference(DifferenceGroup.IDENTITY, f"DCF: {title}", *given, matters=meaning)
 
 
 def _device_number(text: str) -> int | str | None:
@@ -101,7 +105,7 @@ def _device_number(text: str) -> int | str | None:
     return (text or 0) if number is None else number
 
 
-def _modes(a: Eds, b: Eds, node_id: int | None) -> Iterator[Difference]:
+def _modes(a: Eds, b: Eds, node_id: int | None) -> Iterator[EdsDifference]:
     """Return the modes that one file claims and the other does not."""
     ours, theirs = (
         {(claim.axis, claim.short) for claim in overview.overview(eds, node_id).claims if claim.claimed}
@@ -113,12 +117,15 @@ def _modes(a: Eds, b: Eds, node_id: int | None) -> Iterator[Difference]:
         if gone:
             words = " ".join(short if axis == 1 else f"{short} (axis {axis})" for axis, short in sorted(gone))
             texts = (words, "") if change.startswith("no") else ("", words)
-            yield Difference(
-                Group.IDENTITY, f"modes {change} (6502h)", *texts, matters=consequences.modes(change)
+            yield EdsDifference(
+                DifferenceGroup.IDENTITY,
+                f"modes {change} (6502h)",
+                *texts,
+                matters=consequences.modes(change),
             )
 
 
-def _pdos(a: Eds, b: Eds, node_id: int | None) -> Iterator[Difference]:
+def _pdos(a: Eds, b: Eds, node_id: int | None) -> Iterator[EdsDifference]:
     ours, theirs = ({each.name: each for each in layout.layouts(eds, node_id)} for eds in (a, b))
     for name in [*ours, *(name for name in theirs if name not in ours)]:
         one, other = ours.get(name), theirs.get(name)
@@ -126,17 +133,17 @@ def _pdos(a: Eds, b: Eds, node_id: int | None) -> Iterator[Difference]:
             yield from _mapping(one, other)
             continue
         texts = [pdo_text.heading(each) if each is not None else "" for each in (one, other)]
-        yield Difference(Group.PDO, name, texts[0], texts[1], matters=consequences.pdo(one))
+        yield EdsDifference(DifferenceGroup.PDO, name, texts[0], texts[1], matters=consequences.pdo(one))
 
 
-def _mapping(one: Layout, other: Layout) -> Iterator[Difference]:
+def _mapping(one: PdoLayout, other: PdoLayout) -> Iterator[EdsDifference]:
     before, after = (tuple(slot.mapped for slot in each.slots) for each in (one, other))
     if before != after:
         texts = [
             ", ".join(f"{slot.mapped} {slot.name}".strip() for slot in each.slots) for each in (one, other)
         ]
-        yield Difference(
-            Group.PDO,
+        yield EdsDifference(
+            DifferenceGroup.PDO,
             f"{one.name} mapping",
             texts[0] or "nothing",
             texts[1] or "nothing",
@@ -145,12 +152,12 @@ def _mapping(one: Layout, other: Layout) -> Iterator[Difference]:
         )
 
 
-def _dummies(a: Eds, b: Eds) -> Iterator[Difference]:
+def _dummies(a: Eds, b: Eds) -> Iterator[EdsDifference]:
     """Return which data types may fill space in a PDO in one file only."""
     texts = [", ".join(DataType(number).name for number in sorted(eds.dummies)) for eds in (a, b)]
     if a.dummies != b.dummies:
         meaning = "a mapping that fills space with them is refused" if a.dummies - b.dummies else ""
-        yield Difference(Group.PDO, "DummyUsage", texts[0], texts[1], matters=meaning)
+        yield EdsDifference(DifferenceGroup.PDO, "DummyUsage", texts[0], texts[1], matters=meaning)
 
 
 def _mapping_entries(a: Eds, b: Eds, node_id: int | None) -> Iterator[tuple[int, int]]:
@@ -164,26 +171,29 @@ def _mapping_entries(a: Eds, b: Eds, node_id: int | None) -> Iterator[tuple[int,
         yield from ((index, subindex) for subindex in range(1, max(counts) + 1))
 
 
-def _presence(a: Eds, b: Eds, group: Group) -> Iterator[Difference]:
+def _presence(a: Eds, b: Eds, group: DifferenceGroup) -> Iterator[EdsDifference]:
     """Return what ``a`` has and ``b`` has not."""
     for entry in a:
         other = b.objects.get(entry.index)
         if other is None:
             yield _one_sided(
-                entry, None, group, consequences.presence(a, entry.index, None, group is Group.REMOVED)
+                entry,
+                None,
+                group,
+                consequences.presence(a, entry.index, None, group is DifferenceGroup.REMOVED),
             )
             continue
         for sub in entry.subs.values():
             if sub.subindex not in other.subs and entry.is_record == other.is_record:
-                text = consequences.presence(a, entry.index, sub.subindex, group is Group.REMOVED)
+                text = consequences.presence(a, entry.index, sub.subindex, group is DifferenceGroup.REMOVED)
                 yield _one_sided(entry, sub, group, text)
 
 
-def _one_sided(entry: Object, sub: Variable | None, group: Group, meaning: str) -> Difference:
+def _one_sided(entry: Object, sub: Variable | None, group: DifferenceGroup, meaning: str) -> EdsDifference:
     words = _object_words(entry) if sub is None else _entry_words(sub)
-    removed = group is Group.REMOVED
+    removed = group is DifferenceGroup.REMOVED
     line = entry.line if sub is None else sub.line
-    return Difference(
+    return EdsDifference(
         group,
         entry.name if sub is None else wording.full_name(entry, sub),
         words if removed else "",

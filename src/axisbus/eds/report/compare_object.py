@@ -10,7 +10,7 @@ from axisbus.cia402 import objects as cia402
 from axisbus.cia402.axes import first_axis
 from axisbus.eds.model import Number, Object, Variable
 from axisbus.eds.report import consequences, wording
-from axisbus.eds.report.difference import Difference, Group
+from axisbus.eds.report.difference import DifferenceGroup, EdsDifference
 
 Default = Number | float | str | bytes | None
 
@@ -26,7 +26,7 @@ _IDENTITY = frozenset(
 class _Fact(NamedTuple):
     """One fact of an entry: what makes it equal, how it is written, and what a change of it means for a master."""
 
-    group: Group
+    group: DifferenceGroup
     title: str
     key: Callable[[Variable, int | None], object]
     text: Callable[[Variable, int | None], str]
@@ -39,56 +39,56 @@ def _silent(a: Variable, b: Variable, node_id: int | None) -> str:  # noqa: ARG0
 
 _FACTS = (
     _Fact(
-        Group.TYPES,
+        DifferenceGroup.TYPES,
         "DataType",
         lambda entry, _: entry.data_type,
         lambda entry, _: wording.type_name(entry),
         consequences.data_type,
     ),
     _Fact(
-        Group.TYPES,
+        DifferenceGroup.TYPES,
         "AccessType",
         lambda entry, _: entry.access,
         lambda entry, _: entry.access,
         consequences.access,
     ),
     _Fact(
-        Group.TYPES,
+        DifferenceGroup.TYPES,
         "PDOMapping",
         lambda entry, _: entry.pdo_mapping,
         lambda entry, _: "mappable" if entry.pdo_mapping else "not mappable",
         consequences.mappable,
     ),
     _Fact(
-        Group.TYPES,
+        DifferenceGroup.TYPES,
         "ObjFlags",
         lambda entry, _: entry.object_flags,
         lambda entry, _: str(entry.object_flags),
         _silent,
     ),
     _Fact(
-        Group.LIMITS,
+        DifferenceGroup.LIMITS,
         "LowLimit",
         lambda entry, node_id: _resolved(entry.low, node_id),
         lambda entry, node_id: wording.value(entry.low, entry, node_id),
         consequences.low_limit,
     ),
     _Fact(
-        Group.LIMITS,
+        DifferenceGroup.LIMITS,
         "HighLimit",
         lambda entry, node_id: _resolved(entry.high, node_id),
         lambda entry, node_id: wording.value(entry.high, entry, node_id),
         consequences.high_limit,
     ),
     _Fact(
-        Group.NAMES,
+        DifferenceGroup.NAMES,
         "ParameterName",
         lambda entry, _: entry.name,
         lambda entry, _: entry.name,
         _silent,
     ),
     _Fact(
-        Group.NAMES,
+        DifferenceGroup.NAMES,
         "Denotation",
         lambda entry, _: entry.denotation,
         lambda entry, _: entry.denotation,
@@ -97,14 +97,14 @@ _FACTS = (
 )
 _VALUES = (
     _Fact(
-        Group.DEFAULTS,
+        DifferenceGroup.DEFAULTS,
         "DefaultValue",
         lambda entry, node_id: _resolved(entry.default, node_id),
         lambda entry, node_id: wording.value(entry.default, entry, node_id),
         consequences.default,
     ),
     _Fact(
-        Group.DEFAULTS,
+        DifferenceGroup.DEFAULTS,
         "ParameterValue",
         lambda entry, node_id: _resolved(entry.parameter_value, node_id),
         lambda entry, node_id: wording.value(entry.parameter_value, entry, node_id),
@@ -115,17 +115,21 @@ _VALUES = (
 
 def object_differences(
     one: Object, other: Object, node_id: int | None, mapped: frozenset[tuple[int, int]]
-) -> Iterator[Difference]:
+) -> Iterator[EdsDifference]:
     """Return what differs in an object of both files; values of the entries in ``mapped`` are compared elsewhere."""
     lines = (one.line, other.line)
     if one.object_type != other.object_type:
         types = (one.object_type.name, other.object_type.name)
         meaning = "" if one.is_record == other.is_record else "its values are under other sub-indices"
-        yield Difference(Group.TYPES, f"{one.name}: ObjectType", *types, one.index, None, meaning, *lines)
+        yield EdsDifference(
+            DifferenceGroup.TYPES, f"{one.name}: ObjectType", *types, one.index, None, meaning, *lines
+        )
     if one.is_record != other.is_record:
         return  # sub-index 0 is a value here and a count there: nothing to compare
     if one.is_record and other.is_record and one.name != other.name:
-        yield Difference(Group.NAMES, "ParameterName", one.name, other.name, one.index, None, "", *lines)
+        yield EdsDifference(
+            DifferenceGroup.NAMES, "ParameterName", one.name, other.name, one.index, None, "", *lines
+        )
     for subindex, sub in one.subs.items():
         beside = other.subs.get(subindex)
         if beside is not None:
@@ -135,13 +139,15 @@ def object_differences(
 
 def _entry(
     owner: Object, a: Variable, b: Variable, node_id: int | None, facts: tuple[_Fact, ...]
-) -> Iterator[Difference]:
+) -> Iterator[EdsDifference]:
     for fact in facts:
         if fact.key(a, node_id) == fact.key(b, node_id):
             continue
         group = _group(fact.group, a)
-        title = fact.title if group is Group.NAMES else f"{wording.full_name(owner, a)}: {fact.title}"
-        yield Difference(
+        title = (
+            fact.title if group is DifferenceGroup.NAMES else f"{wording.full_name(owner, a)}: {fact.title}"
+        )
+        yield EdsDifference(
             group,
             title,
             fact.text(a, node_id),
@@ -154,13 +160,13 @@ def _entry(
         )
 
 
-def _group(group: Group, entry: Variable) -> Group:
+def _group(group: DifferenceGroup, entry: Variable) -> DifferenceGroup:
     """Return where a difference is shown: values of identity objects and PDO parameters stand with their kind."""
-    if group is not Group.DEFAULTS:
+    if group is not DifferenceGroup.DEFAULTS:
         return group
     if first_axis(entry.index) in _IDENTITY:
-        return Group.IDENTITY
-    return Group.PDO if cia301.is_pdo_parameter(entry.index) else group
+        return DifferenceGroup.IDENTITY
+    return DifferenceGroup.PDO if cia301.is_pdo_parameter(entry.index) else group
 
 
 def _resolved(given: Default, node_id: int | None) -> object:

@@ -9,12 +9,12 @@ from itertools import groupby
 
 from axisbus.eds.model import Eds
 from axisbus.eds.report import overview, wording
-from axisbus.eds.report.difference import Difference, Group
+from axisbus.eds.report.difference import DifferenceGroup, EdsDifference
 
 _DIGITS = re.compile(r"\d+")
 
 
-def lines(a: Eds, b: Eds, differences: Sequence[Difference], node_id: int | None) -> Iterator[str]:
+def lines(a: Eds, b: Eds, differences: Sequence[EdsDifference], node_id: int | None) -> Iterator[str]:
     """Return the comparison as lines: which files, what matters for a master, then everything by group."""
     yield f"A  {_file(a)}"
     yield f"B  {_file(b)}"
@@ -37,14 +37,14 @@ def lines(a: Eds, b: Eds, differences: Sequence[Difference], node_id: int | None
             yield f"  {_where(run)}{run[0].what}: {change(run[0])}{_place(run[0])}"
 
 
-def change(each: Difference) -> str:
+def change(each: EdsDifference) -> str:
     """Return both sides of a difference: ``10 -> 20``; what is absent on one side is a dash."""
-    if each.group is Group.ADDED:
+    if each.group is DifferenceGroup.ADDED:
         return each.b
-    return each.a if each.group is Group.REMOVED else f"{each.a or '-'} -> {each.b or '-'}"
+    return each.a if each.group is DifferenceGroup.REMOVED else f"{each.a or '-'} -> {each.b or '-'}"
 
 
-def plain(a: Eds, b: Eds, differences: Sequence[Difference], node_id: int | None) -> dict[str, object]:
+def plain(a: Eds, b: Eds, differences: Sequence[EdsDifference], node_id: int | None) -> dict[str, object]:
     """Return the comparison for JSON: counts by group, and every difference; lines count from 1 (0: none)."""
     counts = Counter(each.group for each in differences)
     return {
@@ -52,7 +52,7 @@ def plain(a: Eds, b: Eds, differences: Sequence[Difference], node_id: int | None
         "b": b.source,
         "node_id": node_id,
         "different": bool(differences),
-        "counts": {group.value: counts[group] for group in Group},
+        "counts": {group.value: counts[group] for group in DifferenceGroup},
         "differences": [
             {
                 "group": each.group.value,
@@ -82,9 +82,9 @@ def _file(eds: Eds) -> str:
     return f"{eds.source} ({about})"
 
 
-def _runs(found: Sequence[Difference]) -> Iterator[list[Difference]]:
+def _runs(found: Sequence[EdsDifference]) -> Iterator[list[EdsDifference]]:
     """Return neighbouring sub-indices of which the same is to be said together."""
-    run: list[Difference] = []
+    run: list[EdsDifference] = []
     for each in found:
         if run and not _follows(run[-1], each):
             yield run
@@ -94,17 +94,17 @@ def _runs(found: Sequence[Difference]) -> Iterator[list[Difference]]:
         yield run
 
 
-def _follows(one: Difference, other: Difference) -> bool:
+def _follows(one: EdsDifference, other: EdsDifference) -> bool:
     if one.subindex is None or other.index != one.index or other.subindex != one.subindex + 1:
         return False
     return _said(one) == _said(other)
 
 
-def _said(each: Difference) -> tuple[Group, str, str, str, str]:
+def _said(each: EdsDifference) -> tuple[DifferenceGroup, str, str, str, str]:
     return each.group, _DIGITS.sub("#", each.what), each.a, each.b, each.matters
 
 
-def _where(run: Sequence[Difference]) -> str:
+def _where(run: Sequence[EdsDifference]) -> str:
     first, last = run[0], run[-1]
     if first.index is None:
         return ""
@@ -113,6 +113,6 @@ def _where(run: Sequence[Difference]) -> str:
     return f"{wording.place(first.index, first.subindex)}-{last.subindex:02X} "
 
 
-def _place(each: Difference) -> str:
+def _place(each: EdsDifference) -> str:
     texts = [f"{side}:{line}" for side, line in (("A", each.line_a), ("B", each.line_b)) if line]
     return f"  ({', '.join(texts)})" if texts else ""

@@ -12,7 +12,7 @@ from axisbus.cia402 import objects as cia402
 from axisbus.cia402 import options
 from axisbus.cia402.axes import first_axis
 from axisbus.eds import layout
-from axisbus.eds.layout import Layout
+from axisbus.eds.layout import PdoLayout
 from axisbus.eds.model import Eds, Number, Variable
 from axisbus.eds.report import wording
 
@@ -78,12 +78,12 @@ def modes(change: str) -> str:
     return "commands that use these modes will be refused" if change.startswith("no") else "new ways to move"
 
 
-def pdo(one: Layout | None) -> str:
+def pdo(one: PdoLayout | None) -> str:
     """Return what it means that only one file has a PDO: the first (``one``), or the second (None)."""
     return f"the drive has no {one.name} any more" if one is not None else ""
 
 
-def mapping(one: Layout, other: Layout) -> str:
+def mapping(one: PdoLayout, other: PdoLayout) -> str:
     """Return what another mapping of one PDO means."""
     before = {slot.mapped for slot in one.slots}
     after = {slot.mapped for slot in other.slots}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from axisbus.eds.model import Eds
 from axisbus.eds.report import overview
-from axisbus.eds.report.frames import MASTER, Field, Frame, frames, node_name
+from axisbus.eds.report.frames import MASTER, PdoMessage, PdoSignal, frames, node_name
 from axisbus.errors import ArgumentError, UserError
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def dumps(eds: Eds, node_id: int | None, *, switched_off: bool = False, words: b
     return Dbc(_text(eds, node_id, kept), left_out)
 
 
-def _text(eds: Eds, node_id: int, kept: tuple[Frame, ...]) -> str:
+def _text(eds: Eds, node_id: int, kept: tuple[PdoMessage, ...]) -> str:
     try:
         from cantools.database.can import Database, Node
     except ImportError as error:
@@ -56,7 +56,7 @@ def _text(eds: Eds, node_id: int, kept: tuple[Frame, ...]) -> str:
     return text
 
 
-def _message(frame: Frame, node_id: int) -> Message:
+def _message(frame: PdoMessage, node_id: int) -> Message:
     from cantools.database.can import Message
 
     receiver = node_name(node_id) if frame.sender == MASTER else MASTER
@@ -71,7 +71,7 @@ def _message(frame: Frame, node_id: int) -> Message:
     )
 
 
-def _signal(each: Field, receiver: str) -> Signal:
+def _signal(each: PdoSignal, receiver: str) -> Signal:
     from cantools.database.can import Signal
     from cantools.database.conversion import BaseConversion
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 
-class Group(Enum):
+class DifferenceGroup(Enum):
     """What a difference is about, the weightier first."""
 
     IDENTITY = "identity"
@@ -20,14 +20,14 @@ class Group(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class EdsDifference:
     """One difference between file A and file B.
 
     ``what`` names it, ``a`` and ``b`` are the two sides as texts (empty: absent), ``matters`` says what it means for a master
     (empty: probably nothing). ``line_a`` and ``line_b`` count from 1, 0 where there is none.
     """
 
-    group: Group
+    group: DifferenceGroup
     what: str
     a: str
     b: str

@@ -9,14 +9,14 @@ from collections.abc import Iterator
 from typing import TypedDict
 
 from axisbus.eds import layout
-from axisbus.eds.layout import Layout
+from axisbus.eds.layout import PdoLayout
 from axisbus.eds.model import Eds, Number, Object, Variable
 from axisbus.eds.report import overview, wording
 
 Plain = int | float | str | None
 
 
-class Entry(TypedDict):
+class EntryFacts(TypedDict):
     """One entry; values are numbers or texts, bytes are hexadecimal digits, None is absent.
 
     A value that depends on the node ID is a text such as ``$NODEID+0x180`` until a node ID resolves it. ``line`` counts from 1
@@ -40,10 +40,10 @@ class Entry(TypedDict):
     line: int
 
 
-_COLUMNS = tuple(Entry.__annotations__)
+_COLUMNS = tuple(EntryFacts.__annotations__)
 
 
-class Slot(TypedDict):
+class SlotFacts(TypedDict):
     """One mapped object of a PDO; ``first_bit`` counts from 0."""
 
     index: int
@@ -55,7 +55,7 @@ class Slot(TypedDict):
     signed: bool
 
 
-class Pdo(TypedDict):
+class PdoFacts(TypedDict):
     """One PDO; ``cob_id`` is the CAN identifier without flags, None where it is not known."""
 
     name: str
@@ -68,11 +68,11 @@ class Pdo(TypedDict):
     transmission_type: int | None
     inhibit_time: int | None
     event_timer: int | None
-    mapping: list[Slot]
+    mapping: list[SlotFacts]
     notes: list[str]
 
 
-class Mode(TypedDict):
+class ModeSupport(TypedDict):
     """What the file says of one mode of operation on one axis; ``claimed`` is None where 6502h has no value."""
 
     axis: int
@@ -81,7 +81,7 @@ class Mode(TypedDict):
     missing: list[int]
 
 
-class Device(TypedDict):
+class DeviceFacts(TypedDict):
     """What kind of device it is."""
 
     vendor: str
@@ -93,7 +93,7 @@ class Device(TypedDict):
     device_type: int | None
     kind: str
     axes: int
-    modes: list[Mode]
+    modes: list[ModeSupport]
     bit_rates: list[int]
 
 
@@ -102,9 +102,9 @@ class Whole(TypedDict):
 
     file: str
     node_id: int | None
-    device: Device
-    pdos: list[Pdo]
-    entries: list[Entry]
+    device: DeviceFacts
+    pdos: list[PdoFacts]
+    entries: list[EntryFacts]
 
 
 def whole(eds: Eds, node_id: int | None) -> Whole:
@@ -119,7 +119,7 @@ def whole(eds: Eds, node_id: int | None) -> Whole:
 
 
 def csv_text(eds: Eds, node_id: int | None) -> str:
-    """Return all entries as CSV (RFC 4180, lines end with LF), the columns those of ``Entry``.
+    """Return all entries as CSV (RFC 4180, lines end with LF), the columns those of ``EntryFacts``.
 
     Index and sub-index are hexadecimal (``0x1018``, ``0x01``), other numbers decimal; absent values are empty. Values are those
     for ``node_id`` (1 to 127); without one, what depends on it stays a formula such as ``$NODEID+0x180``.
@@ -137,14 +137,14 @@ def json_text(eds: Eds, node_id: int | None) -> str:
     return json.dumps(whole(eds, node_id), indent=2, ensure_ascii=False) + "\n"
 
 
-def entries(eds: Eds, node_id: int | None) -> Iterator[Entry]:
+def entries(eds: Eds, node_id: int | None) -> Iterator[EntryFacts]:
     """Return all entries in the order of index and sub-index."""
     for owner in eds:
         for sub in owner.subs.values():
             yield entry(owner, sub, node_id)
 
 
-def entry(owner: Object, sub: Variable, node_id: int | None) -> Entry:
+def entry(owner: Object, sub: Variable, node_id: int | None) -> EntryFacts:
     """Return one entry."""
     return {
         "index": sub.index,
@@ -165,7 +165,7 @@ def entry(owner: Object, sub: Variable, node_id: int | None) -> Entry:
     }
 
 
-def device(eds: Eds, node_id: int | None) -> Device:
+def device(eds: Eds, node_id: int | None) -> DeviceFacts:
     """Return what kind of device the file describes."""
     seen = overview.overview(eds, node_id)
     return {
@@ -186,7 +186,7 @@ def device(eds: Eds, node_id: int | None) -> Device:
     }
 
 
-def pdo(given: Layout) -> Pdo:
+def pdo(given: PdoLayout) -> PdoFacts:
     """Return one PDO."""
     formula = given.formula
     text = "" if formula is None else str(_plain(formula, None))
@@ -206,7 +206,7 @@ def pdo(given: Layout) -> Pdo:
     }
 
 
-def _slot(slot: layout.Slot) -> Slot:
+def _slot(slot: layout.PdoSlot) -> SlotFacts:
     return {
         "index": slot.mapped.index,
         "subindex": slot.mapped.subindex,

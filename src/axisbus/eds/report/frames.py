@@ -15,7 +15,7 @@ from axisbus.cia402 import objects as cia402
 from axisbus.cia402.axes import axis_of, first_axis, own_index
 from axisbus.cia402.si_units import decoded
 from axisbus.eds import layout
-from axisbus.eds.layout import Layout, Slot
+from axisbus.eds.layout import PdoLayout, PdoSlot
 from axisbus.eds.model import Eds, Number
 from axisbus.eds.report import naming, pdo_text, wording
 from axisbus.wording import counted
@@ -27,7 +27,7 @@ _REALS = (DataType.REAL32, DataType.REAL64)
 
 
 @dataclass(frozen=True, slots=True)
-class Field:
+class PdoSignal:
     """One signal: ``first_bit`` counts from the least significant of byte 0 (Intel), factor 1, no offset.
 
     ``low`` and ``high`` are the object's limits, None where the file gives none; ``unit`` is that of one count, empty where neither
@@ -47,7 +47,7 @@ class Field:
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class PdoMessage:
     """One message: its CAN identifier, data bytes, who sends it, and what is in it."""
 
     name: str
@@ -55,19 +55,19 @@ class Frame:
     size: int
     sender: str
     comment: str
-    fields: tuple[Field, ...] = ()
+    fields: tuple[PdoSignal, ...] = ()
     extended: bool = False
 
 
 def frames(
     eds: Eds, node_id: int, *, switched_off: bool = False, words: bool = False
-) -> tuple[tuple[Frame, ...], tuple[str, ...]]:
+) -> tuple[tuple[PdoMessage, ...], tuple[str, ...]]:
     """Return the frames of a node (1 to 127), services, RPDOs, TPDOs, and a sentence about each PDO that cannot be among them.
 
     Left out is a PDO without a known identifier, one that is switched off (unless these are wanted) or whose identifier another
     frame has, and one of more than 64 bits. A statusword is a signal for each of its bits, with ``words`` one signal.
     """
-    kept: dict[tuple[int, bool], Frame] = {}
+    kept: dict[tuple[int, bool], PdoMessage] = {}
     left_out: list[str] = []
     for frame in _services(eds, node_id):
         kept[frame.identifier, frame.extended] = frame
@@ -81,7 +81,7 @@ def frames(
     return tuple(kept.values()), tuple(left_out)
 
 
-def _obstacle(each: Layout, kept: Mapping[tuple[int, bool], Frame], switched_off: bool) -> str:
+def _obstacle(each: PdoLayout, kept: Mapping[tuple[int, bool], PdoMessage], switched_off: bool) -> str:
     """Return why a PDO cannot be in the DBC; empty where it can."""
     if each.identifier is None:
         return "the file gives no COB-ID"
@@ -95,13 +95,13 @@ def _obstacle(each: Layout, kept: Mapping[tuple[int, bool], Frame], switched_off
     return f"{each.identifier:03X}h is already the identifier of {other.name}" if other is not None else ""
 
 
-def _pdo(eds: Eds, each: Layout, node_id: int, words: bool) -> Frame:
+def _pdo(eds: Eds, each: PdoLayout, node_id: int, words: bool) -> PdoMessage:
     slots = {number: slot for number, slot in enumerate(each.slots) if slot.bits and not slot.mapped.is_dummy}
     names = naming.unique(
         {number: _field_name(slot) for number, slot in slots.items()},
         lambda number: _suffix(each.slots, number),
     )
-    return Frame(
+    return PdoMessage(
         f"{node_name(node_id)}_{each.name}",
         each.identifier or 0,
         each.size,
@@ -116,22 +116,22 @@ def _pdo(eds: Eds, each: Layout, node_id: int, words: bool) -> Frame:
     )
 
 
-def _field_name(slot: Slot) -> str:
+def _field_name(slot: PdoSlot) -> str:
     return naming.snake(slot.name) if naming.snake(slot.name)[:1].isalpha() else f"Object_{_address(slot)}"
 
 
-def _suffix(slots: tuple[Slot, ...], number: int) -> str:
+def _suffix(slots: tuple[PdoSlot, ...], number: int) -> str:
     """Return the address, and the place too where one object is mapped twice."""
     address = _address(slots[number])
     twice = sum(slot.mapped[:2] == slots[number].mapped[:2] for slot in slots) > 1
     return f"{address}_{number + 1}" if twice else address
 
 
-def _address(slot: Slot) -> str:
+def _address(slot: PdoSlot) -> str:
     return f"{slot.mapped.index:04X}_{slot.mapped.subindex:02X}"
 
 
-def _fields(eds: Eds, slot: Slot, name: str, node_id: int, words: bool) -> Iterator[Field]:
+def _fields(eds: Eds, slot: PdoSlot, name: str, node_id: int, words: bool) -> Iterator[PdoSignal]:
     """Yield the signal of a mapped object; a signal for each bit of a statusword, with what 0 and 1 mean, not with ``words``."""
     whole = _field(eds, slot, name, node_id)
     if words or first_axis(slot.mapped.index) != cia402.STATUSWORD or slot.bits != len(_STATUS):
@@ -143,10 +143,10 @@ def _fields(eds: Eds, slot: Slot, name: str, node_id: int, words: bool) -> Itera
         choices = (
             {0: f"not_{named.lower()}", 1: named.lower()} if bit in _PLAIN_BITS else _QUICK_STOP.get(bit, {})
         )
-        yield Field(f"{name}_{bit}_{named}", slot.first_bit + bit, 1, comment, choices=choices)
+        yield PdoSignal(f"{name}_{bit}_{named}", slot.first_bit + bit, 1, comment, choices=choices)
 
 
-def _limits(slot: Slot, node_id: int) -> tuple[float | None, float | None]:
+def _limits(slot: PdoSlot, node_id: int) -> tuple[float | None, float | None]:
     """Return the limits that the file gives an object, where its place in the PDO can hold them."""
     if (
         slot.variable is None
@@ -165,7 +165,7 @@ def _limits(slot: Slot, node_id: int) -> tuple[float | None, float | None]:
     return bottom if low is None else low, top if high is None else high
 
 
-def _unit(eds: Eds, slot: Slot, node_id: int) -> str:
+def _unit(eds: Eds, slot: PdoSlot, node_id: int) -> str:
     """Return what one count of an object is: by CiA 402 where it fixes that, else by the SI unit that the file gives (60A8h …)."""
     index = first_axis(slot.mapped.index)
     if index in _UNITS:
@@ -182,8 +182,8 @@ def _unit(eds: Eds, slot: Slot, node_id: int) -> str:
     return "" if found is None else found.text
 
 
-def _field(eds: Eds, slot: Slot, name: str, node_id: int) -> Field:
-    return Field(
+def _field(eds: Eds, slot: PdoSlot, name: str, node_id: int) -> PdoSignal:
+    return PdoSignal(
         name,
         slot.first_bit,
         slot.bits,
@@ -223,46 +223,48 @@ _SI_UNITS = {
 _MODES = {mode.value: facts.short for mode, facts in modes.FACTS.items()}
 
 
-def _services(eds: Eds, node_id: int) -> Iterator[Frame]:
+def _services(eds: Eds, node_id: int) -> Iterator[PdoMessage]:
     """Return the frames of NMT, SYNC, EMCY, SDO and heartbeat (CiA 301 7.2, 7.3.5)."""
     node = node_name(node_id)
-    yield Frame("NMT", cob.NMT, 2, MASTER, "node control (CiA 301 7.2.8.3.1)", _NMT)
+    yield PdoMessage("NMT", cob.NMT, 2, MASTER, "node control (CiA 301 7.2.8.3.1)", _NMT)
     sync = _cob_id(eds, cia301.COB_ID_SYNC, node_id)
     if sync is not None:
         counter = _number(eds, _SYNC_COUNTER, node_id) or 0
-        fields = (Field("Counter", 0, 8, "1 to the value of 1019h"),) if counter else ()
-        yield Frame("SYNC", sync[0], len(fields), MASTER, "SYNC (1005h)", fields, sync[1])
+        fields = (PdoSignal("Counter", 0, 8, "1 to the value of 1019h"),) if counter else ()
+        yield PdoMessage("SYNC", sync[0], len(fields), MASTER, "SYNC (1005h)", fields, sync[1])
     emcy = _cob_id(eds, cia301.COB_ID_EMCY, node_id)
     if emcy is not None:
-        yield Frame(f"{node}_EMCY", emcy[0], 8, node, "emergency (1014h)", _EMCY, emcy[1])
-    yield Frame(f"{node}_SDO_response", cob.SDO_TX + node_id, 8, node, "SDO, server to client", _SDO)
-    yield Frame(f"{node}_SDO_request", cob.SDO_RX + node_id, 8, MASTER, "SDO, client to server", _SDO)
-    yield Frame(f"{node}_Heartbeat", cob.HEARTBEAT + node_id, 1, node, "boot-up, heartbeat, guarding", _STATE)
+        yield PdoMessage(f"{node}_EMCY", emcy[0], 8, node, "emergency (1014h)", _EMCY, emcy[1])
+    yield PdoMessage(f"{node}_SDO_response", cob.SDO_TX + node_id, 8, node, "SDO, server to client", _SDO)
+    yield PdoMessage(f"{node}_SDO_request", cob.SDO_RX + node_id, 8, MASTER, "SDO, client to server", _SDO)
+    yield PdoMessage(
+        f"{node}_Heartbeat", cob.HEARTBEAT + node_id, 1, node, "boot-up, heartbeat, guarding", _STATE
+    )
 
 
 _NMT = (
-    Field("Command", 0, 8, choices={each.value: each.name.lower() for each in NmtCommand}),
-    Field("Node_ID", 8, 8, "0: all nodes"),
+    PdoSignal("Command", 0, 8, choices={each.value: each.name.lower() for each in NmtCommand}),
+    PdoSignal("Node_ID", 8, 8, "0: all nodes"),
 )
 _EMCY = (
-    Field("Error_code", 0, 16, "CiA 301 table 26 and 603Fh"),
-    Field("Error_register", 16, 8, "1001h"),
-    Field("Makers_field", 24, 40, "specific to the maker"),
+    PdoSignal("Error_code", 0, 16, "CiA 301 table 26 and 603Fh"),
+    PdoSignal("Error_register", 16, 8, "1001h"),
+    PdoSignal("Makers_field", 24, 40, "specific to the maker"),
 )
 _SDO = (
-    Field("Command", 0, 8, "command specifier (CiA 301 7.2.4.3)"),
-    Field("Object_index", 8, 16),
-    Field("Object_subindex", 24, 8),
-    Field("Object_data", 32, 32, "data, size, or abort code; segments have other fields"),
+    PdoSignal("Command", 0, 8, "command specifier (CiA 301 7.2.4.3)"),
+    PdoSignal("Object_index", 8, 16),
+    PdoSignal("Object_subindex", 24, 8),
+    PdoSignal("Object_data", 32, 32, "data, size, or abort code; segments have other fields"),
 )
 _STATE = (
-    Field(
+    PdoSignal(
         "NMT_state",
         0,
         7,
         choices={each.value: each.text.replace("-", "_") for each in NmtState if each.value >= 0},
     ),
-    Field("Toggle", 7, 1, "node guarding only"),
+    PdoSignal("Toggle", 7, 1, "node guarding only"),
 )
 
 

@@ -18,7 +18,7 @@ from pathlib import PurePath
 from typing import NamedTuple
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.eds.layout import Layout, Slot, layouts
+from axisbus.eds.layout import PdoLayout, PdoSlot, layouts
 from axisbus.eds.model import Eds
 from axisbus.eds.report import codegen, naming, overview
 
@@ -74,7 +74,7 @@ class NodePdos:
     node_id: int
     words: str
     eds: Eds
-    pdos: tuple[Layout, ...]
+    pdos: tuple[PdoLayout, ...]
     notes: tuple[str, ...] = ()
 
 
@@ -191,7 +191,7 @@ def _integer(bits: int, *, signed: bool) -> str:
 # -- PDOs -------------------------------------------------------------------------------------------------------------------------
 
 
-def _pdo(pdo: Layout, names: _Names, node_id: int | None) -> Iterator[str]:
+def _pdo(pdo: PdoLayout, names: _Names, node_id: int | None) -> Iterator[str]:
     macro, helpers = f"{names.pdos}_{pdo.name}", names.helpers
     lower = macro.lower()
     members = _members(pdo)
@@ -214,14 +214,14 @@ def _pdo(pdo: Layout, names: _Names, node_id: int | None) -> Iterator[str]:
     yield from ("{", *(f"    {_packed(slot, member, helpers)}" for slot, member in members), "}")
 
 
-def _identifier(pdo: Layout, macro: str, node_id: int | None) -> Iterator[str]:
+def _identifier(pdo: PdoLayout, macro: str, node_id: int | None) -> Iterator[str]:
     if pdo.identifier is not None:
         yield f"#define {macro}_COB_ID 0x{pdo.identifier:X}u"
     elif pdo.formula is not None and node_id is None:
         yield f"#define {macro}_COB_ID(node_id) (0x{pdo.formula.value & (_NONE - 1) & ~(1 << 30):X}u + (node_id))"
 
 
-def _members(pdo: Layout) -> list[tuple[Slot, str]]:
+def _members(pdo: PdoLayout) -> list[tuple[PdoSlot, str]]:
     """Return what a structure has of a PDO, with names that differ; spaces are left out."""
     slots = [slot for slot in pdo.slots if not slot.mapped.is_dummy and slot.bits and slot.end <= 64]
     wanted = {slot.first_bit: _name(slot) for slot in slots}
@@ -229,23 +229,23 @@ def _members(pdo: Layout) -> list[tuple[Slot, str]]:
     return [(slot, names[slot.first_bit]) for slot in slots]
 
 
-def _name(slot: Slot) -> str:
+def _name(slot: PdoSlot) -> str:
     otherwise = f"object_{slot.mapped.index:04x}_{slot.mapped.subindex:02x}"
     return naming.constant(slot.name, otherwise.upper()).lower()
 
 
-def _is_real(slot: Slot) -> bool:
+def _is_real(slot: PdoSlot) -> bool:
     return slot.data_type in _REALS and slot.bits == _REALS[slot.data_type][1]
 
 
-def _member_type(slot: Slot) -> str:
+def _member_type(slot: PdoSlot) -> str:
     if _is_real(slot):
         assert slot.data_type is not None
         return _REALS[slot.data_type][0]
     return _integer(slot.bits, signed=slot.signed)
 
 
-def _unpacked(slot: Slot, member: str, lower: str) -> str:
+def _unpacked(slot: PdoSlot, member: str, lower: str) -> str:
     where = f"data, {slot.first_bit}u, {slot.bits}u"
     if _is_real(slot):
         kind = f"{lower}_real{slot.bits}"
@@ -254,7 +254,7 @@ def _unpacked(slot: Slot, member: str, lower: str) -> str:
     return f"to->{member} = ({_member_type(slot)}){get}({where});"
 
 
-def _packed(slot: Slot, member: str, lower: str) -> str:
+def _packed(slot: PdoSlot, member: str, lower: str) -> str:
     where = f"data, {slot.first_bit}u, {slot.bits}u"
     if _is_real(slot):
         kind = f"{lower}_real{slot.bits}"

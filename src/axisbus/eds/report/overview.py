@@ -18,7 +18,7 @@ BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)  # kbit/s, keys of [DeviceInf
 
 
 @dataclass(frozen=True, slots=True)
-class Claim:
+class ModeClaim:
     """What a file says of one mode of operation on one axis (counted from 1).
 
     ``claimed`` by 6502h is None where the file gives it no value; ``missing`` are the mandatory objects that are not there.
@@ -45,7 +45,7 @@ class Area:
 
 
 @dataclass(frozen=True, slots=True)
-class Overview:
+class EdsOverview:
     """What stands at the head of every report about a file; texts are empty, and numbers None, where the file does not say."""
 
     vendor: str
@@ -55,7 +55,7 @@ class Overview:
     device_type: int | None
     kind: str
     axes: int
-    claims: tuple[Claim, ...]
+    claims: tuple[ModeClaim, ...]
     bit_rates: tuple[int, ...]
     entries: int
 
@@ -71,12 +71,12 @@ class Overview:
         return any(claim.claimed is not None for claim in self.claims)
 
 
-def overview(eds: Eds, node_id: int | None = None) -> Overview:
+def overview(eds: Eds, node_id: int | None = None) -> EdsOverview:
     """Return the overview of a file; takes about a millisecond, reads only the model."""
     device = eds.info.get("deviceinfo", {})
     device_type = _device_type(eds)
     axes = axis_count(eds)
-    return Overview(
+    return EdsOverview(
         text(device.get("vendorname")),
         text(device.get("productname")),
         text(device.get("ordercode")),
@@ -98,13 +98,13 @@ def axis_count(eds: Eds) -> int:
     )
 
 
-def claims(eds: Eds, axis: int, node_id: int | None = None) -> tuple[Claim, ...]:
+def claims(eds: Eds, axis: int, node_id: int | None = None) -> tuple[ModeClaim, ...]:
     """Return what the file says of each mode of CiA 402 on ``axis`` (from 1)."""
     supported = eds.get(own_index(cia402.SUPPORTED_DRIVE_MODES, axis))
     word = supported.initial(node_id) if supported is not None else None
     claimed = set(modes.supported(word)) if isinstance(word, int) else None
     return tuple(
-        Claim(
+        ModeClaim(
             axis,
             mode,
             None if claimed is None else mode in claimed,

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from axisbus.cia301.pdo import is_synchronous
-from axisbus.eds.layout import Layout, Slot
+from axisbus.eds.layout import PdoLayout, PdoSlot
 from axisbus.eds.report import wording
 from axisbus.wording import counted
 
@@ -36,7 +36,7 @@ BOXES = Style("─", "│", "┌┬┐", "└┴┘", "├ ", "└ ", "…")
 ASCII = Style("-", "|", "+++", "+++", "|-", "`-", "~")
 
 
-def draw(layout: Layout, width: int, style: Style = BOXES) -> list[str]:
+def draw(layout: PdoLayout, width: int, style: Style = BOXES) -> list[str]:
     """Return the lines of the drawing, at most ``width`` characters wide; an empty PDO has none.
 
     Bit 0 of each byte is on the left. A box that is too narrow for its label has the letter of its row in ``legend``.
@@ -51,7 +51,7 @@ def draw(layout: Layout, width: int, style: Style = BOXES) -> list[str]:
     return drawn
 
 
-def legend(layout: Layout, width: int) -> list[tuple[str, str, str, str, str]]:
+def legend(layout: PdoLayout, width: int) -> list[tuple[str, str, str, str, str]]:
     """Return letter (empty where the box of ``draw`` has its address), place, address, name and type of each mapped object."""
     scale = _scale(layout, width)[0] if layout.bits else 1
     return [
@@ -66,7 +66,7 @@ def legend(layout: Layout, width: int) -> list[tuple[str, str, str, str, str]]:
     ]
 
 
-def heading(layout: Layout) -> str:
+def heading(layout: PdoLayout) -> str:
     """Return COB-ID and transmission in one line: ``185h ($NODEID+0x180), on change (type 255), every 100 ms``."""
     parts = [identifier(layout), transmission(layout)]
     if layout.inhibit_time:
@@ -76,7 +76,7 @@ def heading(layout: Layout) -> str:
     return ", ".join(part for part in parts if part)
 
 
-def identifier(layout: Layout) -> str:
+def identifier(layout: PdoLayout) -> str:
     """Return the COB-ID for a person, with its formula, and whether the PDO is switched off."""
     given = layout.formula
     if given is None:
@@ -91,7 +91,7 @@ def identifier(layout: Layout) -> str:
     return text if layout.valid else f"{text}, switched off"
 
 
-def transmission(layout: Layout) -> str:
+def transmission(layout: PdoLayout) -> str:
     """Return the transmission type in words (CiA 301 tables 69 and 72)."""
     kind = layout.transmission_type
     if kind is None:
@@ -107,7 +107,7 @@ def transmission(layout: Layout) -> str:
     return f"{words} (type {kind})"
 
 
-def kind(slot: Slot) -> str:
+def kind(slot: PdoSlot) -> str:
     """Return the data type of a mapped object, and how much of it travels where that is not the whole."""
     name = slot.data_type.name if slot.data_type else "type unknown"
     if slot.data_type is not None and slot.data_type.bits == slot.bits:
@@ -115,7 +115,7 @@ def kind(slot: Slot) -> str:
     return f"{name}, {counted(slot.bits, 'bit')} of it"
 
 
-def lines(layout: Layout, width: int, style: Style = BOXES) -> Iterator[str]:
+def lines(layout: PdoLayout, width: int, style: Style = BOXES) -> Iterator[str]:
     """Return the whole picture of a PDO: heading, drawing, list, notes."""
     yield f"{layout.name}  {heading(layout)}"
     for line in draw(layout, width - 2, style):
@@ -131,7 +131,7 @@ def lines(layout: Layout, width: int, style: Style = BOXES) -> Iterator[str]:
         yield f"  note: {note}"
 
 
-def _scale(layout: Layout, width: int) -> tuple[int, int]:
+def _scale(layout: PdoLayout, width: int) -> tuple[int, int]:
     """Return characters per bit and bytes per row: all bytes in one row if that can be, with boxes as wide as may be."""
     smallest = min(slot.bits for slot in layout.slots if slot.bits)
     for in_row in _ROWS:
@@ -141,7 +141,7 @@ def _scale(layout: Layout, width: int) -> tuple[int, int]:
     return max(1, _NARROWEST - smallest + 1), 1
 
 
-def _narrow(slot: Slot, scale: int) -> bool:
+def _narrow(slot: PdoSlot, scale: int) -> bool:
     return slot.bits * scale - 1 < _ROOM_FOR_ADDRESS
 
 
@@ -150,7 +150,7 @@ def letter(number: int) -> str:
     return _LETTERS[number % len(_LETTERS)]
 
 
-def _row(layout: Layout, first: int, in_row: int, scale: int, style: Style) -> list[str]:
+def _row(layout: PdoLayout, first: int, in_row: int, scale: int, style: Style) -> list[str]:
     low, high = first * 8, (first + in_row) * 8
     boxes = [
         _Box(slot, letter(number), low, high, scale)
@@ -168,7 +168,7 @@ def _row(layout: Layout, first: int, in_row: int, scale: int, style: Style) -> l
 class _Box:
     """The part of a slot that lies in one row."""
 
-    def __init__(self, slot: Slot, short: str, low: int, high: int, scale: int) -> None:
+    def __init__(self, slot: PdoSlot, short: str, low: int, high: int, scale: int) -> None:
         self._labels = (short, "") if _narrow(slot, scale) else (slot.address, slot.name)
         self._continued = slot.first_bit < low
         self.room = (min(slot.end, high) - max(slot.first_bit, low)) * scale - 1

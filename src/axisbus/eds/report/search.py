@@ -14,7 +14,7 @@ _PDO = re.compile(r"([rt])pdo\s*([0-9]{1,3})", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
-class Match:
+class ObjectMatch:
     """An object that was looked for; ``subs`` are the sub-indices that were meant, None for all of them."""
 
     entry: Object
@@ -22,10 +22,10 @@ class Match:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class SearchResult:
     """What a search gave: a PDO by its name (receive or not, number from 1), or objects."""
 
-    matches: tuple[Match, ...] = ()
+    matches: tuple[ObjectMatch, ...] = ()
     pdo: tuple[bool, int] | None = None
 
     @property
@@ -34,7 +34,7 @@ class Found:
         return self.matches[0].entry if len(self.matches) == 1 else None
 
 
-def find(eds: Eds, wanted: str) -> Found:
+def find(eds: Eds, wanted: str) -> SearchResult:
     """Return what ``wanted`` means: ``6041``, ``0x1018:1``, ``1018sub1``, ``TPDO1``, or words that a name holds in any case.
 
     Hexadecimal digits that are an index of the file are the index; else they are a part of a name, such as ``feed``.
@@ -45,41 +45,41 @@ def find(eds: Eds, wanted: str) -> Found:
     text = wanted.strip()
     pdo = _PDO.fullmatch(text)
     if pdo is not None:
-        return Found(pdo=(pdo[1].lower() == "r", int(pdo[2])))
+        return SearchResult(pdo=(pdo[1].lower() == "r", int(pdo[2])))
     matches = _by_address(eds, text) or _by_name(eds, text)
     if not matches:
         raise _nothing(eds, text)
-    return Found(matches)
+    return SearchResult(matches)
 
 
-def _by_address(eds: Eds, text: str) -> tuple[Match, ...]:
+def _by_address(eds: Eds, text: str) -> tuple[ObjectMatch, ...]:
     found = _ADDRESS.fullmatch(text)
     entry = eds.objects.get(int(found[1], 16)) if found is not None else None
     if found is None or entry is None:
         return ()
     if found[2] is None:
-        return (Match(entry),)
+        return (ObjectMatch(entry),)
     subindex = int(found[2], 16)
-    return (Match(entry, (subindex,)),) if subindex in entry.subs else ()
+    return (ObjectMatch(entry, (subindex,)),) if subindex in entry.subs else ()
 
 
-def _by_name(eds: Eds, text: str) -> tuple[Match, ...]:
+def _by_name(eds: Eds, text: str) -> tuple[ObjectMatch, ...]:
     words = text.lower().split()
     if not words:
         return ()
     return tuple(match for entry in eds if (match := _match(entry, words)) is not None)
 
 
-def _match(entry: Object, words: list[str]) -> Match | None:
+def _match(entry: Object, words: list[str]) -> ObjectMatch | None:
     if all(word in entry.name.lower() for word in words):
-        return Match(entry)
+        return ObjectMatch(entry)
     whole = entry.name.lower()
     subs = tuple(
         subindex
         for subindex, sub in entry.subs.items()
         if _holds(sub.name.lower(), whole, words) or _holds(sub.denotation.lower(), whole, words)
     )
-    return Match(entry, subs) if subs else None
+    return ObjectMatch(entry, subs) if subs else None
 
 
 def _holds(name: str, owner: str, words: list[str]) -> bool:

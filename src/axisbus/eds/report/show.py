@@ -12,7 +12,7 @@ from axisbus.eds import layout
 from axisbus.eds.model import Eds, Number, Object, Severity, Variable
 from axisbus.eds.report import overview, pdo_text, wording
 from axisbus.eds.report.pdo_text import BOXES, Style
-from axisbus.eds.report.search import Match
+from axisbus.eds.report.search import ObjectMatch
 from axisbus.wording import counted
 
 PAGE = 100  # characters of a drawing where the width is not limited
@@ -23,7 +23,7 @@ _ALIKE = 3  # so many sub-indices that differ only in their number are shown as 
 _DIGITS = re.compile(r"\d+")
 
 
-class Row(NamedTuple):
+class TreeRow(NamedTuple):
     """One line of the tree, its columns as texts."""
 
     address: str
@@ -65,7 +65,7 @@ def tree(eds: Eds, node_id: int | None = None, screen: Screen = Screen()) -> Ite
 
 def matches(
     eds: Eds,
-    found: Iterable[Match],
+    found: Iterable[ObjectMatch],
     node_id: int | None = None,
     screen: Screen = Screen(),  # noqa: B008  frozen
 ) -> Iterator[str]:
@@ -91,14 +91,14 @@ def head(eds: Eds, node_id: int | None) -> Iterator[str]:
             yield f"  {title:<10}  {text}"
 
 
-def identity_words(seen: overview.Overview) -> str:
+def identity_words(seen: overview.EdsOverview) -> str:
     """Return the numbers of 1018h in one line."""
     who = seen.identity
     numbers = (("vendor", who.vendor_id), ("product", who.product_code), ("revision", who.revision))
     return ", ".join(f"{title} 0x{number:08X}" for title, number in numbers if number is not None)
 
 
-def modes_words(seen: overview.Overview) -> str:
+def modes_words(seen: overview.EdsOverview) -> str:
     """Return the modes that the file claims for each axis; empty for what is no drive."""
     texts = []
     for axis in range(1, seen.axes + 1):
@@ -120,7 +120,7 @@ def findings_words(eds: Eds) -> str:
     return ", ".join(parts) or "nothing odd"
 
 
-def _device_words(seen: overview.Overview) -> str:
+def _device_words(seen: overview.EdsOverview) -> str:
     if seen.device_type is None:
         return ""
     return f"{seen.kind}, device type 0x{seen.device_type:08X}"
@@ -134,14 +134,14 @@ def _node_words(eds: Eds, node_id: int | None) -> str:
 
 def _object(
     eds: Eds, entry: Object, node_id: int | None, screen: Screen, only: tuple[int, ...] | None = None
-) -> Iterator[Row]:
+) -> Iterator[TreeRow]:
     """Return the rows of one object; with ``only``, of these sub-indices."""
     address = f"{entry.index:04X}"
     if not entry.is_record:
         for sub in entry.subs.values():
             yield _row(eds, sub, node_id, address, wording.full_name(entry, sub))
         return
-    yield Row(address, entry.name, entry.object_type.name, "", "", "")
+    yield TreeRow(address, entry.name, entry.object_type.name, "", "", "")
     subs = [sub for sub in entry.subs.values() if only is None or sub.subindex in only]
     groups = list(runs(subs)) if screen.fold and only is None else [[sub] for sub in subs]
     for number, run in enumerate(groups, 1):
@@ -149,7 +149,7 @@ def _object(
         yield _sub_row(eds, run, node_id, mark)
 
 
-def _sub_row(eds: Eds, run: list[Variable], node_id: int | None, mark: str) -> Row:
+def _sub_row(eds: Eds, run: list[Variable], node_id: int | None, mark: str) -> TreeRow:
     first, last = run[0], run[-1]
     name = first.denotation or first.name
     address = f"{mark}:{first.subindex:02X}"
@@ -158,11 +158,11 @@ def _sub_row(eds: Eds, run: list[Variable], node_id: int | None, mark: str) -> R
     return _row(eds, first, node_id, address, name)
 
 
-def _row(eds: Eds, sub: Variable, node_id: int | None, address: str, name: str) -> Row:
+def _row(eds: Eds, sub: Variable, node_id: int | None, address: str, name: str) -> TreeRow:
     limits = wording.limits(sub, node_id)
     text = value_words(eds, sub, node_id)
     value = f"{text}  [{limits}]" if limits and text else f"[{limits}]" if limits else text
-    return Row(address, name, wording.type_name(sub), sub.access, wording.pdo_direction(sub), value)
+    return TreeRow(address, name, wording.type_name(sub), sub.access, wording.pdo_direction(sub), value)
 
 
 def value_words(eds: Eds, sub: Variable, node_id: int | None) -> str:
@@ -199,7 +199,7 @@ def _facts(sub: Variable) -> tuple[str | int | bool | float | bytes | Number | N
     )
 
 
-def _columns(rows: list[Row], width: int | None) -> tuple[int, ...]:
+def _columns(rows: list[TreeRow], width: int | None) -> tuple[int, ...]:
     """Return the widths of all columns but the last; the name gives way where the width is limited."""
     widths = [max((len(row[at]) for row in rows), default=0) for at in range(5)]
     widths[1] = min(widths[1], _WIDEST_NAME if width is None else _WIDEST_NAME // 2 + width // 8)
@@ -210,7 +210,7 @@ def _columns(rows: list[Row], width: int | None) -> tuple[int, ...]:
     return tuple(widths)
 
 
-def _lines(rows: list[Row], columns: tuple[int, ...], screen: Screen) -> Iterator[str]:
+def _lines(rows: list[TreeRow], columns: tuple[int, ...], screen: Screen) -> Iterator[str]:
     for row in rows:
         cells = [cut(text, room, screen).ljust(room) for text, room in zip(row[:-1], columns, strict=True)]
         yield cut("  ".join(["", *cells, row.value]).rstrip(), screen.width, screen)

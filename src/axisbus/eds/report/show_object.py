@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 from axisbus.cia402 import value_texts
 from axisbus.eds import layout
-from axisbus.eds.layout import Layout
+from axisbus.eds.layout import PdoLayout
 from axisbus.eds.model import Eds, Object, Variable
 from axisbus.eds.report import pdo_text, show, wording
-from axisbus.eds.report.search import Match
+from axisbus.eds.report.search import ObjectMatch
 from axisbus.eds.report.show import Screen
 from axisbus.eds.rules import standard
 from axisbus.wording import counted
@@ -21,7 +21,7 @@ _FLAGS = {0: "left out when a DCF is downloaded", 1: "left out when the device i
 DIRECTIONS = {"RPDO": "an RPDO", "TPDO": "a TPDO", "TPDO/RPDO": "a TPDO or an RPDO"}
 
 
-def object_lines(eds: Eds, match: Match, node_id: int | None, screen: Screen) -> Iterator[str]:
+def object_lines(eds: Eds, match: ObjectMatch, node_id: int | None, screen: Screen) -> Iterator[str]:
     """Return all about one object, or about the sub-indices of it that a search meant, as lines."""
     entry = match.entry
     pdos = layout.layouts(eds, node_id)
@@ -31,7 +31,10 @@ def object_lines(eds: Eds, match: Match, node_id: int | None, screen: Screen) ->
     if entry.is_record:
         yield f"  {entry.object_type.name} with {counted(len(entry.subs), 'sub-index', 'sub-indices')}"
         yield from show.matches(
-            eds, [Match(entry, tuple(sub.subindex for sub in subs))], node_id, screen._replace(fold=False)
+            eds,
+            [ObjectMatch(entry, tuple(sub.subindex for sub in subs))],
+            node_id,
+            screen._replace(fold=False),
         )
     for sub in subs:
         yield from _entry(entry, sub, node_id, pdos)
@@ -46,7 +49,7 @@ def pdo_lines(eds: Eds, receive: bool, number: int, node_id: int | None, screen:
             yield f"  parameters in {wording.place(each.communication)} and {wording.place(each.mapping)}"
 
 
-def _entry(entry: Object, sub: Variable, node_id: int | None, pdos: tuple[Layout, ...]) -> Iterator[str]:
+def _entry(entry: Object, sub: Variable, node_id: int | None, pdos: tuple[PdoLayout, ...]) -> Iterator[str]:
     """Return what is to be said of one entry; a sub-index of which there is nothing beside its row is left out."""
     facts = list(_facts(entry, sub, node_id, pdos))
     tables = value_texts.tables(sub.index, sub.subindex)
@@ -64,7 +67,7 @@ def _entry(entry: Object, sub: Variable, node_id: int | None, pdos: tuple[Layout
 
 
 def _facts(
-    entry: Object, sub: Variable, node_id: int | None, pdos: tuple[Layout, ...]
+    entry: Object, sub: Variable, node_id: int | None, pdos: tuple[PdoLayout, ...]
 ) -> Iterator[tuple[str, str]]:
     if not entry.is_record:
         direction = wording.pdo_direction(sub)
@@ -75,7 +78,7 @@ def _facts(
     yield from remarks(entry, sub, pdos)
 
 
-def remarks(entry: Object, sub: Variable, pdos: tuple[Layout, ...]) -> Iterator[tuple[str, str]]:
+def remarks(entry: Object, sub: Variable, pdos: tuple[PdoLayout, ...]) -> Iterator[tuple[str, str]]:
     """Return what is to be said of an entry beside its row, as (title, text); of most sub-indices there is nothing."""
     if sub.denotation and sub.denotation != sub.name:
         yield "name", sub.name
@@ -90,7 +93,7 @@ def remarks(entry: Object, sub: Variable, pdos: tuple[Layout, ...]) -> Iterator[
         yield "standard", words
 
 
-def carriers(sub: Variable, pdos: tuple[Layout, ...]) -> list[str]:
+def carriers(sub: Variable, pdos: tuple[PdoLayout, ...]) -> list[str]:
     """Return the PDOs that carry an entry, and where in them."""
     return [
         f"{each.name} {slot.where}" + ("" if each.valid else " (switched off)")
@@ -100,7 +103,7 @@ def carriers(sub: Variable, pdos: tuple[Layout, ...]) -> list[str]:
     ]
 
 
-def _drawn(entry: Object, pdos: tuple[Layout, ...], screen: Screen) -> Iterator[str]:
+def _drawn(entry: Object, pdos: tuple[PdoLayout, ...], screen: Screen) -> Iterator[str]:
     for each in pdos:
         if entry.index in (each.communication, each.mapping):
             yield from pdo_text.lines(each, screen.drawing, screen.style)

@@ -8,10 +8,19 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import is_synchronous
 from axisbus.cia402 import dictionary
-from axisbus.cia402.dictionary import Row
+from axisbus.cia402.dictionary import StandardObject
 from axisbus.eds.model import ObjectType, Severity
 from axisbus.eds.rules import mapping, services, standard
-from axisbus.eds.rules.context import Described, Hit, Looks, Sheet, an, number_of, start_key, start_value
+from axisbus.eds.rules.context import (
+    Described,
+    Hit,
+    Looks,
+    RuleContext,
+    an,
+    number_of,
+    start_key,
+    start_value,
+)
 from axisbus.eds.rules.pdo_parameters import restricted
 
 _AREA = range(0x1000, 0x1030)
@@ -29,14 +38,14 @@ _RECORDS = (
 )
 
 
-def no_mandatory(sheet: Sheet) -> Iterator[Hit]:
+def no_mandatory(sheet: RuleContext) -> Iterator[Hit]:
     """C001."""
     for index in (o.DEVICE_TYPE, o.ERROR_REGISTER):
         if index not in sheet.eds:
             yield sheet.at(sheet.where_missing(index), "", f"object {_named(index)} is missing", index)
 
 
-def no_identity(sheet: Sheet) -> Iterator[Hit]:
+def no_identity(sheet: RuleContext) -> Iterator[Hit]:
     """C008."""
     if o.IDENTITY not in sheet.eds:
         yield sheet.at(
@@ -48,7 +57,7 @@ def no_identity(sheet: Sheet) -> Iterator[Hit]:
         )
 
 
-def object_types(sheet: Sheet) -> Iterator[Hit]:
+def object_types(sheet: RuleContext) -> Iterator[Hit]:
     """C002."""
     for index in sheet.heads:
         whole = dictionary.whole(index) if index in _AREA or index == _SDO_SERVER else None
@@ -57,7 +66,7 @@ def object_types(sheet: Sheet) -> Iterator[Hit]:
 
 
 def wrong_object_type(
-    sheet: Sheet, index: int, wanted: ObjectType, standard_name: str, severity: Severity | None = None
+    sheet: RuleContext, index: int, wanted: ObjectType, standard_name: str, severity: Severity | None = None
 ) -> Iterator[Hit]:
     """Yield a hit where an object has another object type than the standard's."""
     entry, head = sheet.eds.objects[index], sheet.heads[index]
@@ -70,14 +79,14 @@ def wrong_object_type(
         yield sheet.at(head, "objecttype", text, index, severity=severity)
 
 
-def pdo_object_types(sheet: Sheet) -> Iterator[Hit]:
+def pdo_object_types(sheet: RuleContext) -> Iterator[Hit]:
     """C020."""
     for index in sheet.heads:
         if any(index in area for area in _RECORDS):
             yield from wrong_object_type(sheet, index, ObjectType.RECORD, "CiA 301")
 
 
-def data_types(sheet: Sheet) -> Iterator[Hit]:
+def data_types(sheet: RuleContext) -> Iterator[Hit]:
     """C003."""
     for entry, row in _rows(sheet):
         kind = entry.variable.data_type
@@ -87,7 +96,7 @@ def data_types(sheet: Sheet) -> Iterator[Hit]:
     yield from services.sdo_types(sheet)
 
 
-def access(sheet: Sheet) -> Iterator[Hit]:
+def access(sheet: RuleContext) -> Iterator[Hit]:
     """C004."""
     for entry, row in _rows(sheet):
         if entry.says_access and row.access and row.access <= standard.READ_ONLY and entry.variable.writable:
@@ -97,14 +106,14 @@ def access(sheet: Sheet) -> Iterator[Hit]:
             )
 
 
-def fixed(sheet: Sheet) -> Iterator[Hit]:
+def fixed(sheet: RuleContext) -> Iterator[Hit]:
     """C021."""
     for entry, row in _rows(sheet):
         if row.access == {"rw"} and entry.says_access and not entry.variable.writable:
             yield sheet.on(entry, "accesstype", f"is {entry.variable.access}, CiA 301 has rw ({row.name})")
 
 
-def _rows(sheet: Sheet) -> Iterator[tuple[Described, Row]]:
+def _rows(sheet: RuleContext) -> Iterator[tuple[Described, StandardObject]]:
     for entry in sheet.described:
         variable = entry.variable
         if variable.index > _SDO_SERVER:
@@ -114,14 +123,14 @@ def _rows(sheet: Sheet) -> Iterator[tuple[Described, Row]]:
             yield entry, row
 
 
-def no_device_type(sheet: Sheet) -> Iterator[Hit]:
+def no_device_type(sheet: RuleContext) -> Iterator[Hit]:
     """C005."""
     head = sheet.heads.get(o.DEVICE_TYPE)
     if head is not None and not head.entries.get("defaultvalue") and sheet.number(o.DEVICE_TYPE) is None:
         yield sheet.at(head, "defaultvalue", f"[{head.name}] has no DefaultValue", o.DEVICE_TYPE)
 
 
-def no_error_control(sheet: Sheet) -> Iterator[Hit]:
+def no_error_control(sheet: RuleContext) -> Iterator[Hit]:
     """C006."""
     guarding = o.GUARD_TIME in sheet.eds and o.LIFE_TIME_FACTOR in sheet.eds
     if o.PRODUCER_HEARTBEAT not in sheet.eds and not guarding:
@@ -129,7 +138,7 @@ def no_error_control(sheet: Sheet) -> Iterator[Hit]:
         yield sheet.at(sheet.where_missing(o.PRODUCER_HEARTBEAT), "", text, o.PRODUCER_HEARTBEAT)
 
 
-def no_emergency_id(sheet: Sheet) -> Iterator[Hit]:
+def no_emergency_id(sheet: RuleContext) -> Iterator[Hit]:
     """C007."""
     if o.PREDEFINED_ERROR_FIELD in sheet.eds and o.COB_ID_EMCY not in sheet.eds:
         head = sheet.heads.get(o.PREDEFINED_ERROR_FIELD)
@@ -138,7 +147,7 @@ def no_emergency_id(sheet: Sheet) -> Iterator[Hit]:
         )
 
 
-def no_sync_id(sheet: Sheet) -> Iterator[Hit]:
+def no_sync_id(sheet: RuleContext) -> Iterator[Hit]:
     """C009."""
     if o.COB_ID_SYNC in sheet.eds:
         return
@@ -151,12 +160,12 @@ def no_sync_id(sheet: Sheet) -> Iterator[Hit]:
             return
 
 
-def _exists(sheet: Sheet, index: int) -> bool:
+def _exists(sheet: RuleContext, index: int) -> bool:
     identifier = sheet.number(index, 1)
     return identifier is not None and not identifier & cob.INVALID
 
 
-def no_cycle_period(sheet: Sheet) -> Iterator[Hit]:
+def no_cycle_period(sheet: RuleContext) -> Iterator[Hit]:
     """C010."""
     sync = sheet.number(o.COB_ID_SYNC)
     if sync is not None and sync & _SYNC_PRODUCER and o.CYCLE_PERIOD not in sheet.eds:
@@ -164,7 +173,7 @@ def no_cycle_period(sheet: Sheet) -> Iterator[Hit]:
         yield sheet.at(sheet.heads.get(o.COB_ID_SYNC), "defaultvalue", text, o.CYCLE_PERIOD)
 
 
-def half_a_guard(sheet: Sheet) -> Iterator[Hit]:
+def half_a_guard(sheet: RuleContext) -> Iterator[Hit]:
     """C011."""
     for here, there in ((o.GUARD_TIME, o.LIFE_TIME_FACTOR), (o.LIFE_TIME_FACTOR, o.GUARD_TIME)):
         if here in sheet.eds and there not in sheet.eds:
@@ -172,7 +181,7 @@ def half_a_guard(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(sheet.heads.get(here), "", text, there)
 
 
-def sdo_ids(sheet: Sheet) -> Iterator[Hit]:
+def sdo_ids(sheet: RuleContext) -> Iterator[Hit]:
     """C012."""
     for subindex, base in _SDO_IDS.items():
         entry, section = sheet.eds.get(_SDO_SERVER, subindex), sheet.section_of(_SDO_SERVER, subindex)
@@ -186,7 +195,7 @@ def sdo_ids(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(section, start_key(entry), text, _SDO_SERVER, subindex)
 
 
-def emergency_id(sheet: Sheet) -> Iterator[Hit]:
+def emergency_id(sheet: RuleContext) -> Iterator[Hit]:
     """C013."""
     entry, section = sheet.eds.get(o.COB_ID_EMCY), sheet.section_of(o.COB_ID_EMCY)
     value = start_value(entry) if entry is not None else None
@@ -198,7 +207,7 @@ def emergency_id(sheet: Sheet) -> Iterator[Hit]:
         yield sheet.at(section, start_key(entry), text, o.COB_ID_EMCY)
 
 
-def sync_overflow(sheet: Sheet) -> Iterator[Hit]:
+def sync_overflow(sheet: RuleContext) -> Iterator[Hit]:
     """C014."""
     entry = sheet.eds.get(_OVERFLOW)
     value = number_of(entry) if entry is not None else None
@@ -207,7 +216,7 @@ def sync_overflow(sheet: Sheet) -> Iterator[Hit]:
         yield sheet.at(sheet.section_of(_OVERFLOW), start_key(entry), text, _OVERFLOW)
 
 
-def no_store_format(sheet: Sheet) -> Iterator[Hit]:
+def no_store_format(sheet: RuleContext) -> Iterator[Hit]:
     """C015."""
     if _STORE_EDS in sheet.eds and _STORE_FORMAT not in sheet.eds:
         text = "1021, the stored EDS, is there without 1022, its format"

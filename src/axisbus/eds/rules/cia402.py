@@ -8,11 +8,11 @@ from axisbus.cia301.objects import DEVICE_TYPE
 from axisbus.cia402 import dictionary, options
 from axisbus.cia402 import objects as o
 from axisbus.cia402.axes import FIRST_AXIS
-from axisbus.cia402.dictionary import Row
+from axisbus.cia402.dictionary import StandardObject
 from axisbus.eds.model import Number, ObjectType, Severity
 from axisbus.eds.rules import mapping, standard
 from axisbus.eds.rules.cia301 import wrong_object_type
-from axisbus.eds.rules.context import Described, Hit, Looks, Sheet, start_key
+from axisbus.eds.rules.context import Described, Hit, Looks, RuleContext, start_key
 from axisbus.eds.rules.drive import axes
 
 # Reactions that are defined (CiA 402-2 8.4); negative ones are the maker's.
@@ -30,7 +30,7 @@ _NEEDED_ENTRIES = tuple(
 _TARGETS_BOTH_WAYS = (o.TARGET_POSITION, o.TARGET_VELOCITY, o.TARGET_TORQUE)
 
 
-def data_types(sheet: Sheet) -> Iterator[Hit]:
+def data_types(sheet: RuleContext) -> Iterator[Hit]:
     """M002."""
     for entry, row in _rows(sheet):
         kind = entry.variable.data_type
@@ -41,7 +41,7 @@ def data_types(sheet: Sheet) -> Iterator[Hit]:
             )
 
 
-def object_types(sheet: Sheet) -> Iterator[Hit]:
+def object_types(sheet: RuleContext) -> Iterator[Hit]:
     """M003."""
     for axis in axes(sheet):
         for index in sheet.heads:
@@ -51,7 +51,7 @@ def object_types(sheet: Sheet) -> Iterator[Hit]:
                 yield from wrong_object_type(sheet, index, wanted, "CiA 402", _mild(whole.sure))
 
 
-def access(sheet: Sheet) -> Iterator[Hit]:
+def access(sheet: RuleContext) -> Iterator[Hit]:
     """M004."""
     for entry, row in _rows(sheet):
         access = entry.variable.access
@@ -61,7 +61,7 @@ def access(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.on(entry, "accesstype", text, _mild(row.sure))
 
 
-def mappable(sheet: Sheet) -> Iterator[Hit]:
+def mappable(sheet: RuleContext) -> Iterator[Hit]:
     """M005."""
     mapped = {slot.mapped.index for slot in mapping.slots(sheet)}  # of which P004 speaks
     for entry, row in _rows(sheet):
@@ -71,7 +71,7 @@ def mappable(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.on(entry, "pdomapping", f"cannot be mapped into a PDO ({row.name})")
 
 
-def no_sub_index(sheet: Sheet) -> Iterator[Hit]:
+def no_sub_index(sheet: RuleContext) -> Iterator[Hit]:
     """M014."""
     for axis in axes(sheet):
         for row in _NEEDED_ENTRIES:
@@ -84,7 +84,7 @@ def no_sub_index(sheet: Sheet) -> Iterator[Hit]:
                 yield sheet.at(head, "", text, entry.index, subindex, _mild(row.sure))
 
 
-def profile_number(sheet: Sheet) -> Iterator[Hit]:
+def profile_number(sheet: RuleContext) -> Iterator[Hit]:
     """M007."""
     device_type = sheet.number(DEVICE_TYPE)
     if device_type is None or device_type & 0xFFFF == o.PROFILE_NUMBER or not axes(sheet):
@@ -95,7 +95,7 @@ def profile_number(sheet: Sheet) -> Iterator[Hit]:
     yield sheet.at(sheet.heads.get(DEVICE_TYPE), key, text, DEVICE_TYPE)
 
 
-def reactions(sheet: Sheet) -> Iterator[Hit]:
+def reactions(sheet: RuleContext) -> Iterator[Hit]:
     """M015."""
     for axis in axes(sheet):
         for index, known in _REACTIONS.items():
@@ -104,7 +104,7 @@ def reactions(sheet: Sheet) -> Iterator[Hit]:
                 yield _value(sheet, axis.offset + index, f"is {value}, which CiA 402 does not define")
 
 
-def coasting(sheet: Sheet) -> Iterator[Hit]:
+def coasting(sheet: RuleContext) -> Iterator[Hit]:
     """M016."""
     for axis in axes(sheet):
         for index, what in _COASTING.items():
@@ -112,7 +112,7 @@ def coasting(sheet: Sheet) -> Iterator[Hit]:
                 yield _value(sheet, axis.offset + index, f"is 0: {what} leaves the motor to coast")
 
 
-def crossed_ranges(sheet: Sheet) -> Iterator[Hit]:
+def crossed_ranges(sheet: RuleContext) -> Iterator[Hit]:
     """M021."""
     for axis in axes(sheet):
         for index in _RANGES:
@@ -125,7 +125,7 @@ def crossed_ranges(sheet: Sheet) -> Iterator[Hit]:
                 yield sheet.at(sheet.section_of(at, 1), key, text, at, 1)
 
 
-def one_way(sheet: Sheet) -> Iterator[Hit]:
+def one_way(sheet: RuleContext) -> Iterator[Hit]:
     """M017."""
     for axis in axes(sheet):
         for index in _TARGETS_BOTH_WAYS:
@@ -141,13 +141,13 @@ def one_way(sheet: Sheet) -> Iterator[Hit]:
                 yield sheet.on(Described(entry, section), "lowlimit", text)
 
 
-def _value(sheet: Sheet, index: int, message: str) -> Hit:
+def _value(sheet: RuleContext, index: int, message: str) -> Hit:
     entry, section = sheet.eds.get(index), sheet.section_of(index)
     key = start_key(entry) if entry is not None else ""
     return sheet.at(section, key, f"[{index:04X}] {message}", index)
 
 
-def _rows(sheet: Sheet) -> Iterator[tuple[Described, Row]]:
+def _rows(sheet: RuleContext) -> Iterator[tuple[Described, StandardObject]]:
     """Yield the entries of all axes with what CiA 402 says of each."""
     for axis in axes(sheet):
         for entry in sheet.described:
@@ -157,7 +157,7 @@ def _rows(sheet: Sheet) -> Iterator[tuple[Described, Row]]:
                     yield entry, row
 
 
-def _same_shape(sheet: Sheet, entry: Described) -> bool:
+def _same_shape(sheet: RuleContext, entry: Described) -> bool:
     """Whether file and standard agree on whether the object has sub-indices; else M003 says so, and its entries are others."""
     index = entry.variable.index
     whole = dictionary.whole(index)

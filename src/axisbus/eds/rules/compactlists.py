@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 from axisbus.eds.io import values
 from axisbus.eds.io.text import Section
-from axisbus.eds.rules.context import Hit, Looks, Sheet, short
+from axisbus.eds.rules.context import Hit, Looks, RuleContext, short
 
 _COUNTED = ("name", "value", "denotation")
 _LINKS = "objectlinks"
 
 
-def both_forms(sheet: Sheet) -> Iterator[Hit]:
+def both_forms(sheet: RuleContext) -> Iterator[Hit]:
     """B001."""
     for index, head in sheet.heads.items():
         count = values.plain(head.entries.get("compactsubobj", ""))
@@ -22,21 +22,21 @@ def both_forms(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(head, "subnumber", text, index)
 
 
-def counts(sheet: Sheet) -> Iterator[Hit]:
+def counts(sheet: RuleContext) -> Iterator[Hit]:
     """B002."""
     for (index, kind), section in sheet.reading.parts.beside.items():
         if kind in _COUNTED:
             yield from _count(sheet, section, "nrofentries", "NrOfEntries", index)
 
 
-def link_counts(sheet: Sheet) -> Iterator[Hit]:
+def link_counts(sheet: RuleContext) -> Iterator[Hit]:
     """B003."""
     for (index, kind), section in sheet.reading.parts.beside.items():
         if kind == _LINKS:
             yield from _count(sheet, section, "objectlinks", "ObjectLinks", index)
 
 
-def _count(sheet: Sheet, section: Section, key: str, name: str, index: int) -> Iterator[Hit]:
+def _count(sheet: RuleContext, section: Section, key: str, name: str, index: int) -> Iterator[Hit]:
     given = section.entries.get(key, "")
     there = sum(key[:1].isdigit() for key in section.entries)
     if values.plain(given) != there:
@@ -44,7 +44,7 @@ def _count(sheet: Sheet, section: Section, key: str, name: str, index: int) -> I
         yield sheet.at(section, key, text, index)
 
 
-def link_targets(sheet: Sheet) -> Iterator[Hit]:
+def link_targets(sheet: RuleContext) -> Iterator[Hit]:
     """B004."""
     for (index, kind), section in sheet.reading.parts.beside.items():
         for key, text in section.entries.items() if kind == _LINKS else ():
@@ -58,7 +58,7 @@ def link_targets(sheet: Sheet) -> Iterator[Hit]:
                 )
 
 
-def names_beyond(sheet: Sheet) -> Iterator[Hit]:
+def names_beyond(sheet: RuleContext) -> Iterator[Hit]:
     """O013, of names; of values and denotations reading says it."""
     for (index, kind), section in sheet.reading.parts.beside.items():
         head = sheet.heads.get(index)
@@ -69,7 +69,7 @@ def names_beyond(sheet: Sheet) -> Iterator[Hit]:
                 yield sheet.at(section, key, f"[{section.name}] names sub-index {short(key, 20)}", index)
 
 
-def foreign_lists(sheet: Sheet) -> Iterator[Hit]:
+def foreign_lists(sheet: RuleContext) -> Iterator[Hit]:
     """B005."""
     for (index, _), section in sheet.reading.parts.beside.items():
         if index not in sheet.heads:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from axisbus.eds.concise import take_apart
-from axisbus.eds.rules.context import Described, Hit, Looks, Sheet
+from axisbus.eds.rules.context import Described, Hit, Looks, RuleContext
 from axisbus.eds.rules.objects import is_mapping
 from axisbus.wording import counted
 
 CONCISE_DCF, VERIFY = 0x1F22, 0x1020
 
 
-def wrong_count(sheet: Sheet) -> Iterator[Hit]:
+def wrong_count(sheet: RuleContext) -> Iterator[Hit]:
     """K010."""
     for entry, key, data in _streams(sheet):
         taken = take_apart(data)
@@ -25,7 +25,7 @@ def wrong_count(sheet: Sheet) -> Iterator[Hit]:
             )
 
 
-def order_of_mapping(sheet: Sheet) -> Iterator[Hit]:
+def order_of_mapping(sheet: RuleContext) -> Iterator[Hit]:
     """K011."""
     for entry, key, data in _streams(sheet):
         cleared: set[int] = set()
@@ -45,7 +45,7 @@ def order_of_mapping(sheet: Sheet) -> Iterator[Hit]:
                 break
 
 
-def verification_last(sheet: Sheet) -> Iterator[Hit]:
+def verification_last(sheet: RuleContext) -> Iterator[Hit]:
     """K012."""
     for entry, key, data in _streams(sheet):
         indices = [write.index for write in take_apart(data).writes]
@@ -53,7 +53,7 @@ def verification_last(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.on(entry, key, "writes other objects after 1020 (Verify configuration)")
 
 
-def _streams(sheet: Sheet) -> Iterator[tuple[Described, str, bytes]]:
+def _streams(sheet: RuleContext) -> Iterator[tuple[Described, str, bytes]]:
     """Yield every concise DCF that the file holds, with its entry and key."""
     for entry in sheet.described:
         variable = entry.variable

@@ -10,8 +10,8 @@ from typing import NamedTuple
 from axisbus.cia301.objects import PDOS_OF_A_KIND
 from axisbus.eds.io import values
 from axisbus.eds.io.build import ACCESS_TYPES
-from axisbus.eds.io.reader import Reading
-from axisbus.eds.io.text import Document, Section
+from axisbus.eds.io.reader import EdsParseResult
+from axisbus.eds.io.text import EdsText, Section
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Severity, Variable
 
 DEVICE_INFO, FILE_INFO = "deviceinfo", "fileinfo"
@@ -54,13 +54,13 @@ class Described(NamedTuple):
         return bool(words) and words[0].rstrip(";") in ACCESS_TYPES
 
 
-class Sheet:
+class RuleContext:
     """A reading made easy to look things up in; frozen, what it derives is worked out once on first use."""
 
-    def __init__(self, reading: Reading) -> None:
+    def __init__(self, reading: EdsParseResult) -> None:
         self.reading = reading
         self.eds: Eds = reading.eds
-        self.document: Document = reading.document
+        self.document: EdsText = reading.document
         self.heads: Mapping[int, Section] = reading.parts.heads
         self.subs: Mapping[int, Mapping[int, Section]] = reading.parts.subs
 
@@ -183,7 +183,7 @@ class Sheet:
         return None if entry is None else number_of(entry)
 
 
-Look = Callable[[Sheet], Iterable[Hit]]  # what a rule is in code
+Look = Callable[[RuleContext], Iterable[Hit]]  # what a rule is in code
 Looks = Mapping[str, Look]  # by the rule's id
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.io import values
 from axisbus.eds.model import ObjectType
-from axisbus.eds.rules.context import Hit, Looks, Sheet, number, short
+from axisbus.eds.rules.context import Hit, Looks, RuleContext, number, short
 from axisbus.eds.rules.text import BAUD_RATES
 from axisbus.wording import counted
 
@@ -18,13 +18,13 @@ _FILES = {"uploadfile": "UploadFile", "downloadfile": "DownloadFile"}
 MAX_NAME = 241
 
 
-def no_commissioning(sheet: Sheet) -> Iterator[Hit]:
+def no_commissioning(sheet: RuleContext) -> Iterator[Hit]:
     """K002."""
     if sheet.named_dcf and sheet.commissioning is None:
         yield Hit(0, 0, "the file is called a DCF, but there is no section [DeviceComissioning]")
 
 
-def baud_rate(sheet: Sheet) -> Iterator[Hit]:
+def baud_rate(sheet: RuleContext) -> Iterator[Hit]:
     """K004."""
     section = sheet.commissioning
     if section is not None and number(section, "baudrate") not in BAUD_RATES:
@@ -33,7 +33,7 @@ def baud_rate(sheet: Sheet) -> Iterator[Hit]:
         yield sheet.at(section, "baudrate", f"[{section.name}] {what}")
 
 
-def unsupported_baud_rate(sheet: Sheet) -> Iterator[Hit]:
+def unsupported_baud_rate(sheet: RuleContext) -> Iterator[Hit]:
     """K014."""
     rate = number(sheet.commissioning, "baudrate")
     if rate in BAUD_RATES and number(sheet.device, f"baudrate_{rate}") == 0:
@@ -42,7 +42,7 @@ def unsupported_baud_rate(sheet: Sheet) -> Iterator[Hit]:
         )
 
 
-def read_only_values(sheet: Sheet) -> Iterator[Hit]:
+def read_only_values(sheet: RuleContext) -> Iterator[Hit]:
     """K005."""
     for entry in sheet.described:
         variable = entry.variable
@@ -53,7 +53,7 @@ def read_only_values(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.on(entry, "parametervalue", text)
 
 
-def files_of_others(sheet: Sheet) -> Iterator[Hit]:
+def files_of_others(sheet: RuleContext) -> Iterator[Hit]:
     """K006."""
     for entry in sheet.described:
         variable = entry.variable
@@ -64,7 +64,7 @@ def files_of_others(sheet: Sheet) -> Iterator[Hit]:
                 yield sheet.on(entry, key, f"{name} belongs to a DOMAIN, this is {variable.data_type.name}")
 
 
-def values_in_an_eds(sheet: Sheet) -> Iterator[Hit]:
+def values_in_an_eds(sheet: RuleContext) -> Iterator[Hit]:
     """K007."""
     if sheet.is_dcf:
         return
@@ -74,7 +74,7 @@ def values_in_an_eds(sheet: Sheet) -> Iterator[Hit]:
         yield sheet.on(found[0], "parametervalue", f"has a ParameterValue{others}, but this is no DCF")
 
 
-def lengths(sheet: Sheet) -> Iterator[Hit]:
+def lengths(sheet: RuleContext) -> Iterator[Hit]:
     """K008."""
     section = sheet.commissioning
     for key, (name, most) in _LENGTHS.items() if section is not None else ():
@@ -85,7 +85,7 @@ def lengths(sheet: Sheet) -> Iterator[Hit]:
             )
 
 
-def network_numbers(sheet: Sheet) -> Iterator[Hit]:
+def network_numbers(sheet: RuleContext) -> Iterator[Hit]:
     """K009."""
     section = sheet.commissioning
     for key, name in _U32.items() if section is not None else ():
@@ -95,7 +95,7 @@ def network_numbers(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(section, key, f"{name}={short(given)} is no UNSIGNED32")
 
 
-def manager_flag(sheet: Sheet) -> Iterator[Hit]:
+def manager_flag(sheet: RuleContext) -> Iterator[Hit]:
     """K015."""
     section = sheet.commissioning
     given = section.entries.get("canopenmanager", "") if section is not None else ""
@@ -103,7 +103,7 @@ def manager_flag(sheet: Sheet) -> Iterator[Hit]:
         yield sheet.at(section, "canopenmanager", f"CANopenManager={short(given)} is neither 0 nor 1")
 
 
-def long_denotations(sheet: Sheet) -> Iterator[Hit]:
+def long_denotations(sheet: RuleContext) -> Iterator[Hit]:
     """K013."""
     for entry in sheet.described:
         length = len(entry.text("denotation"))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from axisbus.eds.io import values
 from axisbus.eds.model import DUMMIES, Object
-from axisbus.eds.rules.context import Hit, Looks, Sheet, number, short
+from axisbus.eds.rules.context import Hit, Looks, RuleContext, number, short
 from axisbus.eds.rules.text import BAUD_RATES
 from axisbus.wording import counted
 
@@ -51,7 +51,7 @@ _COMMENT_LINE = re.compile(r"line[1-9][0-9]*")
 MAX_COMMENT = 249
 
 
-def missing_entries(sheet: Sheet) -> Iterator[Hit]:
+def missing_entries(sheet: RuleContext) -> Iterator[Hit]:
     """D001."""
     if sheet.device is None:
         yield Hit(0, 0, "there is no section [DeviceInfo]")
@@ -61,7 +61,7 @@ def missing_entries(sheet: Sheet) -> Iterator[Hit]:
         yield sheet.at(sheet.device, "", f"[{sheet.device.name}] has no {', '.join(absent)}")
 
 
-def missing_identity(sheet: Sheet) -> Iterator[Hit]:
+def missing_identity(sheet: RuleContext) -> Iterator[Hit]:
     """D002."""
     if sheet.device is None:
         return
@@ -71,14 +71,14 @@ def missing_identity(sheet: Sheet) -> Iterator[Hit]:
             yield _at(sheet, key, f"{name} {what}")
 
 
-def zero_identity(sheet: Sheet) -> Iterator[Hit]:
+def zero_identity(sheet: RuleContext) -> Iterator[Hit]:
     """D003."""
     for key in ("vendornumber", "productnumber"):
         if number(sheet.device, key) == 0:
             yield _at(sheet, key, f"{_NUMBERS[key]} is 0")
 
 
-def other_identity(sheet: Sheet) -> Iterator[Hit]:
+def other_identity(sheet: RuleContext) -> Iterator[Hit]:
     """D004."""
     for subindex, (key, name) in enumerate(_NUMBERS.items(), 1):
         here, there = number(sheet.device, key), sheet.number(0x1018, subindex)
@@ -87,7 +87,7 @@ def other_identity(sheet: Sheet) -> Iterator[Hit]:
             yield _at(sheet, key, text, 0x1018, subindex)
 
 
-def identity_numbers(sheet: Sheet) -> Iterator[Hit]:
+def identity_numbers(sheet: RuleContext) -> Iterator[Hit]:
     """D009."""
     for key, name in _NUMBERS.items():
         given = _entry(sheet, key)
@@ -96,7 +96,7 @@ def identity_numbers(sheet: Sheet) -> Iterator[Hit]:
             yield _at(sheet, key, f"{name}={short(given)} is no UNSIGNED32")
 
 
-def flags(sheet: Sheet) -> Iterator[Hit]:
+def flags(sheet: RuleContext) -> Iterator[Hit]:
     """D005."""
     for key, name in _FLAGS.items():
         given = _entry(sheet, key)
@@ -104,7 +104,7 @@ def flags(sheet: Sheet) -> Iterator[Hit]:
             yield _at(sheet, key, f"{name}={short(given)} is neither 0 nor 1")
 
 
-def granularity(sheet: Sheet) -> Iterator[Hit]:
+def granularity(sheet: RuleContext) -> Iterator[Hit]:
     """D014."""
     given = _entry(sheet, "granularity")
     value = values.plain(given)
@@ -112,7 +112,7 @@ def granularity(sheet: Sheet) -> Iterator[Hit]:
         yield _at(sheet, "granularity", f"Granularity={short(given)} is not in 0 to {_MAX_GRANULARITY}")
 
 
-def pdo_numbers(sheet: Sheet) -> Iterator[Hit]:
+def pdo_numbers(sheet: RuleContext) -> Iterator[Hit]:
     """D006."""
     for key, name, first in (("nrofrxpdo", "NrOfRXPDO", 0x1400), ("nroftxpdo", "NrOfTXPDO", 0x1800)):
         text = _entry(sheet, key)
@@ -131,7 +131,7 @@ def _communicates(entry: Object, first: int) -> bool:
     return first <= entry.index < first + 0x200
 
 
-def lengths(sheet: Sheet) -> Iterator[Hit]:
+def lengths(sheet: RuleContext) -> Iterator[Hit]:
     """D007."""
     for key, (name, most) in _LENGTHS.items():
         length = len(_entry(sheet, key))
@@ -139,7 +139,7 @@ def lengths(sheet: Sheet) -> Iterator[Hit]:
             yield _at(sheet, key, f"{name} has {counted(length, 'character')}, at most {most} are allowed")
 
 
-def no_baud_rate(sheet: Sheet) -> Iterator[Hit]:
+def no_baud_rate(sheet: RuleContext) -> Iterator[Hit]:
     """D008."""
     if sheet.device is None:
         return
@@ -150,7 +150,7 @@ def no_baud_rate(sheet: Sheet) -> Iterator[Hit]:
         )
 
 
-def baud_rate_values(sheet: Sheet) -> Iterator[Hit]:
+def baud_rate_values(sheet: RuleContext) -> Iterator[Hit]:
     """D010."""
     for rate in BAUD_RATES:
         given = _entry(sheet, f"baudrate_{rate}")
@@ -158,7 +158,7 @@ def baud_rate_values(sheet: Sheet) -> Iterator[Hit]:
             yield _at(sheet, f"baudrate_{rate}", f"BaudRate_{rate}={short(given)} is neither 0 nor 1")
 
 
-def unknown_baud_rates(sheet: Sheet) -> Iterator[Hit]:
+def unknown_baud_rates(sheet: RuleContext) -> Iterator[Hit]:
     """D011."""
     known = {f"baudrate_{rate}" for rate in BAUD_RATES}
     for key in sheet.device.entries if sheet.device is not None else ():
@@ -167,7 +167,7 @@ def unknown_baud_rates(sheet: Sheet) -> Iterator[Hit]:
             yield _at(sheet, key, f"a bit rate of {short(found[1]) or 'no number'} is not of CiA 301")
 
 
-def baud_rate_letters(sheet: Sheet) -> Iterator[Hit]:
+def baud_rate_letters(sheet: RuleContext) -> Iterator[Hit]:
     """D012."""
     if sheet.device is None:
         return
@@ -181,7 +181,7 @@ def baud_rate_letters(sheet: Sheet) -> Iterator[Hit]:
                 return
 
 
-def dynamic_channels(sheet: Sheet) -> Iterator[Hit]:
+def dynamic_channels(sheet: RuleContext) -> Iterator[Hit]:
     """D013."""
     supported = number(sheet.device, "dynamicchannelssupported")
     if supported and sheet.section("dynamicchannels") is None:
@@ -189,7 +189,7 @@ def dynamic_channels(sheet: Sheet) -> Iterator[Hit]:
         yield _at(sheet, "dynamicchannelssupported", text)
 
 
-def compact_pdo(sheet: Sheet) -> Iterator[Hit]:
+def compact_pdo(sheet: RuleContext) -> Iterator[Hit]:
     """D015."""
     parts = _entry(sheet, "compactpdo")
     value = values.plain(parts)
@@ -197,7 +197,7 @@ def compact_pdo(sheet: Sheet) -> Iterator[Hit]:
         yield _at(sheet, "compactpdo", f"CompactPDO={short(parts)} is no mask of the sub-indices 1 to 6")
 
 
-def dummy_usage(sheet: Sheet) -> Iterator[Hit]:
+def dummy_usage(sheet: RuleContext) -> Iterator[Hit]:
     """D016."""
     section = sheet.section("dummyusage")
     for key, text in section.entries.items() if section is not None else ():
@@ -209,7 +209,7 @@ def dummy_usage(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(section, key, f"{key.capitalize()}={short(text)} is neither 0 nor 1")
 
 
-def dummies_left_out(sheet: Sheet) -> Iterator[Hit]:
+def dummies_left_out(sheet: RuleContext) -> Iterator[Hit]:
     """D019."""
     section = sheet.section("dummyusage")
     if section is not None and all(_DUMMY.fullmatch(key) for key in section.entries):
@@ -218,7 +218,7 @@ def dummies_left_out(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(section, "", f"[{section.name}] has no {', '.join(absent)}")
 
 
-def comment_count(sheet: Sheet) -> Iterator[Hit]:
+def comment_count(sheet: RuleContext) -> Iterator[Hit]:
     """D017."""
     section = sheet.section("comments")
     if section is None:
@@ -229,7 +229,7 @@ def comment_count(sheet: Sheet) -> Iterator[Hit]:
         yield sheet.at(section, "lines", f"[Comments] says Lines={short(given)}, but has {lines}")
 
 
-def comment_length(sheet: Sheet) -> Iterator[Hit]:
+def comment_length(sheet: RuleContext) -> Iterator[Hit]:
     """D018."""
     section = sheet.section("comments")
     for key, text in section.entries.items() if section is not None else ():
@@ -241,11 +241,13 @@ def comment_length(sheet: Sheet) -> Iterator[Hit]:
             )
 
 
-def _entry(sheet: Sheet, key: str) -> str:
+def _entry(sheet: RuleContext, key: str) -> str:
     return "" if sheet.device is None else sheet.device.entries.get(key, "")
 
 
-def _at(sheet: Sheet, key: str, message: str, index: int | None = None, subindex: int | None = None) -> Hit:
+def _at(
+    sheet: RuleContext, key: str, message: str, index: int | None = None, subindex: int | None = None
+) -> Hit:
     return sheet.at(sheet.device, key, message, index, subindex)
 
 

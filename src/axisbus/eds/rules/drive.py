@@ -9,10 +9,10 @@ from axisbus.cia301.objects import DEVICE_TYPE
 from axisbus.cia402 import modes
 from axisbus.cia402 import objects as o
 from axisbus.cia402.axes import COUNT, PROFILE_AREA, indices_of, offset
-from axisbus.cia402.dictionary import Row
+from axisbus.cia402.dictionary import StandardObject
 from axisbus.cia402.modes import FACTS, ModeOfOperation
 from axisbus.eds.rules import standard
-from axisbus.eds.rules.context import Sheet
+from axisbus.eds.rules.context import RuleContext
 
 _M = ModeOfOperation
 
@@ -52,7 +52,7 @@ SHOWING: Mapping[ModeOfOperation, tuple[int, ...]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Axis:
+class EdsAxis:
     """One axis: its number from 1, and what is added to the indices of the first."""
 
     number: int
@@ -67,26 +67,26 @@ class Axis:
         return index in indices_of(self.number)
 
 
-def axes(sheet: Sheet) -> tuple[Axis, ...]:
+def axes(sheet: RuleContext) -> tuple[EdsAxis, ...]:
     """Return the axes that the file describes; none where the device is no drive."""
-    found = tuple(axis for axis in map(Axis, range(1, COUNT + 1)) if _is_axis(sheet, axis))
-    return found or ((Axis(1),) if says_drive(sheet) else ())
+    found = tuple(axis for axis in map(EdsAxis, range(1, COUNT + 1)) if _is_axis(sheet, axis))
+    return found or ((EdsAxis(1),) if says_drive(sheet) else ())
 
 
-def row(sheet: Sheet, index: int, subindex: int) -> Row | None:
+def row(sheet: RuleContext, index: int, subindex: int) -> StandardObject | None:
     """Return what the standards say of an entry; what CiA 402 says only where the file describes an axis to which it belongs."""
     if index < PROFILE_AREA.start or any(axis.owns(index) for axis in axes(sheet)):
         return standard.row(index, subindex)
     return None
 
 
-def says_drive(sheet: Sheet) -> bool:
+def says_drive(sheet: RuleContext) -> bool:
     """Whether the device type is that of a drive."""
     device_type = sheet.number(DEVICE_TYPE)
     return device_type is not None and device_type & 0xFFFF == o.PROFILE_NUMBER
 
 
-def _is_axis(sheet: Sheet, axis: Axis) -> bool:
+def _is_axis(sheet: RuleContext, axis: EdsAxis) -> bool:
     """Whether the words that every drive has are there; other profiles use one or the other of these indices."""
     there = [
         axis.offset + index in sheet.eds for index in (o.CONTROLWORD, o.STATUSWORD, o.MODES_OF_OPERATION)
@@ -94,24 +94,24 @@ def _is_axis(sheet: Sheet, axis: Axis) -> bool:
     return all(there) or (says_drive(sheet) and any(there))
 
 
-def claimed(sheet: Sheet, axis: Axis) -> tuple[ModeOfOperation, ...] | None:
+def claimed(sheet: RuleContext, axis: EdsAxis) -> tuple[ModeOfOperation, ...] | None:
     """Return the modes that 6502h claims, None where the file does not say."""
     word = sheet.number(axis.offset + o.SUPPORTED_DRIVE_MODES)
     return None if word is None else tuple(modes.supported(word))
 
 
-def shown(sheet: Sheet, axis: Axis) -> tuple[ModeOfOperation, ...]:
+def shown(sheet: RuleContext, axis: EdsAxis) -> tuple[ModeOfOperation, ...]:
     """Return the modes (without the cyclic ones) of which all mandatory objects are described."""
     return tuple(
         mode for mode, needed in SHOWING.items() if all(axis.offset + index in sheet.eds for index in needed)
     )
 
 
-def missing(sheet: Sheet, axis: Axis, mode: ModeOfOperation) -> tuple[int, ...]:
+def missing(sheet: RuleContext, axis: EdsAxis, mode: ModeOfOperation) -> tuple[int, ...]:
     """Return the mandatory objects of a mode (indices on the first axis) that the file does not describe."""
     return tuple(index for index in FACTS[mode].required if axis.offset + index not in sheet.eds)
 
 
-def meant(sheet: Sheet, axis: Axis, mode: ModeOfOperation) -> bool:
+def meant(sheet: RuleContext, axis: EdsAxis, mode: ModeOfOperation) -> bool:
     """Whether at least one object of the mode's own is described."""
     return any(axis.offset + index in sheet.eds for index in OWN[mode])

@@ -1,6 +1,6 @@
 """All rules run over one reading, and what they find put into order.
 
-The families are modules beside this one; each has a table ``LOOKS`` of functions by rule id, which take a ``Sheet`` and yield
+The families are modules beside this one; each has a table ``LOOKS`` of functions by rule id, which take a ``RuleContext`` and yield
 ``Hit``s. What reading meets by itself (``Eds.findings``) comes in the same shape and is added here.
 """
 
@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
-from axisbus.eds.io.reader import Reading
-from axisbus.eds.model import Finding
+from axisbus.eds.io.reader import EdsParseResult
+from axisbus.eds.model import EdsFinding
 from axisbus.eds.rules import (
     cia301,
     cia402,
@@ -32,7 +32,7 @@ from axisbus.eds.rules import (
     truncated_file,
     values,
 )
-from axisbus.eds.rules.context import Hit, Look, Sheet
+from axisbus.eds.rules.context import Hit, Look, RuleContext
 from axisbus.eds.rules.table import Rule, rules
 from axisbus.errors import EdsError
 from axisbus.wording import counted
@@ -59,12 +59,12 @@ _FAMILIES = (
 LOOKS: dict[str, Look] = {rule: look for family in _FAMILIES for rule, look in family.LOOKS.items()}
 
 
-def check(reading: Reading, wanted: Callable[[str], bool]) -> tuple[Finding, ...]:
+def check(reading: EdsParseResult, wanted: Callable[[str], bool]) -> tuple[EdsFinding, ...]:
     """Return what the rules that are ``wanted`` (by id) find, in the order of lines and columns, then of the rules' ids.
 
     All rules are run, also those that are not wanted: what follows from a finding stays left out where that one is not shown.
     """
-    sheet = Sheet(reading)
+    sheet = RuleContext(reading)
     found = list(reading.eds.findings)
     for rule, look in LOOKS.items():
         found += _findings(rules()[rule], look(sheet))
@@ -73,7 +73,7 @@ def check(reading: Reading, wanted: Callable[[str], bool]) -> tuple[Finding, ...
     )
 
 
-def _findings(rule: Rule, hits: Iterable[Hit]) -> Iterator[Finding]:
+def _findings(rule: Rule, hits: Iterable[Hit]) -> Iterator[EdsFinding]:
     left_out = 0
     for number, hit in enumerate(dict.fromkeys(hits)):
         if number < MAX_OF_A_RULE:
@@ -85,17 +85,19 @@ def _findings(rule: Rule, hits: Iterable[Hit]) -> Iterator[Finding]:
         yield finding(rules()[MORE], Hit(0, 0, f"{more} not listed"))
 
 
-def finding(rule: Rule, hit: Hit) -> Finding:
+def finding(rule: Rule, hit: Hit) -> EdsFinding:
     """Return a hit with what the table says of its rule."""
     severity = rule.severity if hit.severity is None else hit.severity
-    return Finding(rule.id, severity, hit.line, hit.column, hit.message, rule.remedy, hit.index, hit.subindex)
+    return EdsFinding(
+        rule.id, severity, hit.line, hit.column, hit.message, rule.remedy, hit.index, hit.subindex
+    )
 
 
-def _place(found: Finding) -> tuple[int, int, str]:
+def _place(found: EdsFinding) -> tuple[int, int, str]:
     return found.line, found.column, found.rule
 
 
-def unreadable(error: EdsError) -> Finding:
+def unreadable(error: EdsError) -> EdsFinding:
     """Return the finding that stands for a file which cannot be checked at all."""
     observed = f": {error.observed}" if error.observed else ""
     message = error.message.removeprefix(f"{error.file}: ")

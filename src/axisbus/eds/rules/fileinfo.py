@@ -8,7 +8,7 @@ from datetime import date
 from pathlib import PurePath, PureWindowsPath
 
 from axisbus.eds.io import values
-from axisbus.eds.rules.context import Hit, Looks, Sheet, short
+from axisbus.eds.rules.context import Hit, Looks, RuleContext, short
 from axisbus.wording import counted
 
 _TIME = re.compile(r"(?:0?[0-9]|1[0-2]):[0-5][0-9](?:AM|PM)")
@@ -40,7 +40,7 @@ _TIMES = {"creationtime": "CreationTime", "modificationtime": "ModificationTime"
 _DATES = {"creationdate": "CreationDate", "modificationdate": "ModificationDate"}
 
 
-def missing_entries(sheet: Sheet) -> Iterator[Hit]:
+def missing_entries(sheet: RuleContext) -> Iterator[Hit]:
     """F001."""
     section = sheet.file_info
     if section is None:
@@ -51,7 +51,7 @@ def missing_entries(sheet: Sheet) -> Iterator[Hit]:
         yield sheet.at(section, "", f"[{section.name}] has no {', '.join(absent)}")
 
 
-def usual_entries(sheet: Sheet) -> Iterator[Hit]:
+def usual_entries(sheet: RuleContext) -> Iterator[Hit]:
     """F011."""
     section = sheet.file_info
     if section is not None:
@@ -60,7 +60,7 @@ def usual_entries(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(section, "", f"[{section.name}] has no {', '.join(absent)}")
 
 
-def other_name(sheet: Sheet) -> Iterator[Hit]:
+def other_name(sheet: RuleContext) -> Iterator[Hit]:
     """F002."""
     given = _entry(sheet, "filename")
     actual = PurePath(sheet.eds.source).name
@@ -69,14 +69,14 @@ def other_name(sheet: Sheet) -> Iterator[Hit]:
         yield _at(sheet, "filename", f"FileName={short(given)}, but the file is {actual}")
 
 
-def absolute_name(sheet: Sheet) -> Iterator[Hit]:
+def absolute_name(sheet: RuleContext) -> Iterator[Hit]:
     """F010."""
     given = _entry(sheet, "filename")
     if _ABSOLUTE.match(given):
         yield _at(sheet, "filename", f"FileName={short(given)} is a path of the computer it was written on")
 
 
-def version_numbers(sheet: Sheet) -> Iterator[Hit]:
+def version_numbers(sheet: RuleContext) -> Iterator[Hit]:
     """F003."""
     for key, name in (("fileversion", "FileVersion"), ("filerevision", "FileRevision")):
         given = _entry(sheet, key)
@@ -85,7 +85,7 @@ def version_numbers(sheet: Sheet) -> Iterator[Hit]:
             yield _at(sheet, key, f"{name}={short(given)} is no UNSIGNED8")
 
 
-def dates(sheet: Sheet) -> Iterator[Hit]:
+def dates(sheet: RuleContext) -> Iterator[Hit]:
     """F004."""
     for key, name in _DATES.items():
         given = _entry(sheet, key)
@@ -93,7 +93,7 @@ def dates(sheet: Sheet) -> Iterator[Hit]:
             yield _at(sheet, key, f"{name}={short(given)} is no date of the form mm-dd-yyyy")
 
 
-def times(sheet: Sheet) -> Iterator[Hit]:
+def times(sheet: RuleContext) -> Iterator[Hit]:
     """F005."""
     for key, name in _TIMES.items():
         given = _entry(sheet, key)
@@ -101,7 +101,7 @@ def times(sheet: Sheet) -> Iterator[Hit]:
             yield _at(sheet, key, f"{name}={short(given)} is no time of the form hh:mm(AM|PM)")
 
 
-def lengths(sheet: Sheet) -> Iterator[Hit]:
+def lengths(sheet: RuleContext) -> Iterator[Hit]:
     """F006."""
     for key, (name, most) in _LENGTHS.items():
         length = len(_entry(sheet, key))
@@ -109,7 +109,7 @@ def lengths(sheet: Sheet) -> Iterator[Hit]:
             yield _at(sheet, key, f"{name} has {counted(length, 'character')}, at most {most} are allowed")
 
 
-def order_of_dates(sheet: Sheet) -> Iterator[Hit]:
+def order_of_dates(sheet: RuleContext) -> Iterator[Hit]:
     """F007."""
     created, modified = (_date(_entry(sheet, key)) for key in _DATES)
     if created is not None and modified is not None and modified < created:
@@ -118,7 +118,7 @@ def order_of_dates(sheet: Sheet) -> Iterator[Hit]:
         )
 
 
-def origin(sheet: Sheet) -> Iterator[Hit]:
+def origin(sheet: RuleContext) -> Iterator[Hit]:
     """F008."""
     section = sheet.file_info
     if sheet.is_dcf and section is not None and not section.entries.get("lasteds"):
@@ -127,18 +127,18 @@ def origin(sheet: Sheet) -> Iterator[Hit]:
         )
 
 
-def eds_version(sheet: Sheet) -> Iterator[Hit]:
+def eds_version(sheet: RuleContext) -> Iterator[Hit]:
     """F009."""
     given = _entry(sheet, "edsversion")
     if given and not _VERSION.fullmatch(given):
         yield _at(sheet, "edsversion", f"EDSVersion={short(given)} is no version of the format")
 
 
-def _entry(sheet: Sheet, key: str) -> str:
+def _entry(sheet: RuleContext, key: str) -> str:
     return "" if sheet.file_info is None else sheet.file_info.entries.get(key, "")
 
 
-def _at(sheet: Sheet, key: str, message: str) -> Hit:
+def _at(sheet: RuleContext, key: str, message: str) -> Hit:
     return sheet.at(sheet.file_info, key, message)
 
 

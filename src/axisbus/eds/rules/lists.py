@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from axisbus.eds.io import values
 from axisbus.eds.io.text import Section
-from axisbus.eds.rules.context import LISTS, Hit, Looks, Sheet, short
+from axisbus.eds.rules.context import LISTS, Hit, Looks, RuleContext, short
 from axisbus.wording import counted
 
 MANDATORY = frozenset((0x1000, 0x1001, 0x1018))
@@ -23,7 +23,7 @@ class Listed(NamedTuple):
     target: int | None
 
 
-def missing_lists(sheet: Sheet) -> Iterator[Hit]:
+def missing_lists(sheet: RuleContext) -> Iterator[Hit]:
     """L001."""
     for name, spelled in LISTS.items():
         section = sheet.section(name)
@@ -39,7 +39,7 @@ def missing_lists(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(section, "", f"[{section.name}] has no SupportedObjects")
 
 
-def counts(sheet: Sheet) -> Iterator[Hit]:
+def counts(sheet: RuleContext) -> Iterator[Hit]:
     """L003."""
     for section in _lists(sheet):
         given = section.entries.get("supportedobjects")
@@ -51,7 +51,7 @@ def counts(sheet: Sheet) -> Iterator[Hit]:
         yield sheet.at(section, "supportedobjects", text)
 
 
-def numbering(sheet: Sheet) -> Iterator[Hit]:
+def numbering(sheet: RuleContext) -> Iterator[Hit]:
     """L004."""
     for section in _lists(sheet):
         for expected, listed in enumerate(_entries(section), 1):
@@ -61,7 +61,7 @@ def numbering(sheet: Sheet) -> Iterator[Hit]:
                 break
 
 
-def no_objects(sheet: Sheet) -> Iterator[Hit]:
+def no_objects(sheet: RuleContext) -> Iterator[Hit]:
     """L009."""
     for listed in _all(sheet):
         if listed.target is None:
@@ -69,7 +69,7 @@ def no_objects(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(listed.section, listed.key, text)
 
 
-def not_described(sheet: Sheet) -> Iterator[Hit]:
+def not_described(sheet: RuleContext) -> Iterator[Hit]:
     """L005."""
     for section in _lists(sheet):
         unlisted = _unlisted(sheet, section)
@@ -80,7 +80,7 @@ def not_described(sheet: Sheet) -> Iterator[Hit]:
                 yield sheet.at(section, listed.key, text + meant, listed.target)
 
 
-def not_listed(sheet: Sheet) -> Iterator[Hit]:
+def not_listed(sheet: RuleContext) -> Iterator[Hit]:
     """L006."""
     for section in _lists(sheet):
         unlisted = _unlisted(sheet, section)
@@ -91,7 +91,7 @@ def not_listed(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(head, "", f"[{head.name}] is described, but in no list of objects", index)
 
 
-def _unlisted(sheet: Sheet, section: Section) -> list[int]:
+def _unlisted(sheet: RuleContext, section: Section) -> list[int]:
     """Return the objects that belong into a list, and stand in none."""
     listed = {each.target for each in _all(sheet)}
     name = section.name.lower()
@@ -102,7 +102,7 @@ def _unlisted(sheet: Sheet, section: Section) -> list[int]:
     ]
 
 
-def _slips(sheet: Sheet, section: Section) -> int:
+def _slips(sheet: RuleContext, section: Section) -> int:
     """Return how many entries of a list are no object of the file, or one that is listed before."""
     seen: set[int] = set()
     slips = 0
@@ -114,7 +114,7 @@ def _slips(sheet: Sheet, section: Section) -> int:
     return slips
 
 
-def listed_twice(sheet: Sheet) -> Iterator[Hit]:
+def listed_twice(sheet: RuleContext) -> Iterator[Hit]:
     """L007."""
     first: dict[int, Listed] = {}
     for listed in _all(sheet):
@@ -127,7 +127,7 @@ def listed_twice(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(listed.section, listed.key, text, listed.target)
 
 
-def wrong_list(sheet: Sheet) -> Iterator[Hit]:
+def wrong_list(sheet: RuleContext) -> Iterator[Hit]:
     """L008."""
     for listed in _all(sheet):
         name = listed.section.name.lower()
@@ -146,7 +146,7 @@ def _proper(index: int) -> str:
     return "manufacturerobjects" if 0x2000 <= index < 0x6000 else "optionalobjects"
 
 
-def _lists(sheet: Sheet) -> Iterator[Section]:
+def _lists(sheet: RuleContext) -> Iterator[Section]:
     for name in LISTS:
         section = sheet.section(name)
         if section is not None:
@@ -160,12 +160,12 @@ def _entries(section: Section) -> Iterator[Listed]:
             yield Listed(section, key, text, index if index is not None and 0 < index <= 0xFFFF else None)
 
 
-def _all(sheet: Sheet) -> Iterator[Listed]:
+def _all(sheet: RuleContext) -> Iterator[Listed]:
     for section in _lists(sheet):
         yield from _entries(section)
 
 
-def _at_key(sheet: Sheet, listed: Listed, message: str) -> Hit:
+def _at_key(sheet: RuleContext, listed: Listed, message: str) -> Hit:
     line, _ = sheet.document.place(listed.section, listed.key)
     return Hit(line, 1, message, listed.target)
 

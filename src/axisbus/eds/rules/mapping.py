@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import MappedObject
 from axisbus.eds.model import Object, Variable
-from axisbus.eds.rules.context import Sheet, number_of, start_value
+from axisbus.eds.rules.context import RuleContext, number_of, start_value
 
 MAX_ENTRIES = 64
 MULTIPLEXED = (0xFE, 0xFF)  # sub-index 0 of an MPDO, whose entries mean something else (CiA 301 7.5.2.36)
@@ -17,7 +17,7 @@ DATA_TYPES = range(0x0001, 0x0020)
 
 
 @dataclass(frozen=True, slots=True)
-class Slot:
+class MappingEntry:
     """One entry of a mapping: what it maps, the entry of 16xxh or 1Axxh that says so, and whether sub-index 0 counts it."""
 
     receive: bool
@@ -31,7 +31,7 @@ class Slot:
         return f"{self.holder.index:04X}sub{self.holder.subindex:X}"
 
 
-def maps(sheet: Sheet) -> Iterator[tuple[bool, Object]]:
+def maps(sheet: RuleContext) -> Iterator[tuple[bool, Object]]:
     """Yield every mapping parameter, with whether it is of an RPDO.
 
     One that a DCF configures comes twice: as it is configured, and as the device has it by default.
@@ -44,18 +44,18 @@ def maps(sheet: Sheet) -> Iterator[tuple[bool, Object]]:
                 yield receive, replace(entry, subs=subs)
 
 
-def communications(sheet: Sheet) -> Iterator[tuple[bool, Object]]:
+def communications(sheet: RuleContext) -> Iterator[tuple[bool, Object]]:
     """Yield every communication parameter, with whether it is of an RPDO."""
     for first, receive in ((o.RPDO_COMMUNICATION, True), (o.TPDO_COMMUNICATION, False)):
         for entry in _objects(sheet, first):
             yield receive, entry
 
 
-def _objects(sheet: Sheet, first: int) -> Iterator[Object]:
+def _objects(sheet: RuleContext, first: int) -> Iterator[Object]:
     yield from sheet.blocks.get(first // o.PDOS_OF_A_KIND, ())
 
 
-def used(sheet: Sheet, entry: Object) -> list[Variable]:
+def used(sheet: RuleContext, entry: Object) -> list[Variable]:
     """Return the entries of a mapping that its sub-index 0 puts in use; all that are not 0 where it gives no number."""
     count = number_of(entry.subs[0]) if 0 in entry.subs else None
     if count in MULTIPLEXED:
@@ -76,33 +76,33 @@ def unused(entry: Object) -> list[Variable]:
     return [sub for subindex, sub in entry.subs.items() if count < subindex <= MAX_ENTRIES]
 
 
-def slots(sheet: Sheet) -> Iterator[Slot]:
+def slots(sheet: RuleContext) -> Iterator[MappingEntry]:
     """Yield every entry in use of every mapping that maps something."""
     for receive, entry in maps(sheet):
         yield from slots_of(sheet, receive, entry)
 
 
-def every_slot(sheet: Sheet) -> Iterator[Slot]:
+def every_slot(sheet: RuleContext) -> Iterator[MappingEntry]:
     """Yield every entry of every mapping that maps something, also those that sub-index 0 leaves out."""
     yield from slots(sheet)
     for receive, entry in maps(sheet):
         yield from filled(unused(entry), receive, active=False)
 
 
-def slots_of(sheet: Sheet, receive: bool, entry: Object) -> list[Slot]:
+def slots_of(sheet: RuleContext, receive: bool, entry: Object) -> list[MappingEntry]:
     """Return the entries in use of one mapping that map something."""
     return list(filled(used(sheet, entry), receive))
 
 
-def filled(holders: Iterable[Variable], receive: bool, active: bool = True) -> Iterator[Slot]:
+def filled(holders: Iterable[Variable], receive: bool, active: bool = True) -> Iterator[MappingEntry]:
     for holder in holders:
         value = start_value(holder)
         if value is not None and value.value and not value.plus_node_id:
             mapped = MappedObject.from_entry(value.value & 0xFFFF_FFFF)
-            yield Slot(receive, holder, mapped, active)
+            yield MappingEntry(receive, holder, mapped, active)
 
 
-def understood(sheet: Sheet, entry: Variable) -> bool:
+def understood(sheet: RuleContext, entry: Variable) -> bool:
     """Whether the value after power-up is one, or there is none; else the reading has reported what is written there."""
     section = sheet.section_of(entry.index, entry.subindex)
     return section is None or not section.entries.get("defaultvalue") or entry.default is not None

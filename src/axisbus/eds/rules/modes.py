@@ -10,8 +10,8 @@ from axisbus.cia402 import objects as o
 from axisbus.cia402.homing import METHODS
 from axisbus.cia402.modes import FACTS, ModeOfOperation, short
 from axisbus.eds.model import Severity
-from axisbus.eds.rules.context import Hit, Looks, Sheet, start_key
-from axisbus.eds.rules.drive import ALONE, TARGETS, Axis, axes, claimed, meant, missing, says_drive, shown
+from axisbus.eds.rules.context import Hit, Looks, RuleContext, start_key
+from axisbus.eds.rules.drive import ALONE, TARGETS, EdsAxis, axes, claimed, meant, missing, says_drive, shown
 from axisbus.wording import counted
 
 _M = ModeOfOperation
@@ -32,7 +32,7 @@ _ONE_OF_SEVERAL = (o.MODES_OF_OPERATION, o.MODES_OF_OPERATION_DISPLAY)
 _SINGLE_DEVICE_TYPE = 0x67FF
 
 
-def no_words(sheet: Sheet) -> Iterator[Hit]:
+def no_words(sheet: RuleContext) -> Iterator[Hit]:
     """M001."""
     for axis in axes(sheet) if says_drive(sheet) else ():
         for index in (o.CONTROLWORD, o.STATUSWORD):
@@ -43,7 +43,7 @@ def no_words(sheet: Sheet) -> Iterator[Hit]:
                 yield sheet.at(sheet.heads.get(DEVICE_TYPE), key, text, axis.offset + index)
 
 
-def missing_objects(sheet: Sheet) -> Iterator[Hit]:
+def missing_objects(sheet: RuleContext) -> Iterator[Hit]:
     """M001c."""
     for axis in axes(sheet):
         modes = claimed(sheet, axis) or ()
@@ -60,7 +60,7 @@ def missing_objects(sheet: Sheet) -> Iterator[Hit]:
                 yield _at_claim(sheet, axis, text, index)
 
 
-def empty_claims(sheet: Sheet) -> Iterator[Hit]:
+def empty_claims(sheet: RuleContext) -> Iterator[Hit]:
     """M008."""
     for axis in axes(sheet):
         for mode in claimed(sheet, axis) or ():
@@ -72,7 +72,7 @@ def empty_claims(sheet: Sheet) -> Iterator[Hit]:
                 yield _at_claim(sheet, axis, text)
 
 
-def unclaimed(sheet: Sheet) -> Iterator[Hit]:
+def unclaimed(sheet: RuleContext) -> Iterator[Hit]:
     """M009."""
     for axis in axes(sheet):
         modes = claimed(sheet, axis)
@@ -83,7 +83,7 @@ def unclaimed(sheet: Sheet) -> Iterator[Hit]:
             yield _at_claim(sheet, axis, text)
 
 
-def no_supported_modes(sheet: Sheet) -> Iterator[Hit]:
+def no_supported_modes(sheet: RuleContext) -> Iterator[Hit]:
     """M006."""
     for axis in axes(sheet):
         index = axis.offset + o.SUPPORTED_DRIVE_MODES
@@ -97,7 +97,7 @@ def no_supported_modes(sheet: Sheet) -> Iterator[Hit]:
         yield sheet.at(section or sheet.where_missing(index), "", text, index)
 
 
-def half_a_mode(sheet: Sheet) -> Iterator[Hit]:
+def half_a_mode(sheet: RuleContext) -> Iterator[Hit]:
     """M018."""
     for axis in axes(sheet):
         for mode, own in ALONE.items() if claimed(sheet, axis) is None else ():
@@ -111,7 +111,7 @@ def half_a_mode(sheet: Sheet) -> Iterator[Hit]:
         yield from _lonely_targets(sheet, axis) if claimed(sheet, axis) is None else ()
 
 
-def _lonely_targets(sheet: Sheet, axis: Axis) -> Iterator[Hit]:
+def _lonely_targets(sheet: RuleContext, axis: EdsAxis) -> Iterator[Hit]:
     """Yield a hit for each target of which no mode is complete, nor told of by an object of its own."""
     for target, modes in TARGETS.items():
         there = axis.offset + target
@@ -125,7 +125,7 @@ def _lonely_targets(sheet: Sheet, axis: Axis) -> Iterator[Hit]:
             yield sheet.at(sheet.heads.get(there), "", f"{_named(axis, target)} is there, but {wants}", there)
 
 
-def reserved_bits(sheet: Sheet) -> Iterator[Hit]:
+def reserved_bits(sheet: RuleContext) -> Iterator[Hit]:
     """M010."""
     for axis in axes(sheet):
         word = sheet.number(axis.offset + o.SUPPORTED_DRIVE_MODES) or 0
@@ -135,7 +135,7 @@ def reserved_bits(sheet: Sheet) -> Iterator[Hit]:
             )
 
 
-def unsupported_default(sheet: Sheet) -> Iterator[Hit]:
+def unsupported_default(sheet: RuleContext) -> Iterator[Hit]:
     """M011."""
     for axis in axes(sheet):
         modes = claimed(sheet, axis)
@@ -153,7 +153,7 @@ def unsupported_default(sheet: Sheet) -> Iterator[Hit]:
 
 
 def _wrong_mode(
-    sheet: Sheet, axis: Axis, mode: ModeOfOperation, claimed: Collection[ModeOfOperation] | None
+    sheet: RuleContext, axis: EdsAxis, mode: ModeOfOperation, claimed: Collection[ModeOfOperation] | None
 ) -> str:
     """Return why a drive does not begin in a mode, empty where it may."""
     if mode not in FACTS:
@@ -163,7 +163,7 @@ def _wrong_mode(
     return "" if meant(sheet, axis, mode) else "of which nothing is described"
 
 
-def no_mode_display(sheet: Sheet) -> Iterator[Hit]:
+def no_mode_display(sheet: RuleContext) -> Iterator[Hit]:
     """M020."""
     for axis in axes(sheet):
         mode, display = (axis.offset + index for index in _ONE_OF_SEVERAL)
@@ -173,7 +173,7 @@ def no_mode_display(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(sheet.heads.get(mode), "", f"{here} is there without {there}", display)
 
 
-def homing_methods(sheet: Sheet) -> Iterator[Hit]:
+def homing_methods(sheet: RuleContext) -> Iterator[Hit]:
     """M019."""
     for axis in axes(sheet):
         index = axis.offset + o.HOMING_METHOD
@@ -183,7 +183,7 @@ def homing_methods(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(sheet.section_of(index), start_key(entry), text, index)
 
 
-def usual_objects(sheet: Sheet) -> Iterator[Hit]:
+def usual_objects(sheet: RuleContext) -> Iterator[Hit]:
     """M012."""
     for axis in axes(sheet):
         absent: dict[int, list[ModeOfOperation]] = {}
@@ -196,7 +196,7 @@ def usual_objects(sheet: Sheet) -> Iterator[Hit]:
             yield _at_claim(sheet, axis, text, index)
 
 
-def no_axis_type(sheet: Sheet) -> Iterator[Hit]:
+def no_axis_type(sheet: RuleContext) -> Iterator[Hit]:
     """M013."""
     found = axes(sheet)
     for axis in found if len(found) > 1 else ():
@@ -206,17 +206,17 @@ def no_axis_type(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(sheet.where_missing(index), "", text, index)
 
 
-def _claims(sheet: Sheet, axis: Axis, modes: Iterable[ModeOfOperation]) -> str:
+def _claims(sheet: RuleContext, axis: EdsAxis, modes: Iterable[ModeOfOperation]) -> str:
     return f"{_word(sheet, axis)} claims {', '.join(short(mode) for mode in modes)}"
 
 
-def _word(sheet: Sheet, axis: Axis) -> str:
+def _word(sheet: RuleContext, axis: EdsAxis) -> str:
     index = axis.offset + o.SUPPORTED_DRIVE_MODES
     word = sheet.number(index)
     return f"{index:04X} (0x{word or 0:X})"
 
 
-def _named(axis: Axis, index: int) -> str:
+def _named(axis: EdsAxis, index: int) -> str:
     name = dictionary.name(index)
     return f"{axis.offset + index:04X}" + (f" ({name})" if name else "")
 
@@ -228,7 +228,11 @@ def _mild(index: int) -> Severity | None:
 
 
 def _at_claim(
-    sheet: Sheet, axis: Axis, message: str, index: int | None = None, severity: Severity | None = None
+    sheet: RuleContext,
+    axis: EdsAxis,
+    message: str,
+    index: int | None = None,
+    severity: Severity | None = None,
 ) -> Hit:
     """Return a hit at the value of 6502h; ``index`` (on the first axis) is what is missing."""
     word = axis.offset + o.SUPPORTED_DRIVE_MODES

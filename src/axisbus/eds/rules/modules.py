@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from axisbus.eds.io import values
 from axisbus.eds.io.text import Section
-from axisbus.eds.rules.context import Hit, Looks, Sheet, number, short
+from axisbus.eds.rules.context import Hit, Looks, RuleContext, number, short
 
 _OF_MODULE = re.compile(r"m([0-9]+)(moduleinfo|comments|fixedobjects|subextends|fixed.*|subext.*)")
 _INFO = ("productname", "productversion", "productrevision", "ordercode")
@@ -15,7 +15,7 @@ _INFO_SPELLED = ("ProductName", "ProductVersion", "ProductRevision", "OrderCode"
 _EXTENSION_COUNT = re.compile(r"(?:0[xX][0-9A-Fa-f]+|[0-9]+)(?:\s*;\s*(?:0[xX][0-9A-Fa-f]+|[0-9]+))?")
 
 
-def missing_modules(sheet: Sheet) -> Iterator[Hit]:
+def missing_modules(sheet: RuleContext) -> Iterator[Hit]:
     """X001."""
     section = sheet.section("supportedmodules")
     if section is None:
@@ -33,7 +33,7 @@ def missing_modules(sheet: Sheet) -> Iterator[Hit]:
             break
 
 
-def foreign_modules(sheet: Sheet) -> Iterator[Hit]:
+def foreign_modules(sheet: RuleContext) -> Iterator[Hit]:
     """X002."""
     count = number(sheet.section("supportedmodules"), "nrofentries") or 0
     for name, section in sheet.document.sections.items():
@@ -44,7 +44,7 @@ def foreign_modules(sheet: Sheet) -> Iterator[Hit]:
             )
 
 
-def module_info(sheet: Sheet) -> Iterator[Hit]:
+def module_info(sheet: RuleContext) -> Iterator[Hit]:
     """X003."""
     for _, section in _of_kind(sheet, "moduleinfo"):
         absent = [
@@ -54,7 +54,7 @@ def module_info(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(section, "", f"[{section.name}] has no {', '.join(absent)}")
 
 
-def counts(sheet: Sheet) -> Iterator[Hit]:
+def counts(sheet: RuleContext) -> Iterator[Hit]:
     """X004."""
     lists = [section for kind in ("fixedobjects", "subextends") for _, section in _of_kind(sheet, kind)]
     connected = sheet.section("connectedmodules")
@@ -66,7 +66,7 @@ def counts(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(section, "nrofentries", text)
 
 
-def missing_parts(sheet: Sheet) -> Iterator[Hit]:
+def missing_parts(sheet: RuleContext) -> Iterator[Hit]:
     """X005."""
     for kind, part in (("fixedobjects", "Fixed"), ("subextends", "SubExt")):
         for module, section in _of_kind(sheet, kind):
@@ -77,7 +77,7 @@ def missing_parts(sheet: Sheet) -> Iterator[Hit]:
                     yield sheet.at(section, key, message, index)
 
 
-def extension_counts(sheet: Sheet) -> Iterator[Hit]:
+def extension_counts(sheet: RuleContext) -> Iterator[Hit]:
     """X006."""
     for name, section in sheet.document.sections.items():
         found = _OF_MODULE.fullmatch(name)
@@ -89,7 +89,7 @@ def extension_counts(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(section, "count", text)
 
 
-def unknown_connected(sheet: Sheet) -> Iterator[Hit]:
+def unknown_connected(sheet: RuleContext) -> Iterator[Hit]:
     """X007."""
     connected = sheet.section("connectedmodules")
     count = number(sheet.section("supportedmodules"), "nrofentries") or 0
@@ -103,7 +103,7 @@ def unknown_connected(sheet: Sheet) -> Iterator[Hit]:
             )
 
 
-def _of_kind(sheet: Sheet, kind: str) -> Iterator[tuple[int, Section]]:
+def _of_kind(sheet: RuleContext, kind: str) -> Iterator[tuple[int, Section]]:
     for name, section in sheet.document.sections.items():
         found = _OF_MODULE.fullmatch(name)
         if found and found[2] == kind:

@@ -8,7 +8,7 @@ from axisbus.cia301.datatypes import DataType
 from axisbus.eds.io import values
 from axisbus.eds.io.text import Section
 from axisbus.eds.model import ObjectType
-from axisbus.eds.rules.context import Hit, Looks, Sheet, short
+from axisbus.eds.rules.context import Hit, Looks, RuleContext, short
 from axisbus.wording import counted
 
 MAX_NAME = 241
@@ -32,7 +32,7 @@ def is_mapping(index: int) -> bool:
     return 0x1600 <= index <= 0x17FF or 0x1A00 <= index <= 0x1BFF
 
 
-def shared_names(sheet: Sheet) -> Iterator[Hit]:
+def shared_names(sheet: RuleContext) -> Iterator[Hit]:
     """O027."""
     seen: dict[str, int] = {}
     for entry in sheet.eds:
@@ -43,7 +43,7 @@ def shared_names(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(head, "parametername", text, entry.index)
 
 
-def long_names(sheet: Sheet) -> Iterator[Hit]:
+def long_names(sheet: RuleContext) -> Iterator[Hit]:
     """O015."""
     for section, index, subindex in _all(sheet):
         name = section.entries.get("parametername", "")
@@ -52,14 +52,14 @@ def long_names(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(section, "parametername", text, index, subindex)
 
 
-def empty_names(sheet: Sheet) -> Iterator[Hit]:
+def empty_names(sheet: RuleContext) -> Iterator[Hit]:
     """O021."""
     for section, index, subindex in _all(sheet):
         if section.entries.get("parametername") == "":
             yield sheet.at(section, "parametername", f"[{section.name}] has an empty name", index, subindex)
 
 
-def mapping_flag(sheet: Sheet) -> Iterator[Hit]:
+def mapping_flag(sheet: RuleContext) -> Iterator[Hit]:
     """O016."""
     for entry in sheet.described:
         given = entry.text("pdomapping")
@@ -67,7 +67,7 @@ def mapping_flag(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.on(entry, "pdomapping", f"PDOMapping={short(given)} is neither 0 nor 1")
 
 
-def no_mapping_flag(sheet: Sheet) -> Iterator[Hit]:
+def no_mapping_flag(sheet: RuleContext) -> Iterator[Hit]:
     """O020."""
     for entry in sheet.described:
         domain = (
@@ -77,7 +77,7 @@ def no_mapping_flag(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.on(entry, "", "has no PDOMapping")
 
 
-def record_keys_on_var(sheet: Sheet) -> Iterator[Hit]:
+def record_keys_on_var(sheet: RuleContext) -> Iterator[Hit]:
     """O017."""
     for entry in sheet.described:
         for key, name in (("subnumber", "SubNumber"), ("compactsubobj", "CompactSubObj")):
@@ -86,7 +86,7 @@ def record_keys_on_var(sheet: Sheet) -> Iterator[Hit]:
                 yield sheet.on(entry, key, f"{name} does not belong to a {entry.variable.object_type.name}")
 
 
-def domain_keys(sheet: Sheet) -> Iterator[Hit]:
+def domain_keys(sheet: RuleContext) -> Iterator[Hit]:
     """O018."""
     for entry in sheet.described:
         if entry.variable.object_type is not ObjectType.DOMAIN:
@@ -98,7 +98,7 @@ def domain_keys(sheet: Sheet) -> Iterator[Hit]:
                 yield sheet.on(entry, key, f"{name} does not belong to a DOMAIN")
 
 
-def letters_of_access(sheet: Sheet) -> Iterator[Hit]:
+def letters_of_access(sheet: RuleContext) -> Iterator[Hit]:
     """O019."""
     for entry in sheet.described:
         given = entry.text("accesstype")
@@ -108,7 +108,7 @@ def letters_of_access(sheet: Sheet) -> Iterator[Hit]:
             )
 
 
-def unguarded_actions(sheet: Sheet) -> Iterator[Hit]:
+def unguarded_actions(sheet: RuleContext) -> Iterator[Hit]:
     """O028."""
     for index in _ACTIONS:
         entry = sheet.eds.objects.get(index)
@@ -121,7 +121,7 @@ def unguarded_actions(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(section, "", text, index, bare[0].subindex)
 
 
-def unknown_flags(sheet: Sheet) -> Iterator[Hit]:
+def unknown_flags(sheet: RuleContext) -> Iterator[Hit]:
     """O029."""
     for entry in sheet.described:
         if entry.variable.object_flags & ~_KNOWN_FLAGS:
@@ -130,7 +130,7 @@ def unknown_flags(sheet: Sheet) -> Iterator[Hit]:
             )
 
 
-def no_object_type(sheet: Sheet) -> Iterator[Hit]:
+def no_object_type(sheet: RuleContext) -> Iterator[Hit]:
     """O031."""
     bare = [entry for entry in sheet.described if not entry.section.entries.get("objecttype")]
     if bare:
@@ -138,7 +138,7 @@ def no_object_type(sheet: Sheet) -> Iterator[Hit]:
         yield sheet.on(bare[0], "", f"has no ObjectType, VAR is meant{more}")
 
 
-def unknown_types(sheet: Sheet) -> Iterator[Hit]:
+def unknown_types(sheet: RuleContext) -> Iterator[Hit]:
     """O032."""
     for entry in sheet.described:
         kind = entry.variable.data_type
@@ -147,7 +147,7 @@ def unknown_types(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.on(entry, "datatype", text)
 
 
-def _all(sheet: Sheet) -> Iterator[tuple[Section, int, int | None]]:
+def _all(sheet: RuleContext) -> Iterator[tuple[Section, int, int | None]]:
     for index, section in sheet.heads.items():
         yield section, index, None
     for index, subs in sheet.subs.items():

@@ -12,13 +12,13 @@ from axisbus.cia402.axes import first_axis
 from axisbus.eds.io.text import Section
 from axisbus.eds.model import Severity, Variable
 from axisbus.eds.rules import drive, standard
-from axisbus.eds.rules.context import Hit, Looks, Sheet, number_of, start_key, start_value
+from axisbus.eds.rules.context import Hit, Looks, RuleContext, number_of, start_key, start_value
 from axisbus.eds.rules.mapping import (
     DATA_TYPES,
     MAX_ENTRIES,
     MULTIPLEXED,
     NETWORK_VARIABLES,
-    Slot,
+    MappingEntry,
     communications,
     every_slot,
     filled,
@@ -33,7 +33,7 @@ _TO_RPDO = frozenset(("rw", "wo", "rww"))
 _TO_TPDO = frozenset(("ro", "rw", "rwr", "const"))
 
 
-def no_mapping(sheet: Sheet) -> Iterator[Hit]:
+def no_mapping(sheet: RuleContext) -> Iterator[Hit]:
     """P001."""
     for _, entry in communications(sheet):
         partner = entry.index + PDOS_OF_A_KIND
@@ -42,7 +42,7 @@ def no_mapping(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(sheet.heads.get(entry.index), "", text, entry.index)
 
 
-def no_communication(sheet: Sheet) -> Iterator[Hit]:
+def no_communication(sheet: RuleContext) -> Iterator[Hit]:
     """P007."""
     for _, entry in maps(sheet):
         partner = entry.index - PDOS_OF_A_KIND
@@ -51,7 +51,7 @@ def no_communication(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(sheet.heads.get(entry.index), "", text, entry.index)
 
 
-def no_target(sheet: Sheet) -> Iterator[Hit]:
+def no_target(sheet: RuleContext) -> Iterator[Hit]:
     """P002."""
     for slot in every_slot(sheet):
         index, subindex, _ = slot.mapped
@@ -62,7 +62,7 @@ def no_target(sheet: Sheet) -> Iterator[Hit]:
     yield from _formulas(sheet)
 
 
-def _formulas(sheet: Sheet) -> Iterator[Hit]:
+def _formulas(sheet: RuleContext) -> Iterator[Hit]:
     """Yield a hit for each mapping entry that is a formula."""
     for _, entry in maps(sheet):
         for holder in used(sheet, entry):
@@ -75,10 +75,10 @@ def _formulas(sheet: Sheet) -> Iterator[Hit]:
                 yield sheet.at(section, start_key(holder), text, holder.index, holder.subindex)
 
 
-def repeated(sheet: Sheet) -> Iterator[Hit]:
+def repeated(sheet: RuleContext) -> Iterator[Hit]:
     """P017."""
     for receive, entry in maps(sheet):
-        seen: dict[tuple[int, int], Slot] = {}
+        seen: dict[tuple[int, int], MappingEntry] = {}
         for slot in slots_of(sheet, receive, entry):
             target = slot.mapped.index, slot.mapped.subindex
             first = seen.setdefault(target, slot)
@@ -86,7 +86,7 @@ def repeated(sheet: Sheet) -> Iterator[Hit]:
                 yield _on(sheet, slot, f"maps {target[0]:04X}:{target[1]:02X} again, as [{first.name}] does")
 
 
-def _misshapen(sheet: Sheet, index: int, subindex: int) -> bool:
+def _misshapen(sheet: RuleContext, index: int, subindex: int) -> bool:
     """Whether the entry has a section, which a wrong ObjectType hides (O008, O011)."""
     entry, head = sheet.eds.objects.get(index), sheet.heads.get(index)
     if entry is None or head is None:
@@ -96,7 +96,7 @@ def _misshapen(sheet: Sheet, index: int, subindex: int) -> bool:
     return subindex in sheet.subs.get(index, {})
 
 
-def wrong_size(sheet: Sheet) -> Iterator[Hit]:
+def wrong_size(sheet: RuleContext) -> Iterator[Hit]:
     """P003."""
     for slot in every_slot(sheet):
         target = _target(sheet, slot)
@@ -114,7 +114,7 @@ def _bits(mapped: MappedObject) -> int | None:
     return DataType(mapped.index).bits if mapped.is_dummy else None
 
 
-def _right_by_standard(sheet: Sheet, target: Variable | None, mapped: MappedObject) -> bool:
+def _right_by_standard(sheet: RuleContext, target: Variable | None, mapped: MappedObject) -> bool:
     """Whether the mapping is as the standard has it: then the object's type is wrong, and C003 or M002 says so."""
     if target is None:
         return False
@@ -122,9 +122,9 @@ def _right_by_standard(sheet: Sheet, target: Variable | None, mapped: MappedObje
     return row is not None and any(kind.bits == mapped.bits for kind in row.data_types)
 
 
-def not_mappable(sheet: Sheet) -> Iterator[Hit]:
+def not_mappable(sheet: RuleContext) -> Iterator[Hit]:
     """P004."""
-    at_fault: dict[Section, list[Slot]] = {}  # sections of objects
+    at_fault: dict[Section, list[MappingEntry]] = {}  # sections of objects
     for slot in every_slot(sheet):
         target = _target(sheet, slot)
         if target is None or target.pdo_mapping:
@@ -139,7 +139,7 @@ def not_mappable(sheet: Sheet) -> Iterator[Hit]:
         yield _at_object(sheet, section, mapping)
 
 
-def _at_object(sheet: Sheet, section: Section, mapping: list[Slot]) -> Hit:
+def _at_object(sheet: RuleContext, section: Section, mapping: list[MappingEntry]) -> Hit:
     given = section.entries.get("pdomapping")
     says = "no PDOMapping, which means 0" if given is None else f"PDOMapping={given}"
     more = f", and {counted(len(mapping) - 1, 'more entry', 'more entries')}" if len(mapping) > 1 else ""
@@ -148,13 +148,13 @@ def _at_object(sheet: Sheet, section: Section, mapping: list[Slot]) -> Hit:
     return sheet.at(section, "" if given is None else "pdomapping", text, index, subindex)
 
 
-def is_cyclic(sheet: Sheet, target: Variable) -> bool:
+def is_cyclic(sheet: RuleContext, target: Variable) -> bool:
     """Whether every drive lets the object be mapped: then its PDOMapping is wrong, not the mapping."""
     known = drive.row(sheet, target.index, target.subindex) is not None
     return known and target.subindex == 0 and first_axis(target.index) in standard.CYCLIC
 
 
-def wrong_direction(sheet: Sheet) -> Iterator[Hit]:
+def wrong_direction(sheet: RuleContext) -> Iterator[Hit]:
     """P005."""
     for slot in every_slot(sheet):
         target = _target(sheet, slot)
@@ -165,7 +165,7 @@ def wrong_direction(sheet: Sheet) -> Iterator[Hit]:
         yield _on(sheet, slot, f"maps {_name(target)}, which is {target.access}; {kind} it")
 
 
-def _access_is_the_fault(sheet: Sheet, target: Variable, allowed: frozenset[str]) -> bool:
+def _access_is_the_fault(sheet: RuleContext, target: Variable, allowed: frozenset[str]) -> bool:
     """Whether the standard allows this direction: then the object's access is wrong, and C004 or M004 says so."""
     row = drive.row(sheet, target.index, target.subindex)
     return (
@@ -173,7 +173,7 @@ def _access_is_the_fault(sheet: Sheet, target: Variable, allowed: frozenset[str]
     )
 
 
-def too_long(sheet: Sheet) -> Iterator[Hit]:
+def too_long(sheet: RuleContext) -> Iterator[Hit]:
     """P006."""
     for receive, entry in maps(sheet):
         every = slots_of(sheet, receive, entry)
@@ -187,14 +187,14 @@ def too_long(sheet: Sheet) -> Iterator[Hit]:
                 yield _on(sheet, slot, text)
 
 
-def _right_bits(sheet: Sheet, slot: Slot) -> int:
+def _right_bits(sheet: RuleContext, slot: MappingEntry) -> int:
     """Return the bits that an entry would take by its target's type where P003 finds fault with it, else those that it takes."""
     target = _target(sheet, slot)
     bits = slot.mapped.bits if target is None or target.bits is None else target.bits
     return slot.mapped.bits if _right_by_standard(sheet, target, slot.mapped) else bits
 
 
-def count_beyond(sheet: Sheet) -> Iterator[Hit]:
+def count_beyond(sheet: RuleContext) -> Iterator[Hit]:
     """P008."""
     for _, entry in maps(sheet):
         count = entry.subs.get(0)
@@ -210,7 +210,7 @@ def count_beyond(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(sheet.section_of(entry.index, 0), start_key(count), text, entry.index, 0)
 
 
-def empty_entries(sheet: Sheet) -> Iterator[Hit]:
+def empty_entries(sheet: RuleContext) -> Iterator[Hit]:
     """P015."""
     for _, entry in maps(sheet):
         empty = [holder for holder in used(sheet, entry) if number_of(holder) == 0]
@@ -222,7 +222,7 @@ def empty_entries(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(section, start_key(holder), text, holder.index, holder.subindex)
 
 
-def carries_nothing(sheet: Sheet) -> Iterator[Hit]:
+def carries_nothing(sheet: RuleContext) -> Iterator[Hit]:
     """P016."""
     for receive, entry in maps(sheet):
         count = entry.subs.get(0)
@@ -235,13 +235,13 @@ def carries_nothing(sheet: Sheet) -> Iterator[Hit]:
         yield sheet.at(sheet.section_of(entry.index, 0), start_key(count), text, entry.index, 0, severity)
 
 
-def _is_on(sheet: Sheet, mapping: int) -> bool:
+def _is_on(sheet: RuleContext, mapping: int) -> bool:
     """Whether the PDO of a mapping exists after power-up."""
     identifier = sheet.number(mapping - PDOS_OF_A_KIND, 1)
     return identifier is not None and not identifier & cob.INVALID
 
 
-def dummies(sheet: Sheet) -> Iterator[Hit]:
+def dummies(sheet: RuleContext) -> Iterator[Hit]:
     """P010."""
     for slot in every_slot(sheet):
         index = slot.mapped.index
@@ -249,7 +249,7 @@ def dummies(sheet: Sheet) -> Iterator[Hit]:
             yield _on(sheet, slot, f"maps the dummy {index:04X}, which [DummyUsage] does not allow")
 
 
-def _target(sheet: Sheet, slot: Slot) -> Variable | None:
+def _target(sheet: RuleContext, slot: MappingEntry) -> Variable | None:
     return None if slot.mapped.index in DATA_TYPES else sheet.eds.get(slot.mapped.index, slot.mapped.subindex)
 
 
@@ -257,7 +257,7 @@ def _name(target: Variable) -> str:
     return f"{target.index:04X}:{target.subindex:02X} ({target.name})"
 
 
-def _on(sheet: Sheet, slot: Slot, message: str) -> Hit:
+def _on(sheet: RuleContext, slot: MappingEntry, message: str) -> Hit:
     holder = slot.holder
     section = sheet.section_of(holder.index, holder.subindex)
     text = f"[{slot.name}] {message}" if slot.active else f"[{slot.name}], not active, {message}"

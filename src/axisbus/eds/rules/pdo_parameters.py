@@ -9,7 +9,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.model import Number, Variable
-from axisbus.eds.rules.context import Hit, Looks, Sheet, number_of, start_key, start_value
+from axisbus.eds.rules.context import Hit, Looks, RuleContext, number_of, start_key, start_value
 from axisbus.eds.rules.mapping import MAX_ENTRIES, communications, maps
 
 _PARAMETERS = {
@@ -36,7 +36,7 @@ _RESTRICTED = (
 )
 
 
-def parameter_types(sheet: Sheet) -> Iterator[Hit]:
+def parameter_types(sheet: RuleContext) -> Iterator[Hit]:
     """P009."""
     for _, entry in communications(sheet):
         for subindex, kind in _PARAMETERS.items():
@@ -55,14 +55,14 @@ def standard_type(index: int, subindex: int) -> DataType:
     return DataType.UNSIGNED32 if mapping else _PARAMETERS.get(subindex, DataType.UNSIGNED8)
 
 
-def _type(sheet: Sheet, sub: Variable, kind: DataType) -> Iterator[Hit]:
+def _type(sheet: RuleContext, sub: Variable, kind: DataType) -> Iterator[Hit]:
     if sub.data_type is not kind and sub.data_type:
         section = sheet.section_of(sub.index, sub.subindex)
         text = f"[{sub.index:04X}sub{sub.subindex:X}] is {sub.data_type.name}, CiA 301 has {kind.name}"
         yield sheet.at(section, "datatype", text, sub.index, sub.subindex)
 
 
-def missing_parameters(sheet: Sheet) -> Iterator[Hit]:
+def missing_parameters(sheet: RuleContext) -> Iterator[Hit]:
     """P011."""
     for _, entry in communications(sheet):
         head = sheet.heads.get(entry.index)
@@ -72,7 +72,7 @@ def missing_parameters(sheet: Sheet) -> Iterator[Hit]:
                 yield sheet.at(head, "", text, entry.index, subindex)
 
 
-def reserved_types(sheet: Sheet) -> Iterator[Hit]:
+def reserved_types(sheet: RuleContext) -> Iterator[Hit]:
     """P012."""
     for receive, entry in communications(sheet):
         sub = entry.subs.get(2)
@@ -83,7 +83,7 @@ def reserved_types(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(section, start_key(sub), text, entry.index, 2)
 
 
-def restricted_ids(sheet: Sheet) -> Iterator[Hit]:
+def restricted_ids(sheet: RuleContext) -> Iterator[Hit]:
     """P013."""
     for _, sub, value in _valid_cob_ids(sheet):
         said = restricted(value)
@@ -93,7 +93,7 @@ def restricted_ids(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(sheet.section_of(sub.index, 1), start_key(sub), text, sub.index, 1)
 
 
-def shared_ids(sheet: Sheet) -> Iterator[Hit]:
+def shared_ids(sheet: RuleContext) -> Iterator[Hit]:
     """P014."""
     seen: dict[tuple[int, bool], int] = {}
     for _, sub, value in _valid_cob_ids(sheet):
@@ -104,7 +104,7 @@ def shared_ids(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(sheet.section_of(sub.index, 1), start_key(sub), text, sub.index, 1)
 
 
-def _valid_cob_ids(sheet: Sheet) -> Iterator[tuple[bool, Variable, Number]]:
+def _valid_cob_ids(sheet: RuleContext) -> Iterator[tuple[bool, Variable, Number]]:
     """Yield the identifiers of the PDOs that exist after power-up, with whether it is an RPDO."""
     for receive, entry in communications(sheet):
         sub = entry.subs.get(1)

@@ -10,7 +10,7 @@ from axisbus.eds import subindices
 from axisbus.eds.io import compact, values
 from axisbus.eds.io.text import Section
 from axisbus.eds.model import Object, ObjectType, Severity, Variable
-from axisbus.eds.rules.context import Hit, Looks, Sheet, an, short
+from axisbus.eds.rules.context import Hit, Looks, RuleContext, an, short
 from axisbus.eds.rules.objects import is_communication, is_mapping
 from axisbus.wording import counted
 
@@ -29,7 +29,7 @@ _ON_DATA = {  # what belongs to the sub-indices of an object, not to the object
 _OF_TYPE = {"datatype": "DataType", "accesstype": "AccessType"}
 
 
-def sub_number(sheet: Sheet) -> Iterator[Hit]:
+def sub_number(sheet: RuleContext) -> Iterator[Hit]:
     """O007."""
     for entry, head in sheet.records:
         given = head.entries.get("subnumber", "")
@@ -43,21 +43,21 @@ def sub_number(sheet: Sheet) -> Iterator[Hit]:
         yield sheet.at(head, "subnumber", f"{text}{_gap(sheet, entry)}", entry.index)
 
 
-def _gap(sheet: Sheet, entry: Object) -> str:
+def _gap(sheet: RuleContext, entry: Object) -> str:
     """Name the sub-index whose section is missing, where SubNumber and sub-index 0 leave no other."""
     absent = subindices.missing(entry, sheet.heads[entry.index], len(_own_subs(sheet, entry)))
     known = absent is not None and not is_communication(entry.index)
     return f"; sub-index {absent:X} seems to be missing" if known else ""
 
 
-def no_sub_number(sheet: Sheet) -> Iterator[Hit]:
+def no_sub_number(sheet: RuleContext) -> Iterator[Hit]:
     """O024."""
     for entry, head in _plain_records(sheet):
         if not head.entries.get("subnumber"):
             yield sheet.at(head, "", f"[{head.name}] has sub-indices, but no SubNumber", entry.index)
 
 
-def no_sub_zero(sheet: Sheet) -> Iterator[Hit]:
+def no_sub_zero(sheet: RuleContext) -> Iterator[Hit]:
     """O008."""
     for entry, head in sheet.records:
         if 0 not in entry.subs and not sheet.modular:
@@ -71,7 +71,7 @@ def _seems_a_var(entry: Object, head: Section) -> bool:
     return not entry.subs and "datatype" in head.entries and "subnumber" not in head.entries
 
 
-def type_of_sub_zero(sheet: Sheet) -> Iterator[Hit]:
+def type_of_sub_zero(sheet: RuleContext) -> Iterator[Hit]:
     """O009."""
     for entry, _ in sheet.records:
         count = entry.subs.get(0)
@@ -89,7 +89,7 @@ def type_of_count(index: int) -> DataType:
     return DataType.UNSIGNED32 if index == _PDOS_SUPPORTED else DataType.UNSIGNED8
 
 
-def highest_sub_index(sheet: Sheet) -> Iterator[Hit]:
+def highest_sub_index(sheet: RuleContext) -> Iterator[Hit]:
     """O010."""
     for entry, _ in sheet.records:
         section = sheet.subs.get(entry.index, {}).get(0)
@@ -106,12 +106,12 @@ def highest_sub_index(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(section, "defaultvalue", text, entry.index, 0, severity)
 
 
-def _counts_itself(sheet: Sheet, entry: Object) -> bool:
+def _counts_itself(sheet: RuleContext, entry: Object) -> bool:
     """Whether sub-index 0 says how many are in use, not how many there are."""
     return entry.index in _OWN_COUNT or is_mapping(entry.index) or sheet.modular
 
 
-def no_highest(sheet: Sheet) -> Iterator[Hit]:
+def no_highest(sheet: RuleContext) -> Iterator[Hit]:
     """O025."""
     for entry, _ in sheet.records:
         section = sheet.subs.get(entry.index, {}).get(0)
@@ -119,7 +119,7 @@ def no_highest(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(section, "defaultvalue", f"[{section.name}] has no DefaultValue", entry.index, 0)
 
 
-def shared_sub_names(sheet: Sheet) -> Iterator[Hit]:
+def shared_sub_names(sheet: RuleContext) -> Iterator[Hit]:
     """O014."""
     for entry, _ in sheet.records:
         seen: dict[str, int] = {}
@@ -133,7 +133,7 @@ def shared_sub_names(sheet: Sheet) -> Iterator[Hit]:
                 break
 
 
-def type_keys_on_record(sheet: Sheet) -> Iterator[Hit]:
+def type_keys_on_record(sheet: RuleContext) -> Iterator[Hit]:
     """O022."""
     for entry, head in _plain_records(sheet):
         named = [name for key, name in _OF_TYPE.items() if head.entries.get(key)]
@@ -144,7 +144,7 @@ def type_keys_on_record(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(head, key, text, entry.index)
 
 
-def data_keys_on_record(sheet: Sheet) -> Iterator[Hit]:
+def data_keys_on_record(sheet: RuleContext) -> Iterator[Hit]:
     """O023."""
     for entry, head in _plain_records(sheet):
         for key, name in _ON_DATA.items():
@@ -154,7 +154,7 @@ def data_keys_on_record(sheet: Sheet) -> Iterator[Hit]:
                 yield sheet.at(head, key, text, entry.index)
 
 
-def different_types(sheet: Sheet) -> Iterator[Hit]:
+def different_types(sheet: RuleContext) -> Iterator[Hit]:
     """O026."""
     for entry, _ in sheet.records:
         if entry.object_type is not ObjectType.ARRAY:
@@ -175,7 +175,7 @@ def different_types(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(section, "datatype", text, entry.index, odd.subindex)
 
 
-def type_of_sub(sheet: Sheet) -> Iterator[Hit]:
+def type_of_sub(sheet: RuleContext) -> Iterator[Hit]:
     """O030."""
     for entry, _ in sheet.records:
         for subindex, section in sheet.subs.get(entry.index, {}).items():
@@ -185,13 +185,13 @@ def type_of_sub(sheet: Sheet) -> Iterator[Hit]:
                 yield sheet.at(section, "objecttype", text, entry.index, subindex)
 
 
-def _plain_records(sheet: Sheet) -> Iterator[tuple[Object, Section]]:
+def _plain_records(sheet: RuleContext) -> Iterator[tuple[Object, Section]]:
     for entry, head in sheet.records:
         if not subindices.is_compact(head) and not _seems_a_var(entry, head):
             yield entry, head
 
 
-def _own_subs(sheet: Sheet, entry: Object) -> list[int]:
+def _own_subs(sheet: RuleContext, entry: Object) -> list[int]:
     return [subindex for subindex in sheet.subs.get(entry.index, {}) if subindex != subindices.STRUCTURE]
 
 

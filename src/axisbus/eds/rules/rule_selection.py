@@ -13,7 +13,7 @@ _NONE = -1
 
 
 def chooser(
-    select: str | Iterable[str] = (), ignore: str | Iterable[str] = (), of: Known | None = None
+    select: str | Iterable[str] = (), ignore: str | Iterable[str] = (), of: RuleIds | None = None
 ) -> Callable[[str], bool]:
     """Return a test for ids: selected (all, where nothing is selected) and not ignored.
 
@@ -23,7 +23,7 @@ def chooser(
     Raises:
         ArgumentError: no rule's id begins so.
     """
-    known = Known(rules()) if of is None else of
+    known = RuleIds(rules()) if of is None else of
     wanted, unwanted = known.named(select, "select"), known.named(ignore, "ignore")
 
     def test(rule: str) -> bool:
@@ -33,7 +33,7 @@ def chooser(
     return test
 
 
-class Known:
+class RuleIds:
     """The ids that there are; ``command`` prints all of them with ``--list``."""
 
     def __init__(self, ids: Collection[str], command: str = "axisbus eds check") -> None:

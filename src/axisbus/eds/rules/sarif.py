@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from axisbus.eds.model import Finding, Severity
+from axisbus.eds.model import EdsFinding, Severity
 from axisbus.eds.rules.table import Rule, rules
 
 SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
@@ -16,7 +16,7 @@ _LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.NOTE: 
 
 
 def log(
-    found: Mapping[str, Iterable[Finding]],
+    found: Mapping[str, Iterable[EdsFinding]],
     version: str,
     root: Path,
     command: str = "axisbus eds check",
@@ -64,7 +64,7 @@ def _rule(rule: Rule) -> dict[str, Any]:
     }
 
 
-def _result(finding: Finding, number: int, artifact: dict[str, str]) -> dict[str, Any]:
+def _result(finding: EdsFinding, number: int, artifact: dict[str, str]) -> dict[str, Any]:
     region = {"startLine": max(1, finding.line), "startColumn": max(1, finding.column)}
     location: dict[str, Any] = {"physicalLocation": {"artifactLocation": artifact, "region": region}}
     if finding.index is not None:
@@ -78,7 +78,7 @@ def _result(finding: Finding, number: int, artifact: dict[str, str]) -> dict[str
     }
 
 
-def _object(finding: Finding) -> str:
+def _object(finding: EdsFinding) -> str:
     sub = "" if finding.subindex is None else f"sub{finding.subindex:X}"
     return f"{finding.index:04X}{sub}"
 

@@ -9,7 +9,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.model import Number, Variable
-from axisbus.eds.rules.context import Hit, Looks, Sheet, start_key, start_value
+from axisbus.eds.rules.context import Hit, Looks, RuleContext, start_key, start_value
 from axisbus.eds.rules.pdo_parameters import restricted, too_long
 from axisbus.eds.rules.values import COB_ID_GUARDING
 
@@ -34,7 +34,7 @@ _SERVICES: Mapping[int, _Service] = {
 }
 
 
-def identifiers(sheet: Sheet) -> Iterator[Hit]:
+def identifiers(sheet: RuleContext) -> Iterator[Hit]:
     """C016."""
     for index, service in _SERVICES.items():
         entry = sheet.eds.get(index)
@@ -71,7 +71,7 @@ def _wrong_of_all(service: _Service, value: Number) -> str:
     return f"gives {said}, which CiA 301 keeps for another service" if said else ""
 
 
-def sdo_types(sheet: Sheet) -> Iterator[Hit]:
+def sdo_types(sheet: RuleContext) -> Iterator[Hit]:
     """C003, of the SDO parameters."""
     for sub in _sdo_entries(sheet):
         kind = SDO_TYPES.get(sub.subindex, sub.data_type)
@@ -81,13 +81,13 @@ def sdo_types(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(section, "datatype", text, sub.index, sub.subindex)
 
 
-def _sdo_entries(sheet: Sheet) -> Iterator[Variable]:
+def _sdo_entries(sheet: RuleContext) -> Iterator[Variable]:
     for index, entry in sheet.eds.objects.items():
         if index in SDO_PARAMETERS and entry.is_record:
             yield from entry.subs.values()
 
 
-def sdo_without_ids(sheet: Sheet) -> Iterator[Hit]:
+def sdo_without_ids(sheet: RuleContext) -> Iterator[Hit]:
     """C017."""
     for index, entry in sheet.eds.objects.items():
         if index not in SDO_PARAMETERS or not entry.is_record or len(entry.subs) < 2:

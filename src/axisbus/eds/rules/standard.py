@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from axisbus.cia402 import dictionary
 from axisbus.cia402 import objects as cia402
-from axisbus.cia402.dictionary import Row
+from axisbus.cia402.dictionary import StandardObject
 from axisbus.eds.model import Variable
 
 READ_ONLY = frozenset(("ro", "const"))
@@ -36,7 +36,7 @@ def access_fits(access: str, wanted: frozenset[str]) -> bool:
     return not wanted or any(access in _FITTING[each] for each in wanted)
 
 
-def row(index: int, subindex: int) -> Row | None:
+def row(index: int, subindex: int) -> StandardObject | None:
     """Return what CiA 301 or CiA 402 (on any axis) says of an entry, None where it says nothing.
 
     The row of an ARRAY stands for each of its elements. Of PDO parameters and the like, which come in numbers, nothing is said.

@@ -14,9 +14,9 @@ from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.io import values
 from axisbus.eds.io.text import entry_of
-from axisbus.eds.model import Finding, Number, Severity
+from axisbus.eds.model import EdsFinding, Number, Severity
 from axisbus.eds.rules import pdo_parameters, records, services, standard, truncated_file
-from axisbus.eds.rules.context import Sheet
+from axisbus.eds.rules.context import RuleContext
 
 _WRONG_TYPE = frozenset(("C003", "M002", "O009", "P009"))  # the data type is not the standard's
 _OF_A_VALUE = frozenset(  # what the data type decides
@@ -43,7 +43,7 @@ _MISSING = frozenset(  # what is told at the header of the section with the miss
 _MIXED, _IDENTITY = "O026", "D004"
 
 
-def causes(sheet: Sheet, found: Iterable[Finding]) -> list[Finding]:
+def causes(sheet: RuleContext, found: Iterable[EdsFinding]) -> list[EdsFinding]:
     """Return the findings without those that only follow from others."""
     whole = truncated_file.without_consequences(sheet, found)
     every = [_JUDGED[each.rule](sheet, each) if each.rule in _JUDGED else each for each in whole]
@@ -63,12 +63,12 @@ def causes(sheet: Sheet, found: Iterable[Finding]) -> list[Finding]:
     ]
 
 
-def _header(sheet: Sheet, line: int) -> int:
+def _header(sheet: RuleContext, line: int) -> int:
     """Return the line of the section in which a line stands, 0 where it stands in none."""
     return sheet.starts[bisect_right(sheet.starts, line) - 1]
 
 
-def _right(sheet: Sheet, finding: Finding) -> bool:
+def _right(sheet: RuleContext, finding: EdsFinding) -> bool:
     """Whether a value of which a finding speaks would be in order if the data type were the standard's."""
     kinds = _standard_types(sheet, finding.index or 0, finding.subindex or 0)
     if not finding.line or not kinds:
@@ -77,7 +77,7 @@ def _right(sheet: Sheet, finding: Finding) -> bool:
     return finding.rule == _IDENTITY or any(values.parse(text, kind).value is not None for kind in kinds)
 
 
-def _standard_types(sheet: Sheet, index: int, subindex: int) -> tuple[DataType, ...]:
+def _standard_types(sheet: RuleContext, index: int, subindex: int) -> tuple[DataType, ...]:
     entry = sheet.eds.objects.get(index)
     if subindex == 0 and entry is not None and entry.is_record:
         return (records.type_of_count(index),)
@@ -89,7 +89,7 @@ def _standard_types(sheet: Sheet, index: int, subindex: int) -> tuple[DataType, 
     return row.data_types if row is not None else ()
 
 
-def _blamed(sheet: Sheet, finding: Finding) -> Finding:
+def _blamed(sheet: RuleContext, finding: EdsFinding) -> EdsFinding:
     """Return the finding of crossed limits at HighLimit, where it is that one which the default (else 0) contradicts."""
     section = sheet.section_of(finding.index or 0, finding.subindex or 0)
     entry = sheet.eds.get(finding.index or 0, finding.subindex or 0)
@@ -103,13 +103,13 @@ def _blamed(sheet: Sheet, finding: Finding) -> Finding:
     return replace(finding, line=line, column=column)
 
 
-def _letters(sheet: Sheet, finding: Finding) -> Finding:
+def _letters(sheet: RuleContext, finding: EdsFinding) -> EdsFinding:
     """Return the finding of a formula as a note where only the case of $NODEID is another, which most tools take."""
     _, text = entry_of(sheet.document.lines[finding.line - 1])
     return replace(finding, severity=Severity.NOTE) if text.startswith("$") else finding
 
 
-def _time(sheet: Sheet, finding: Finding) -> Finding:
+def _time(sheet: RuleContext, finding: EdsFinding) -> EdsFinding:
     """Return the finding of a time that is not understood as a note: DS 306 does not say how a time is written."""
     entry = sheet.eds.get(finding.index or 0, finding.subindex or 0)
     if entry is None or entry.data_type not in (DataType.TIME_OF_DAY, DataType.TIME_DIFFERENCE):
@@ -117,4 +117,8 @@ def _time(sheet: Sheet, finding: Finding) -> Finding:
     return replace(finding, severity=Severity.NOTE)
 
 
-_JUDGED: dict[str, Callable[[Sheet, Finding], Finding]] = {"V001": _time, "V004": _blamed, "V006": _letters}
+_JUDGED: dict[str, Callable[[RuleContext, EdsFinding], EdsFinding]] = {
+    "V001": _time,
+    "V004": _blamed,
+    "V006": _letters,
+}

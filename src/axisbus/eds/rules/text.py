@@ -9,7 +9,7 @@ from functools import lru_cache
 
 from axisbus.eds.io.text import Section
 from axisbus.eds.model import Severity
-from axisbus.eds.rules.context import DEVICE_INFO, FILE_INFO, LISTS, Hit, Looks, Sheet
+from axisbus.eds.rules.context import DEVICE_INFO, FILE_INFO, LISTS, Hit, Looks, RuleContext
 from axisbus.wording import counted
 
 MAX_LINE = 255
@@ -57,7 +57,7 @@ _KEYS: Mapping[str, frozenset[str]] = {
 }
 
 
-def long_lines(sheet: Sheet) -> Iterator[Hit]:
+def long_lines(sheet: RuleContext) -> Iterator[Hit]:
     """S007."""
     if len(max(sheet.document.lines, key=len)) <= MAX_LINE:
         return
@@ -69,7 +69,7 @@ def long_lines(sheet: Sheet) -> Iterator[Hit]:
         yield Hit(long[0], MAX_LINE + 1, f"the line has {counted(length, 'character')}{_and_more(long)}")
 
 
-def spaced_keys(sheet: Sheet) -> Iterator[Hit]:
+def spaced_keys(sheet: RuleContext) -> Iterator[Hit]:
     """S008."""
     found = _matches(sheet, _SPACED_KEY, " =", "\t=")
     if found:
@@ -77,7 +77,7 @@ def spaced_keys(sheet: Sheet) -> Iterator[Hit]:
         yield Hit(number, match.start(1) + 1, f"a space stands before the equals sign{_and_more(found)}")
 
 
-def indented_comments(sheet: Sheet) -> Iterator[Hit]:
+def indented_comments(sheet: RuleContext) -> Iterator[Hit]:
     """S013."""
     found = _matches(sheet, _INDENTED_COMMENT, " ;", "\t;")
     if found:
@@ -85,13 +85,13 @@ def indented_comments(sheet: Sheet) -> Iterator[Hit]:
         yield Hit(number, match.end(), f"the comment is indented{_and_more(found)}")
 
 
-def old_line_ends(sheet: Sheet) -> Iterator[Hit]:
+def old_line_ends(sheet: RuleContext) -> Iterator[Hit]:
     """S014."""
     if sheet.document.newline == "\r" and len(sheet.document.lines) > 1:
         yield Hit(1, 1, "the lines end in CR alone")
 
 
-def mixed_line_ends(sheet: Sheet) -> Iterator[Hit]:
+def mixed_line_ends(sheet: RuleContext) -> Iterator[Hit]:
     """S015."""
     if "\r" not in sheet.text:
         return
@@ -104,7 +104,7 @@ def mixed_line_ends(sheet: Sheet) -> Iterator[Hit]:
     yield Hit(fewer[0], 1, f"the line ends in {kind}, most others do not{_and_more(fewer)}")
 
 
-def control_characters(sheet: Sheet) -> Iterator[Hit]:
+def control_characters(sheet: RuleContext) -> Iterator[Hit]:
     """S018."""
     if _CONTROL.search(sheet.text) is None:
         return
@@ -118,7 +118,7 @@ def control_characters(sheet: Sheet) -> Iterator[Hit]:
         yield Hit(number, match.start() + 1, f"the control character {ord(match[0]):02X}h{_and_more(found)}")
 
 
-def unknown_keys(sheet: Sheet) -> Iterator[Hit]:
+def unknown_keys(sheet: RuleContext) -> Iterator[Hit]:
     """S016."""
     seen: dict[str, list[Section]] = {}
     for section, key in _foreign_keys(sheet):
@@ -130,7 +130,7 @@ def unknown_keys(sheet: Sheet) -> Iterator[Hit]:
         yield Hit(line, 1, message)
 
 
-def misspelt_keys(sheet: Sheet) -> Iterator[Hit]:
+def misspelt_keys(sheet: RuleContext) -> Iterator[Hit]:
     """S017."""
     for section, key in _foreign_keys(sheet):
         meant = _meant(key, _keys_of(section))
@@ -141,7 +141,7 @@ def misspelt_keys(sheet: Sheet) -> Iterator[Hit]:
             yield Hit(line, 1, text, severity=severity)
 
 
-def _foreign_keys(sheet: Sheet) -> Iterator[tuple[Section, str]]:
+def _foreign_keys(sheet: RuleContext) -> Iterator[tuple[Section, str]]:
     """Yield what is no key of DS 306, where the standard knows all keys of the section; of a file of noise only the first."""
     seen: set[str] = set()
     for section, key in _all_foreign_keys(sheet):
@@ -151,7 +151,7 @@ def _foreign_keys(sheet: Sheet) -> Iterator[tuple[Section, str]]:
         yield section, key
 
 
-def _all_foreign_keys(sheet: Sheet) -> Iterator[tuple[Section, str]]:
+def _all_foreign_keys(sheet: RuleContext) -> Iterator[tuple[Section, str]]:
     for name, known in _KEYS.items():
         section = sheet.section(name)
         if section is not None:
@@ -165,7 +165,7 @@ def _all_foreign_keys(sheet: Sheet) -> Iterator[tuple[Section, str]]:
                     yield section, key
 
 
-def other_comments(sheet: Sheet) -> Iterator[Hit]:
+def other_comments(sheet: RuleContext) -> Iterator[Hit]:
     """S019."""
     found = [
         (section, key)
@@ -180,7 +180,7 @@ def other_comments(sheet: Sheet) -> Iterator[Hit]:
         yield Hit(line, 1, text)
 
 
-def _object_sections(sheet: Sheet) -> Iterator[Section]:
+def _object_sections(sheet: RuleContext) -> Iterator[Section]:
     yield from sheet.heads.values()
     for subs in sheet.subs.values():
         yield from subs.values()
@@ -207,7 +207,7 @@ def _meant(key: str, known: frozenset[str]) -> str:
 
 
 def _matches(
-    sheet: Sheet, pattern: re.Pattern[str], part: str, other: str
+    sheet: RuleContext, pattern: re.Pattern[str], part: str, other: str
 ) -> list[tuple[int, re.Match[str]]]:
     """Return the lines that begin as ``pattern`` says; ``part`` or ``other`` must be there, a quick test."""
     if part not in sheet.text and other not in sheet.text:

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from axisbus.eds.io import values
 from axisbus.eds.io.text import Section, entry_of
-from axisbus.eds.model import Finding
-from axisbus.eds.rules.context import LISTS, Hit, Looks, Sheet, short
+from axisbus.eds.model import EdsFinding
+from axisbus.eds.rules.context import LISTS, Hit, Looks, RuleContext, short
 from axisbus.eds.subindices import STRUCTURE, is_compact
 from axisbus.wording import counted
 
@@ -25,7 +25,7 @@ CONSEQUENCES = frozenset(
 )
 
 
-class Ending(NamedTuple):
+class FileTruncation(NamedTuple):
     """Where a file breaks off: its last section, the object of that, and the listed objects that do not come any more."""
 
     section: Section
@@ -33,7 +33,7 @@ class Ending(NamedTuple):
     absent: tuple[int, ...]
 
 
-def ending(sheet: Sheet) -> Ending | None:
+def ending(sheet: RuleContext) -> FileTruncation | None:
     """Return where a file ends early, None where it ends as it should, or it cannot be told."""
     every = (*sheet.document.sections.values(), *sheet.document.repeated)
     *before, last = sorted(every, key=lambda section: section.line)
@@ -48,10 +48,10 @@ def ending(sheet: Sheet) -> Ending | None:
         return None
     if index is None and before:  # half a header: the object before it may go on
         index = _index_of(sheet, before[-1])
-    return Ending(last, index, absent)
+    return FileTruncation(last, index, absent)
 
 
-def _breaks_off(sheet: Sheet) -> bool:
+def _breaks_off(sheet: RuleContext) -> bool:
     """Whether the last line has no line end, and is no whole line."""
     line = sheet.document.lines[-1].strip()
     if not line or line[0] == ";":
@@ -61,7 +61,7 @@ def _breaks_off(sheet: Sheet) -> bool:
     return not entry_of(line)[0] or entry_of(line)[1].lower() == "0x"
 
 
-def _absent_at_the_end(sheet: Sheet) -> tuple[int, ...]:
+def _absent_at_the_end(sheet: RuleContext) -> tuple[int, ...]:
     """Return the listed objects that have no section, if they are the last by the lists or by their indices."""
     lists = sorted(filter(None, map(sheet.section, LISTS)), key=lambda section: section.line)
     listed = [
@@ -78,20 +78,20 @@ def _absent_at_the_end(sheet: Sheet) -> tuple[int, ...]:
     return tuple(absent) if by_list or by_index else ()
 
 
-def _index_of(sheet: Sheet, section: Section) -> int | None:
+def _index_of(sheet: RuleContext, section: Section) -> int | None:
     for index, head in sheet.heads.items():
         if head is section or section in sheet.subs.get(index, {}).values():
             return index
     return None
 
 
-def _announces(sheet: Sheet, last: Section, index: int) -> bool:
+def _announces(sheet: RuleContext, last: Section, index: int) -> bool:
     """Whether the last section announces sub-indices, of which none comes."""
     bare = last is sheet.heads.get(index) and index not in sheet.subs and sheet.eds.objects[index].is_record
     return bare and not is_compact(last) and bool(values.plain(last.entries.get("subnumber", "")))
 
 
-def _is_unfinished(sheet: Sheet, last: Section, index: int) -> bool:
+def _is_unfinished(sheet: RuleContext, last: Section, index: int) -> bool:
     """Whether the last section, or the object to which it belongs, lacks what it must have."""
     entry, head = sheet.eds.objects[index], sheet.heads.get(index, last)
     if entry.is_record and last is head and index not in sheet.subs and not is_compact(head):
@@ -105,7 +105,7 @@ def _is_unfinished(sheet: Sheet, last: Section, index: int) -> bool:
     return entry.is_record and said is not None and said > len(sheet.subs.get(index, {}).keys() - {STRUCTURE})
 
 
-def ends_early(sheet: Sheet) -> Iterator[Hit]:
+def ends_early(sheet: RuleContext) -> Iterator[Hit]:
     """S020."""
     found = ending(sheet)
     if found is None:
@@ -117,7 +117,7 @@ def ends_early(sheet: Sheet) -> Iterator[Hit]:
     yield Hit(number, 1, f"the file ends in the middle, in [{short(found.section.name)}]{more}")
 
 
-def without_consequences(sheet: Sheet, found: Iterable[Finding]) -> list[Finding]:
+def without_consequences(sheet: RuleContext, found: Iterable[EdsFinding]) -> list[EdsFinding]:
     """Return the findings without those that only follow from the end of the file."""
     every = list(found)
     end = ending(sheet) if any(each.rule == RULE for each in every) else None
@@ -126,7 +126,7 @@ def without_consequences(sheet: Sheet, found: Iterable[Finding]) -> list[Finding
     return [each for each in every if each.rule == RULE or not _follows(each, end)]
 
 
-def _follows(finding: Finding, end: Ending) -> bool:
+def _follows(finding: EdsFinding, end: FileTruncation) -> bool:
     of_last = end.index is not None and finding.index == end.index
     return finding.rule in CONSEQUENCES or of_last or finding.line >= end.section.line
 

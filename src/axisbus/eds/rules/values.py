@@ -9,7 +9,7 @@ from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.io.values import Default, Limit
 from axisbus.eds.model import Number, Variable
-from axisbus.eds.rules.context import Described, Hit, Looks, Sheet, short
+from axisbus.eds.rules.context import Described, Hit, Looks, RuleContext, short
 
 _VALUES = {"defaultvalue": "DefaultValue", "parametervalue": "ParameterValue"}
 _LIMITS = {"lowlimit": "LowLimit", "highlimit": "HighLimit"}
@@ -31,7 +31,7 @@ NODE_COB_IDS = {
 }
 
 
-def beyond_limits(sheet: Sheet) -> Iterator[Hit]:
+def beyond_limits(sheet: RuleContext) -> Iterator[Hit]:
     """V003."""
     for entry in sheet.described:
         variable = entry.variable
@@ -69,7 +69,7 @@ def _plain(value: Limit) -> float:
     return value.value if isinstance(value, Number) else value or 0.0
 
 
-def limits_of_texts(sheet: Sheet) -> Iterator[Hit]:
+def limits_of_texts(sheet: RuleContext) -> Iterator[Hit]:
     """V008."""
     for entry in sheet.described:
         if entry.variable.data_type in _WITHOUT_LIMITS:
@@ -79,7 +79,7 @@ def limits_of_texts(sheet: Sheet) -> Iterator[Hit]:
                     break
 
 
-def formula_too_large(sheet: Sheet) -> Iterator[Hit]:
+def formula_too_large(sheet: RuleContext) -> Iterator[Hit]:
     """V016."""
     for entry in sheet.described:
         variable = entry.variable
@@ -92,7 +92,7 @@ def formula_too_large(sheet: Sheet) -> Iterator[Hit]:
                 yield sheet.on(entry, key, text)
 
 
-def built_in_node_id(sheet: Sheet) -> Iterator[Hit]:
+def built_in_node_id(sheet: RuleContext) -> Iterator[Hit]:
     """V007."""
     for entry, base, value in _node_cob_ids(sheet):
         identifier = value.value & cob.ID_MASK_11
@@ -102,14 +102,14 @@ def built_in_node_id(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.on(entry, "defaultvalue", text)
 
 
-def no_node_id(sheet: Sheet) -> Iterator[Hit]:
+def no_node_id(sheet: RuleContext) -> Iterator[Hit]:
     """V019."""
     for entry, base, value in _node_cob_ids(sheet):
         if not value.plus_node_id and value.value & cob.ID_MASK_29 == base:
             yield sheet.on(entry, "defaultvalue", f"0x{value.value:X} is meant as $NODEID+0x{value.value:X}")
 
 
-def _node_cob_ids(sheet: Sheet) -> Iterator[tuple[Described, int, Number]]:
+def _node_cob_ids(sheet: RuleContext) -> Iterator[tuple[Described, int, Number]]:
     """Yield the entries that hold an identifier of the node, with its base and the file's default."""
     for (index, subindex), base in NODE_COB_IDS.items():
         variable = sheet.eds.get(index, subindex)

@@ -19,7 +19,7 @@ class Stamped(Protocol):
         """When it came."""
 
 
-class Tally:
+class MetricCounters:
     """Counts what is new in lists that keep the last of something; holds the counts, and the newest time of each list."""
 
     def __init__(self) -> None:

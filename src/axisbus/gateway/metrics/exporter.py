@@ -25,7 +25,7 @@ from prometheus_client.core import (
 from axisbus.boot.report import NodeReport
 from axisbus.bus.link.ownership import command_of
 from axisbus.errors import AxisbusError, StaleError
-from axisbus.gateway.metrics.counters import Counts, Growth, Tally
+from axisbus.gateway.metrics.counters import Counts, Growth, MetricCounters
 from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
 from axisbus.session import LATENESS_BOUNDS, LatenessReport
@@ -45,7 +45,7 @@ class Exporter:
 
     def __init__(self) -> None:
         self.machine: Machine | None = None
-        self._emcy, self._events = Tally(), Tally()
+        self._emcy, self._events = MetricCounters(), MetricCounters()
         self._cycles, self._frames = Growth(), Growth()
 
     def look(self) -> None:

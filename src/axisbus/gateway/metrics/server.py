@@ -21,7 +21,7 @@ CONNECTIONS = 32  # at once; where there are more, the oldest ends
 PATIENCE = 10.0  # seconds for one of them
 
 
-class Source(Protocol):
+class MetricsSource(Protocol):
     """What has families."""
 
     def collect(self) -> Iterable[Metric]:
@@ -29,7 +29,7 @@ class Source(Protocol):
 
 
 class _Collector(Collector):
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: MetricsSource) -> None:
         self._source = source
 
     def collect(self) -> Iterable[Metric]:
@@ -97,7 +97,7 @@ class _Server6(_Server):
 class MetricsServer:
     """Serves the families of a source until ``close``; holds its thread."""
 
-    def __init__(self, source: Source, address: str, port: int) -> None:
+    def __init__(self, source: MetricsSource, address: str, port: int) -> None:
         """Serve on ``address`` and ``port`` (0: one that is free).
 
         Raises:

@@ -10,10 +10,10 @@ from asyncua import Node, Server, ua
 
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.gateway.opcua.axis_readings import Key
-from axisbus.gateway.opcua.methods import Verb
+from axisbus.gateway.opcua.methods import OpcuaMethod
 from axisbus.gateway.opcua.states import AXIS_TYPES, States, axis_type
 from axisbus.gateway.opcua.units import NAMESPACE, Unit
-from axisbus.gateway.opcua.variables import AXIS_TYPE, ROWS, Row, Type
+from axisbus.gateway.opcua.variables import AXIS_TYPE, ROWS, OpcuaVariable, Type
 from axisbus.version import __version__
 
 URI = "urn:axisbus:opcua"  # of the namespace of all nodes here
@@ -23,11 +23,11 @@ TYPES = {
     Type.UINT16: ua.VariantType.UInt16,
 }
 _WAITING = ua.StatusCode(ua.StatusCodes.BadWaitingForInitialData)
-Call = Callable[[Verb, str], Awaitable[ua.CallMethodResult]]  # an axis by its name, "" for all
+Call = Callable[[OpcuaMethod, str], Awaitable[ua.CallMethodResult]]  # an axis by its name, "" for all
 
 
 @dataclass(frozen=True, slots=True)
-class Nodes:
+class CellVariables:
     """What is written to while the server runs: the variables of the axes, and those of the cell, by name."""
 
     values: dict[Key, Node]
@@ -38,7 +38,7 @@ class Nodes:
     machine: Node
 
 
-class Builder:
+class AddressSpaceBuilder:
     """Makes the nodes of one cell; holds the number of the namespace."""
 
     def __init__(self, server: Server, cell: CellConfig, name: str, index: int) -> None:
@@ -49,7 +49,7 @@ class Builder:
         self._values: dict[Key, Node] = {}
         self._texts: dict[Key, Node] = {}
 
-    async def build(self, verbs: tuple[Verb, ...], call: Call) -> Nodes:
+    async def build(self, verbs: tuple[OpcuaMethod, ...], call: Call) -> CellVariables:
         """Make all nodes; ``verbs`` are the methods that are there, ``call`` carries them out."""
         machines = await self._server.nodes.objects.add_folder(self._id("Machines"), self._browse("Machines"))
         machine = await self._object(machines, self._path, self._name)
@@ -66,7 +66,7 @@ class Builder:
         )
         for axis in self._cell.axes.values():
             await self._axis(axes, axis, verbs, call)
-        return Nodes(self._values, self._texts, running, devices, incidents, machine)
+        return CellVariables(self._values, self._texts, running, devices, incidents, machine)
 
     # -- parts -------------------------------------------------------------------------------------------------------
 
@@ -79,12 +79,12 @@ class Builder:
         ):
             await node.add_property(self._id(f"{path}/{name}"), self._browse(name), text)
 
-    async def _axis(self, axes: Node, axis: AxisConfig, verbs: tuple[Verb, ...], call: Call) -> None:
+    async def _axis(self, axes: Node, axis: AxisConfig, verbs: tuple[OpcuaMethod, ...], call: Call) -> None:
         path = f"{self._path}/Axes/{axis.name}"
         node = await self._object(axes, path, axis.name)
         kind = axis_type(axis)
         if kind is not None:
-            row = Row(AXIS_TYPE, Type.UINT16, "How it moves.", states=AXIS_TYPES)
+            row = OpcuaVariable(AXIS_TYPE, Type.UINT16, "How it moves.", states=AXIS_TYPES)
             made, text = await self._of_row(node, path, row, axis)
             await self._write(made, ua.Variant(kind, ua.VariantType.UInt16))
             assert text is not None
@@ -98,7 +98,9 @@ class Builder:
                 self._texts[axis.name, row.name] = text
         await self._methods(node, path, verbs, call, axis.name)
 
-    async def _of_row(self, parent: Node, path: str, row: Row, axis: AxisConfig) -> tuple[Node, Node | None]:
+    async def _of_row(
+        self, parent: Node, path: str, row: OpcuaVariable, axis: AxisConfig
+    ) -> tuple[Node, Node | None]:
         """Make a variable; return it, and what has the text of its state, where it is one of states."""
         path = f"{path}/{row.name}"
         node = await self._typed(parent, path, row)
@@ -109,7 +111,7 @@ class Builder:
         await self._property(node, path, "EnumValues", _enumeration(row.states))
         return node, await self._property(node, path, "ValueAsText", ua.LocalizedText(""))
 
-    async def _typed(self, parent: Node, path: str, row: Row) -> Node:
+    async def _typed(self, parent: Node, path: str, row: OpcuaVariable) -> Node:
         """Make a variable of its type, which waits for its first value; asyncua's own way makes all of one type."""
         kind = ua.ObjectIds.MultiStateValueDiscreteType if row.states else ua.ObjectIds.BaseAnalogType
         attributes = ua.VariableAttributes(
@@ -136,7 +138,9 @@ class Builder:
         await self._server.write_attribute_value(node.nodeid, ua.DataValue(StatusCode=_WAITING))
         return node
 
-    async def _methods(self, parent: Node, path: str, verbs: tuple[Verb, ...], call: Call, axis: str) -> None:
+    async def _methods(
+        self, parent: Node, path: str, verbs: tuple[OpcuaMethod, ...], call: Call, axis: str
+    ) -> None:
         result = ua.Argument(Name="Result", DataType=ua.NodeId(ua.ObjectIds.String), ValueRank=-1)
         for verb in verbs:
             method = await parent.add_method(
@@ -176,7 +180,7 @@ class Builder:
 
 
 def _calling(
-    call: Call, verb: Verb, axis: str, parent: ua.NodeId
+    call: Call, verb: OpcuaMethod, axis: str, parent: ua.NodeId
 ) -> Callable[..., Awaitable[ua.CallMethodResult]]:
     async def called(asked: ua.NodeId, *given: object) -> ua.CallMethodResult:
         if asked != parent:  # it is another object's, and what that one's is to do would not be done

@@ -6,19 +6,19 @@ import time
 from collections.abc import Callable, Iterator
 
 from axisbus.cell.model import CellConfig
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import ValueTransport
 from axisbus.errors import AxisbusError, StateError
 from axisbus.gateway.opcua.status_code import (
     GONE,
     NOT_SUPPORTED,
     WAITING,
-    Image,
+    ImageFreshness,
     Memory,
     Number,
+    OpcuaValue,
     Quality,
-    Reading,
 )
-from axisbus.gateway.opcua.variables import MOTOR_TEMPERATURE, ROWS, Row
+from axisbus.gateway.opcua.variables import MOTOR_TEMPERATURE, ROWS, OpcuaVariable
 from axisbus.machine.machine import Machine
 from axisbus.motion.snapshot import Snapshot
 from axisbus.session import AxisFacts
@@ -26,7 +26,7 @@ from axisbus.session import AxisFacts
 Key = tuple[str, str]  # an axis and a variable, by their names
 
 
-class Looker:
+class AxisReadings:
     """Holds the machine that is followed (None: none runs), what was last known of it, and the temperatures that were read.
 
     ``machine`` and ``temperatures`` may be set in another thread than the one that looks.
@@ -37,7 +37,7 @@ class Looker:
         self._memory = Memory()
         self._machine: Machine | None = None
         self._nothing = WAITING  # until there was a machine
-        self.temperatures: dict[str, Reading] = {}
+        self.temperatures: dict[str, OpcuaValue] = {}
 
     @property
     def machine(self) -> Machine | None:
@@ -53,12 +53,12 @@ class Looker:
         self._machine = machine
 
     @property
-    def image(self) -> Image:
+    def image(self) -> ImageFreshness:
         """How the image of the machine is."""
         machine = self._machine
         if machine is None or machine.session.ended or machine.session.dead is not None:
-            return Image.NONE
-        return Image.NOW if machine.session.silent is None else Image.OLD
+            return ImageFreshness.NONE
+        return ImageFreshness.NOW if machine.session.silent is None else ImageFreshness.OLD
 
     def now(self) -> float:
         """The time of the machine's clock, in seconds: the monotonic one, or the newest of a machine in virtual time."""
@@ -67,13 +67,13 @@ class Looker:
             return time.monotonic()
         return max((snapshot.now for snapshot in machine.session.snapshots.values()), default=0.0)
 
-    def look(self) -> dict[Key, Reading]:
+    def look(self) -> dict[Key, OpcuaValue]:
         """Return the reading of every variable of every axis of the cell."""
         machine, image = self._machine, self.image
-        if machine is None or image is Image.NONE:
+        if machine is None or image is ImageFreshness.NONE:
             return {(axis, row.name): self._nothing for axis in self._cell.axes for row in ROWS}
         snapshots, facts = dict(machine.session.snapshots), dict(machine.session.axes)
-        found: dict[Key, Reading] = {}
+        found: dict[Key, OpcuaValue] = {}
         for axis in self._cell.axes:
             if axis in snapshots and axis in facts:
                 found |= self._of_axis(axis, snapshots[axis], facts[axis], image)
@@ -81,7 +81,9 @@ class Looker:
                 found |= {(axis, row.name): GONE for row in ROWS}
         return found
 
-    def _of_axis(self, axis: str, snapshot: Snapshot, facts: AxisFacts, image: Image) -> dict[Key, Reading]:
+    def _of_axis(
+        self, axis: str, snapshot: Snapshot, facts: AxisFacts, image: ImageFreshness
+    ) -> dict[Key, OpcuaValue]:
         return {
             (axis, row.name): self._temperature(axis)
             if row.name == MOTOR_TEMPERATURE
@@ -89,7 +91,9 @@ class Looker:
             for row in ROWS
         }
 
-    def _reading(self, key: Key, row: Row, snapshot: Snapshot, facts: AxisFacts, image: Image) -> Reading:
+    def _reading(
+        self, key: Key, row: OpcuaVariable, snapshot: Snapshot, facts: AxisFacts, image: ImageFreshness
+    ) -> OpcuaValue:
         if row.source and not _travels(row, facts):
             return NOT_SUPPORTED
         if row.source and not snapshot.operational:
@@ -98,11 +102,11 @@ class Looker:
         fresh: Number | None = row.value(snapshot, facts.parameters.units)
         return self._memory.judge(key, fresh, row.stamp(snapshot), image)
 
-    def _temperature(self, axis: str) -> Reading:
+    def _temperature(self, axis: str) -> OpcuaValue:
         found = self.temperatures.get(axis, WAITING)
         old = found.stamp is not None and self.now() - found.stamp > 2 * TEMPERATURES_EVERY
         return (
-            Reading(found.value, Quality.LAST_USABLE, found.stamp)
+            OpcuaValue(found.value, Quality.LAST_USABLE, found.stamp)
             if old and found.value is not None
             else found
         )
@@ -111,15 +115,15 @@ class Looker:
 TEMPERATURES_EVERY = 10.0  # seconds between two readings of an axis
 
 
-def _travels(row: Row, facts: AxisFacts) -> bool:
-    return facts.capabilities.inputs.get(row.source, Source.NONE) is not Source.NONE
+def _travels(row: OpcuaVariable, facts: AxisFacts) -> bool:
+    return facts.capabilities.inputs.get(row.source, ValueTransport.NONE) is not ValueTransport.NONE
 
 
-def measured(machine: Machine, now: Callable[[], float]) -> Iterator[tuple[str, Reading]]:
+def measured(machine: Machine, now: Callable[[], float]) -> Iterator[tuple[str, OpcuaValue]]:
     """Read the temperature of each axis by SDO, one after the other; blocks for each, and makes none up where one is not told."""
     for axis in machine:
         try:
-            yield axis.name, Reading(axis.temperature, Quality.GOOD, now())
+            yield axis.name, OpcuaValue(axis.temperature, Quality.GOOD, now())
         except StateError:
             yield axis.name, NOT_SUPPORTED
         except AxisbusError:

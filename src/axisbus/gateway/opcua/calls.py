@@ -9,29 +9,29 @@ from collections.abc import Awaitable, Callable
 from asyncua import ua
 
 from axisbus.cell.model import CellConfig
-from axisbus.errors import AxisbusError, in_a_line
+from axisbus.errors import AxisbusError, one_line
 from axisbus.gateway.opcua import limits
-from axisbus.gateway.opcua.axis_readings import Looker
-from axisbus.gateway.opcua.event_mapping import REFUSED, Told
-from axisbus.gateway.opcua.methods import NO_MACHINE, Ended, Verb, carry_out, status_of
+from axisbus.gateway.opcua.axis_readings import AxisReadings
+from axisbus.gateway.opcua.event_mapping import REFUSED, OpcuaEvent
+from axisbus.gateway.opcua.methods import NO_MACHINE, MethodResult, OpcuaMethod, carry_out, status_of
 from axisbus.gateway.opcua.session import CALLER
 from axisbus.machine.machine import Machine
 
 log = logging.getLogger("axisbus")
 
 
-async def _nobody_is_told(_: Told) -> None:
+async def _nobody_is_told(_: OpcuaEvent) -> None:
     return None
 
 
-class Calls:
+class OpcuaMethodCalls:
     """Carries methods out on the machine that is followed; ``refused`` is awaited with what did not go well."""
 
-    def __init__(self, looker: Looker, cell: CellConfig) -> None:
+    def __init__(self, looker: AxisReadings, cell: CellConfig) -> None:
         self._looker, self._cell = looker, cell
-        self.refused: Callable[[Told], Awaitable[None]] = _nobody_is_told
+        self.refused: Callable[[OpcuaEvent], Awaitable[None]] = _nobody_is_told
 
-    async def call(self, verb: Verb, axis: str) -> ua.CallMethodResult:
+    async def call(self, verb: OpcuaMethod, axis: str) -> ua.CallMethodResult:
         """Carry a method out on an axis, or on all ("").
 
         By the standard a call whose status is bad has no result; so its words go out as an event.
@@ -43,26 +43,26 @@ class Calls:
             result.OutputArguments = [ua.Variant(ended.text, ua.VariantType.String)]
         else:
             words = f"{verb.value} of {axis or 'all axes'}, asked for by {CALLER.get()}, did not go well"
-            await self.refused(Told(self._looker.now(), REFUSED, words, ended.text, axis=axis))
+            await self.refused(OpcuaEvent(self._looker.now(), REFUSED, words, ended.text, axis=axis))
         return result
 
-    async def _carried_out(self, verb: Verb, axis: str) -> Ended:
+    async def _carried_out(self, verb: OpcuaMethod, axis: str) -> MethodResult:
         machine = self._looker.machine
         if machine is None or machine.session.ended:
             return NO_MACHINE
         axes = [axis] if axis else list(self._cell.axes)
         try:
-            if verb is Verb.RESET:
+            if verb is OpcuaMethod.RESET:
                 return await asyncio.to_thread(self._reset, axes)
             return await carry_out(machine, verb, axes, limits.HALTING)
         except AxisbusError as error:
-            return Ended(status_of(error), in_a_line(error))
+            return MethodResult(status_of(error), one_line(error))
 
-    def _reset(self, axes: list[str]) -> Ended:
+    def _reset(self, axes: list[str]) -> MethodResult:
         """Have the command of the machine meanwhile, and give it back; blocks.
 
         Raises:
             OwnershipError: another program has it. And what ``Machine.attach`` raises.
         """
         with Machine.attach(self._cell.file, command=True) as machine:
-            return asyncio.run(carry_out(machine, Verb.RESET, axes, limits.HALTING))
+            return asyncio.run(carry_out(machine, OpcuaMethod.RESET, axes, limits.HALTING))

@@ -5,26 +5,26 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from axisbus.gateway.machine_events import Happening, Kind, Severity
+from axisbus.gateway.machine_events import MachineEvent, MachineEventKind, Severity
 from axisbus.wording import with_subject
 
 # Severities of OPC 10000-5 6.4.2 (1 to 1000; from 801 on it is urgent). What is not here is not told.
-SEVERITIES: dict[tuple[Kind, Severity], int] = {
-    (Kind.FAULT, "error"): 900,
-    (Kind.NODE, "error"): 900,
-    (Kind.BUS, "error"): 900,
-    (Kind.SETTLED, "error"): 800,  # an incident is told once, with all its messages
-    (Kind.EMCY, "warning"): 700,
-    (Kind.BUS, "warning"): 600,
-    (Kind.LEFT, "warning"): 500,
-    (Kind.EMCY, "info"): 100,
-    (Kind.NODE, "info"): 100,
-    (Kind.BUS, "info"): 100,
+SEVERITIES: dict[tuple[MachineEventKind, Severity], int] = {
+    (MachineEventKind.FAULT, "error"): 900,
+    (MachineEventKind.NODE, "error"): 900,
+    (MachineEventKind.BUS, "error"): 900,
+    (MachineEventKind.SETTLED, "error"): 800,  # an incident is told once, with all its messages
+    (MachineEventKind.EMCY, "warning"): 700,
+    (MachineEventKind.BUS, "warning"): 600,
+    (MachineEventKind.LEFT, "warning"): 500,
+    (MachineEventKind.EMCY, "info"): 100,
+    (MachineEventKind.NODE, "info"): 100,
+    (MachineEventKind.BUS, "info"): 100,
 }
 REFUSED = 500
 
 
-class Told(NamedTuple):
+class OpcuaEvent(NamedTuple):
     """What an event says: ``stamp`` in seconds of the machine's clock, ``cause`` what was seen, ``remedy`` what to do first."""
 
     stamp: float
@@ -35,10 +35,10 @@ class Told(NamedTuple):
     axis: str = ""
 
 
-def told(happenings: Iterable[Happening]) -> list[Told]:
+def told(happenings: Iterable[MachineEvent]) -> list[OpcuaEvent]:
     """Return what is told of what has happened, in its order."""
     return [
-        Told(
+        OpcuaEvent(
             one.stamp,
             SEVERITIES[one.kind, one.severity],
             with_subject(one.about, one.text),

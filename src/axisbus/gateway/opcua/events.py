@@ -8,13 +8,13 @@ from typing import Any
 
 from asyncua import Node, Server, ua
 
-from axisbus.gateway.opcua.event_mapping import Told
+from axisbus.gateway.opcua.event_mapping import OpcuaEvent
 
 TYPE = "AxisbusIncidentType"
 _FIELDS = ("Cause", "Remedy", "Axis")
 
 
-class Events:
+class OpcuaEventSender:
     """Sends events; holds a generator for each node that they come from."""
 
     def __init__(self) -> None:
@@ -33,14 +33,14 @@ class Events:
             generator.event.SourceName = (await source.read_browse_name()).Name
             self._generators.append(generator)
 
-    async def send(self, timed: Sequence[tuple[Told, datetime]]) -> None:
+    async def send(self, timed: Sequence[tuple[OpcuaEvent, datetime]]) -> None:
         """Send each with the time at which it happened."""
         for told, when in timed:
             for generator in self._generators:
                 await _trigger(generator, told, when)
 
 
-async def _trigger(generator: Any, told: Told, when: datetime) -> None:
+async def _trigger(generator: Any, told: OpcuaEvent, when: datetime) -> None:
     event = generator.event
     event.Severity = told.severity
     event.Cause, event.Remedy, event.Axis = told.cause, told.remedy, told.axis

@@ -39,7 +39,7 @@ CHECKED: ContextVar[tuple[str, str, bool] | None] = ContextVar(
 )  # name, password, whether right
 
 
-class Gate:
+class OpcuaUserManager:
     """Who a session is, by name and password. It is asyncua's user manager; holds the thread that looks at passwords.
 
     Each costs the processor 50 ms. One is looked at after the other, in the order in which they come, so that a client with wrong
@@ -96,7 +96,9 @@ class GuardedServer(InternalServer):
 
     time_task: asyncio.Task[None] | None
 
-    def __init__(self, gate: Gate, *, encrypted: bool, before: Callable[[], Awaitable[None]]) -> None:
+    def __init__(
+        self, gate: OpcuaUserManager, *, encrypted: bool, before: Callable[[], Awaitable[None]]
+    ) -> None:
         super().__init__(user_manager=gate)
         self.gate = gate
         self.subscription_service = self.isession.subscription_service = Subscriptions(self.aspace, self)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 
-class Share(NamedTuple):
+class ConnectionLimits(NamedTuple):
     """How many one address may have of each; sessions and subscriptions: of clients without a name."""
 
     connections: int
@@ -16,7 +16,7 @@ class Share(NamedTuple):
 CONNECTIONS = 64
 SESSIONS = 40  # of clients without a name; those with one have as many beside them
 SUBSCRIPTIONS, NAMELESS_SUBSCRIPTIONS = 64, 48  # of all; of clients without a name
-OF_ADDRESS = Share(48, 32, 40)
+OF_ADDRESS = ConnectionLimits(48, 32, 40)
 MONITORED = 2_000  # items of one subscription
 ALL_MONITORED, NAMELESS_MONITORED = 20_000, 16_000  # of all; of clients without a name
 QUEUE = 100  # values that wait for a subscriber, of each item

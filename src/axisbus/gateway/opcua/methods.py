@@ -14,7 +14,7 @@ from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.machine import Machine
 
 
-class Verb(Enum):
+class OpcuaMethod(Enum):
     """A method, by its name."""
 
     HALT = "Halt"
@@ -28,20 +28,22 @@ class Verb(Enum):
 
 
 _WORDS = {
-    Verb.HALT: "Brake to standstill; stays enabled.",
-    Verb.STOP: "Quick stop, as the drive is configured to do it.",
-    Verb.RESET: "Reset faults; enables nothing.",
+    OpcuaMethod.HALT: "Brake to standstill; stays enabled.",
+    OpcuaMethod.STOP: "Quick stop, as the drive is configured to do it.",
+    OpcuaMethod.RESET: "Reset faults; enables nothing.",
 }
 
 
-class Ended(NamedTuple):
+class MethodResult(NamedTuple):
     """How a method ended: the status code of OPC UA by its name, and the words."""
 
     status: str
     text: str
 
 
-NO_MACHINE = Ended("BadNoCommunication", "no machine runs, and nothing was asked of any drive by this call")
+NO_MACHINE = MethodResult(
+    "BadNoCommunication", "no machine runs, and nothing was asked of any drive by this call"
+)
 _REFUSED = (  # the first that fits
     (OwnershipError, "BadUserAccessDenied"),
     (UserError, "BadInvalidState"),
@@ -55,15 +57,19 @@ def status_of(error: BaseException) -> str:
     return next((status for kind, status in _REFUSED if isinstance(error, kind)), "BadInvalidState")
 
 
-def given(axis: Axis, verb: Verb) -> Handle | AxisbusError:
+def given(axis: Axis, verb: OpcuaMethod) -> Handle | AxisbusError:
     """Give an axis its command, or return why it is refused; does not block."""
     try:
-        return {Verb.HALT: axis.halt, Verb.STOP: axis.quick_stop, Verb.RESET: axis.reset}[verb]()
+        return {
+            OpcuaMethod.HALT: axis.halt,
+            OpcuaMethod.STOP: axis.quick_stop,
+            OpcuaMethod.RESET: axis.reset,
+        }[verb]()
     except AxisbusError as error:
         return error
 
 
-async def carry_out(machine: Machine, verb: Verb, axes: Sequence[str], limit: float) -> Ended:
+async def carry_out(machine: Machine, verb: OpcuaMethod, axes: Sequence[str], limit: float) -> MethodResult:
     """Give each axis its command at once, and wait at most ``limit`` seconds for all to end.
 
     What is being braked goes on being braked when nobody waits for it any more.
@@ -76,7 +82,7 @@ async def carry_out(machine: Machine, verb: Verb, axes: Sequence[str], limit: fl
         look_at_end(handle)  # also where the client is gone before it has ended
     if handles:
         await asyncio.wait([asyncio.ensure_future(_end(handle)) for handle in handles], timeout=limit)
-    ends = [Ended("BadNoCommunication", f"{name}: its node has not come up") for name in missing]
+    ends = [MethodResult("BadNoCommunication", f"{name}: its node has not come up") for name in missing]
     return _together([*(_of(axis, command, limit) for axis, command in commands), *ends])
 
 
@@ -85,13 +91,13 @@ async def _end(handle: Handle) -> None:
         await handle
 
 
-def _of(axis: Axis, command: Handle | AxisbusError, limit: float) -> Ended:
+def _of(axis: Axis, command: Handle | AxisbusError, limit: float) -> MethodResult:
     error = command if isinstance(command, AxisbusError) else command.exception()
     if error is not None:
-        return Ended(status_of(error), str(error))
+        return MethodResult(status_of(error), str(error))
     if isinstance(command, Handle) and command.busy:
-        return Ended("BadTimeout", f"{command.name}: not ended after {limit:g} s; it goes on")
-    return Ended("Good", _whereabouts(axis))
+        return MethodResult("BadTimeout", f"{command.name}: not ended after {limit:g} s; it goes on")
+    return MethodResult("Good", _whereabouts(axis))
 
 
 def _whereabouts(axis: Axis) -> str:
@@ -101,8 +107,8 @@ def _whereabouts(axis: Axis) -> str:
         return f"{axis.name}: {axis.snapshot.state.value}, where it is, is not known"
 
 
-def _together(ends: Sequence[Ended]) -> Ended:
+def _together(ends: Sequence[MethodResult]) -> MethodResult:
     """Return the worst status of all, and all words, those of what went wrong first."""
     bad = [end for end in ends if end.status != "Good"]
     text = "\n".join(end.text for end in [*bad, *(end for end in ends if end.status == "Good")])
-    return Ended(bad[0].status if bad else "Good", text)
+    return MethodResult(bad[0].status if bad else "Good", text)

@@ -17,15 +17,15 @@ from asyncua import Server, ua
 from axisbus.cell.model import CellConfig
 from axisbus.errors import StateError
 from axisbus.gateway.opcua import decoding
-from axisbus.gateway.opcua.address_space import URI, Builder
-from axisbus.gateway.opcua.axis_readings import TEMPERATURES_EVERY, Looker, measured
-from axisbus.gateway.opcua.calls import Calls
+from axisbus.gateway.opcua.address_space import URI, AddressSpaceBuilder
+from axisbus.gateway.opcua.axis_readings import TEMPERATURES_EVERY, AxisReadings, measured
+from axisbus.gateway.opcua.calls import OpcuaMethodCalls
 from axisbus.gateway.opcua.connection import GuardedListener
-from axisbus.gateway.opcua.event_mapping import Told
-from axisbus.gateway.opcua.events import Events
-from axisbus.gateway.opcua.limited_server import Gate, GuardedServer
+from axisbus.gateway.opcua.event_mapping import OpcuaEvent
+from axisbus.gateway.opcua.events import OpcuaEventSender
+from axisbus.gateway.opcua.limited_server import GuardedServer, OpcuaUserManager
 from axisbus.gateway.opcua.policies import Rules, guarded
-from axisbus.gateway.opcua.server_options import Keeping
+from axisbus.gateway.opcua.server_options import ServerOptions
 from axisbus.gateway.opcua.trust import Trust, trusted, uri_of
 from axisbus.gateway.opcua.value_writer import Updater
 from axisbus.machine.machine import Machine
@@ -65,7 +65,7 @@ class _Server(Server):
 class OpcUaServer:
     """Serves a cell until ``close``; holds the thread, the loop, and what the loop works with."""
 
-    def __init__(self, cell: CellConfig, name: str, listening: socket.socket, keeping: Keeping) -> None:
+    def __init__(self, cell: CellConfig, name: str, listening: socket.socket, keeping: ServerOptions) -> None:
         """Serve on a socket that is bound; ``name`` is that of the cell. Blocks until it serves, some seconds.
 
         Raises:
@@ -74,8 +74,8 @@ class OpcUaServer:
         quiet()
         decoding.install()
         self._cell, self._name, self._listening, self._keeping = cell, name, listening, keeping
-        self._looker = Looker(cell)
-        self._events = Events()
+        self._looker = AxisReadings(cell)
+        self._events = OpcuaEventSender()
         self._trust = None if keeping.trust is None else trusted(keeping.trust)
         self._uri = _uri(name) if keeping.certificate is None else uri_of(keeping.certificate)
         self._loop = asyncio.new_event_loop()
@@ -107,7 +107,7 @@ class OpcUaServer:
         """The time of the machine's clock, in seconds."""
         return self._looker.now()
 
-    def tell(self, told: Sequence[Told], devices: tuple[str, ...]) -> None:
+    def tell(self, told: Sequence[OpcuaEvent], devices: tuple[str, ...]) -> None:
         """Send what has happened as events, and write what each node is; does not block."""
         clock, utc = self.now(), datetime.now(UTC)
         timed = [(each, utc - timedelta(seconds=max(0.0, clock - each.stamp))) for each in told]
@@ -158,7 +158,7 @@ class OpcUaServer:
 
     async def _made(self) -> Server:
         keeping = self._keeping
-        gate = Gate(keeping.users, anonymous=keeping.access.anonymous)
+        gate = OpcuaUserManager(keeping.users, anonymous=keeping.access.anonymous)
         encrypted = keeping.access.encrypted
         inner = GuardedServer(gate, encrypted=encrypted, before=self._before_read)
         server = _Server(inner, self._listening, encrypted, self._trust)
@@ -170,8 +170,10 @@ class OpcUaServer:
             await server.load_certificate(keeping.certificate, "pem")
             await server.load_private_key(keeping.key, format="pem")
         index = await server.register_namespace(URI)
-        calls = Calls(self._looker, self._cell)
-        nodes = await Builder(server, self._cell, self._name, index).build(keeping.verbs, calls.call)
+        calls = OpcuaMethodCalls(self._looker, self._cell)
+        nodes = await AddressSpaceBuilder(server, self._cell, self._name, index).build(
+            keeping.verbs, calls.call
+        )
         await self._events.build(server, index, nodes.incidents)
         calls.refused = self._refused
         self._updater = Updater(server, nodes, self._looker)
@@ -210,10 +212,10 @@ class OpcUaServer:
             if self._looker.machine is machine:
                 self._looker.temperatures[axis] = reading
 
-    async def _refused(self, told: Told) -> None:
+    async def _refused(self, told: OpcuaEvent) -> None:
         await self._events.send([(told, datetime.now(UTC))])
 
-    async def _tell(self, timed: Sequence[tuple[Told, datetime]], devices: tuple[str, ...]) -> None:
+    async def _tell(self, timed: Sequence[tuple[OpcuaEvent, datetime]], devices: tuple[str, ...]) -> None:
         await self._events.send(timed)
         if self._updater is not None:
             await self._updater.tell_devices(devices)

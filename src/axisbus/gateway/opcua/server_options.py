@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from axisbus.gateway.opcua.access import Access
-from axisbus.gateway.opcua.methods import Verb
+from axisbus.gateway.opcua.methods import OpcuaMethod
 from axisbus.gateway.opcua.users import Users
 
 
 @dataclass(frozen=True, slots=True)
-class Keeping:
+class ServerOptions:
     """Who may come in, the files of the server's certificate and key, the folder of those that it trusts, and its users."""
 
     access: Access
@@ -23,6 +23,6 @@ class Keeping:
     rate: float = 10.0  # looks at the machine in a second
 
     @property
-    def verbs(self) -> tuple[Verb, ...]:
+    def verbs(self) -> tuple[OpcuaMethod, ...]:
         """The methods that are there."""
-        return (Verb.HALT, Verb.STOP, *((Verb.RESET,) if self.allow_reset else ()))
+        return (OpcuaMethod.HALT, OpcuaMethod.STOP, *((OpcuaMethod.RESET,) if self.allow_reset else ()))

@@ -18,7 +18,7 @@ class Quality(Enum):
     NOT_SUPPORTED = "BadNotSupported"
 
 
-class Reading(NamedTuple):
+class OpcuaValue(NamedTuple):
     """A value (None where it is bad), how sure it is, and since when: ``stamp`` in seconds of the core's clock, None: unknown."""
 
     value: Number | None
@@ -26,7 +26,7 @@ class Reading(NamedTuple):
     stamp: float | None = None
 
 
-class Image(Enum):
+class ImageFreshness(Enum):
     """Whether the image of a cycle is of now, is old since the core does no cycle, or is none: no machine runs."""
 
     NOW = "now"
@@ -34,33 +34,35 @@ class Image(Enum):
     NONE = "none"
 
 
-WAITING = Reading(None, Quality.WAITING)
-GONE = Reading(None, Quality.NO_COMMUNICATION)
-NOT_SUPPORTED = Reading(None, Quality.NOT_SUPPORTED)
+WAITING = OpcuaValue(None, Quality.WAITING)
+GONE = OpcuaValue(None, Quality.NO_COMMUNICATION)
+NOT_SUPPORTED = OpcuaValue(None, Quality.NOT_SUPPORTED)
 
 
-def judged(fresh: Number | None, stamp: float, image: Image, last: Reading | None) -> Reading:
+def judged(fresh: Number | None, stamp: float, image: ImageFreshness, last: OpcuaValue | None) -> OpcuaValue:
     """Return what may be told of a value that travels.
 
     ``fresh`` is None where the value was never received, or is older than its maximum age; ``last`` is the last good reading of the
     same machine. A value is good only while it is fresh, and its image too.
     """
-    if image is Image.NONE:
+    if image is ImageFreshness.NONE:
         return GONE
-    if fresh is not None and image is Image.NOW:
-        return Reading(fresh, Quality.GOOD, stamp)
+    if fresh is not None and image is ImageFreshness.NOW:
+        return OpcuaValue(fresh, Quality.GOOD, stamp)
     if last is None:
         return WAITING
-    return Reading(last.value, Quality.LAST_USABLE, last.stamp)
+    return OpcuaValue(last.value, Quality.LAST_USABLE, last.stamp)
 
 
 class Memory:
     """Keeps the last good reading of each value of one machine; holds these."""
 
     def __init__(self) -> None:
-        self._last: dict[tuple[str, str], Reading] = {}
+        self._last: dict[tuple[str, str], OpcuaValue] = {}
 
-    def judge(self, key: tuple[str, str], fresh: Number | None, stamp: float, image: Image) -> Reading:
+    def judge(
+        self, key: tuple[str, str], fresh: Number | None, stamp: float, image: ImageFreshness
+    ) -> OpcuaValue:
         """Judge a value, and remember it where it is good."""
         found = judged(fresh, stamp, image, self._last.get(key))
         if found.quality is Quality.GOOD:

@@ -9,9 +9,9 @@ from datetime import UTC, datetime, timedelta
 
 from asyncua import Node, Server, ua
 
-from axisbus.gateway.opcua.address_space import TYPES, Nodes
-from axisbus.gateway.opcua.axis_readings import Key, Looker
-from axisbus.gateway.opcua.status_code import GONE, Quality, Reading
+from axisbus.gateway.opcua.address_space import TYPES, CellVariables
+from axisbus.gateway.opcua.axis_readings import AxisReadings, Key
+from axisbus.gateway.opcua.status_code import GONE, OpcuaValue, Quality
 from axisbus.gateway.opcua.variables import ROWS
 
 _ALL = 1.0  # seconds between two writings of what has not changed
@@ -23,9 +23,9 @@ _ROWS = {row.name: row for row in ROWS}
 class Updater:
     """Writes what is read of the machine; holds what was written last, and when."""
 
-    def __init__(self, server: Server, nodes: Nodes, looker: Looker) -> None:
+    def __init__(self, server: Server, nodes: CellVariables, looker: AxisReadings) -> None:
         self._server, self._nodes, self._looker = server, nodes, looker
-        self._written: dict[Key, Reading] = {}
+        self._written: dict[Key, OpcuaValue] = {}
         self._running: bool | None = None
         self._alone = asyncio.Lock()  # what was seen later is written later
         self._looked = self._all = float("-inf")
@@ -48,7 +48,7 @@ class Updater:
                 await self._take(dict.fromkeys(self._nodes.values, GONE))
                 raise
 
-    async def _take(self, readings: Mapping[Key, Reading]) -> None:
+    async def _take(self, readings: Mapping[Key, OpcuaValue]) -> None:
         now = self._looked = time.monotonic()
         whole = now - self._all >= _ALL
         if whole:
@@ -59,7 +59,7 @@ class Updater:
                 await self._write(key, reading, clock, utc)
         await self._tell_running()
 
-    async def _write(self, key: Key, reading: Reading, clock: float, utc: datetime) -> None:
+    async def _write(self, key: Key, reading: OpcuaValue, clock: float, utc: datetime) -> None:
         before, self._written[key] = self._written.get(key), reading
         row = _ROWS[key[1]]
         when = utc if reading.stamp is None else utc - timedelta(seconds=max(0.0, clock - reading.stamp))
@@ -84,5 +84,5 @@ class Updater:
         await self._server.write_attribute_value(node.nodeid, value)
 
 
-def _differ(before: Reading | None, reading: Reading) -> bool:
+def _differ(before: OpcuaValue | None, reading: OpcuaValue) -> bool:
     return before is None or (before.value, before.quality) != (reading.value, reading.quality)

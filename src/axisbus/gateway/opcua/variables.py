@@ -34,7 +34,7 @@ def _cycle(snapshot: Snapshot) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class OpcuaVariable:
     """A variable: ``value`` returns it from the image of a cycle, None where it is not known; without, it is read otherwise.
 
     ``source`` is the name of its way to us (``Capabilities.inputs``); "" where the master itself knows it, also of a lost node.
@@ -56,7 +56,7 @@ def _mode(snapshot: Snapshot, _: Units) -> int | None:
 
 AXIS_TYPE, MOTOR_TEMPERATURE = "AxisType", "MotorTemperature"
 ROWS = (
-    Row(
+    OpcuaVariable(
         "ControlMode",
         Type.UINT16,
         "Mode of operation (6061h).",
@@ -64,21 +64,21 @@ ROWS = (
         "mode",
         states=states.CONTROL_MODES,
     ),
-    Row(
+    OpcuaVariable(
         "AxisState",
         Type.UINT16,
         "PLCopen's state.",
         lambda snapshot, _: states.axis_state(snapshot.state),
         states=states.AXIS_STATES,
     ),
-    Row(
+    OpcuaVariable(
         "HomingState",
         Type.UINT16,
         "Whether the position is a confirmed one.",
         lambda snapshot, _: states.homing_state(snapshot.homed),
         states=states.HOMING_STATES,
     ),
-    Row(
+    OpcuaVariable(
         "PositionActualValue",
         Type.DOUBLE,
         "Actual position (6064h).",
@@ -87,7 +87,7 @@ ROWS = (
         lambda axis: position_unit(axis.unit),
         stamp=lambda snapshot: snapshot.position_stamp,
     ),
-    Row(
+    OpcuaVariable(
         "PositionFollowingError",
         Type.FLOAT,
         "Demand minus actual position (6062h minus 6064h).",
@@ -95,7 +95,7 @@ ROWS = (
         "demand",
         lambda axis: position_unit(axis.unit),
     ),
-    Row(
+    OpcuaVariable(
         "VelocityActualValue",
         Type.FLOAT,
         "Actual velocity (606Ch).",
@@ -103,7 +103,7 @@ ROWS = (
         "velocity",
         lambda axis: velocity_unit(axis.unit),
     ),
-    Row(
+    OpcuaVariable(
         "TorqueForceActualValue",
         Type.FLOAT,
         "Actual torque (6077h).",
@@ -111,7 +111,7 @@ ROWS = (
         "torque",
         lambda axis: torque_unit(axis.rated_torque),
     ),
-    Row(
+    OpcuaVariable(
         MOTOR_TEMPERATURE,
         Type.FLOAT,
         "Temperature of the motor, read by SDO.",

@@ -16,7 +16,7 @@ _MOST = 64  # that wait
 _END = 1.0  # seconds that the end waits for whoever reads
 
 
-class Saying:
+class RosLogThread:
     """Holds what waits to be said; ``tell`` is for any thread."""
 
     def __init__(self, say: Callable[[str], None]) -> None:

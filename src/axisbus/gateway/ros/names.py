@@ -36,7 +36,7 @@ class Topic(NamedTuple):
         return f"{domain}/{self.name.strip('/')}/{self.dds_type}/{self.type_hash}"
 
 
-class Node(NamedTuple):
+class RosNode(NamedTuple):
     """A node in a session: ``zid`` is that of the session, ``number`` its own, and one of a topic counts on from there."""
 
     domain: int

@@ -14,9 +14,9 @@ from typing import NamedTuple
 import zenoh
 
 from axisbus.gateway.ros.attachment import Attachment
-from axisbus.gateway.ros.log_thread import Saying
+from axisbus.gateway.ros.log_thread import RosLogThread
 from axisbus.gateway.ros.messages import JOINT_STATE, JOINT_TRAJECTORY, state_message, too_large, topic_of
-from axisbus.gateway.ros.names import PUBLISHER, SUBSCRIPTION, Node, Topic, gid_of
+from axisbus.gateway.ros.names import PUBLISHER, SUBSCRIPTION, RosNode, Topic, gid_of
 from axisbus.gateway.ros.states import states_of
 from axisbus.gateway.ros.trajectory_executor import Commander
 from axisbus.gateway.ros.units import JointUnit, joints_of
@@ -50,7 +50,7 @@ class RosNodes:
         self._machine = machine
         self._options = options
         self._say = say
-        self._saying = Saying(say)
+        self._saying = RosLogThread(say)
         self._over = threading.Event()
         self._image = -1.0
         self._commander: Commander | None = None
@@ -154,7 +154,7 @@ class RosNodes:
     ) -> str:
         """Let a node and what it has of a topic be seen; return the token of the latter."""
         options = self._options
-        node = Node(options.domain, str(session.info.zid()), number, options.namespace, name)
+        node = RosNode(options.domain, str(session.info.zid()), number, options.namespace, name)
         tokens = node.token, node.token_of(kind, number + 1, topic)
         for token in tokens:
             stack.callback(session.liveliness().declare_token(token).undeclare)

@@ -9,18 +9,18 @@ from typing import NamedTuple
 from axisbus.errors import ArgumentError, StateError
 from axisbus.gateway.ros.messages import JointTrajectory, Waypoint
 from axisbus.gateway.ros.units import JointUnit
-from axisbus.motion.point_stream.timed import MOST, TimedPoint
+from axisbus.motion.point_stream.timed import MOST, TrajectoryPoint
 from axisbus.wording import counted
 
 NEAR = 500_000_000  # ns that the stamp may be off from now, either way
 LONGEST = 3600.0  # seconds of a trajectory
 
 
-class Wanted(NamedTuple):
+class RosTrajectory(NamedTuple):
     """What is to be followed: the axes in this order, and their points."""
 
     axes: tuple[str, ...]
-    points: tuple[TimedPoint, ...]
+    points: tuple[TrajectoryPoint, ...]
 
 
 def to_halt(named: tuple[str, ...], axes: Mapping[str, object]) -> tuple[str, ...]:
@@ -28,7 +28,7 @@ def to_halt(named: tuple[str, ...], axes: Mapping[str, object]) -> tuple[str, ..
     return tuple(dict.fromkeys(name for name in named if name in axes)) or tuple(axes)
 
 
-def judged(message: JointTrajectory, joints: Mapping[str, JointUnit], now: int) -> Wanted:
+def judged(message: JointTrajectory, joints: Mapping[str, JointUnit], now: int) -> RosTrajectory:
     """Return what is to be followed; ``now`` in ns since 1970.
 
     Raises:
@@ -47,7 +47,7 @@ def judged(message: JointTrajectory, joints: Mapping[str, JointUnit], now: int) 
             observed=f"it has {counted(len(points), 'point')}, and lasts {points[-1].time:g} s",
             remedy=f"send at most {MOST} points, and {LONGEST:g} s",
         )
-    return Wanted(message.joints, tuple(points))
+    return RosTrajectory(message.joints, tuple(points))
 
 
 def _require_joints(message: JointTrajectory, joints: Mapping[str, JointUnit]) -> None:
@@ -78,7 +78,7 @@ def _require_now(message: JointTrajectory, now: int) -> None:
         )
 
 
-def _point(count: int, point: Waypoint, factors: list[float]) -> TimedPoint:
+def _point(count: int, point: Waypoint, factors: list[float]) -> TrajectoryPoint:
     if any(point.effort):
         raise ArgumentError(
             f"point {count} of the trajectory asks for an effort",
@@ -101,4 +101,4 @@ def _point(count: int, point: Waypoint, factors: list[float]) -> TimedPoint:
     turned = [
         tuple(value / factor for value, factor in zip(each, factors, strict=False)) for each in kinds.values()
     ]
-    return TimedPoint(point.time, turned[0], turned[1] or None, turned[2] or None)
+    return TrajectoryPoint(point.time, turned[0], turned[1] or None, turned[2] or None)

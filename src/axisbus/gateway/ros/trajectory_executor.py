@@ -24,7 +24,7 @@ from axisbus.gateway.ros.attachment import attachment_of
 from axisbus.gateway.ros.empty_trajectory import names_to_halt
 from axisbus.gateway.ros.message_freshness import Freshness
 from axisbus.gateway.ros.messages import trajectory_of
-from axisbus.gateway.ros.trajectory import Wanted, judged, to_halt
+from axisbus.gateway.ros.trajectory import RosTrajectory, judged, to_halt
 from axisbus.gateway.ros.units import JointUnit
 from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle, look_at_end
@@ -238,5 +238,5 @@ def _require_rest(axis: Axis) -> None:
         )
 
 
-def _told(wanted: Wanted) -> str:
+def _told(wanted: RosTrajectory) -> str:
     return f"{', '.join(wanted.axes)}: a trajectory of {counted(len(wanted.points), 'point')}, {wanted.points[-1].time:g} s"

@@ -13,19 +13,19 @@ from typing import TYPE_CHECKING, NamedTuple
 import zenoh
 
 from axisbus.errors import AxisbusError, StateError
-from axisbus.fleet.keys import CellKeys
+from axisbus.fleet.keys import ZenohCellKeys
 from axisbus.fleet.messages import PROTOCOL, CellInfo, EventsAsk, HistoryAsk
-from axisbus.gateway.machine_follower import Following, Look
+from axisbus.gateway.machine_follower import Look, MachineFollower
 from axisbus.gateway.zenoh.commands import Commands
-from axisbus.gateway.zenoh.deferred_replies import Answers
+from axisbus.gateway.zenoh.deferred_replies import DeferredReplies
 from axisbus.gateway.zenoh.event_log import Happened
-from axisbus.gateway.zenoh.history import History, refused
+from axisbus.gateway.zenoh.history import RecordingsWorker, refused
 from axisbus.gateway.zenoh.lease_manager import Holding
-from axisbus.gateway.zenoh.objects import Transfers
-from axisbus.gateway.zenoh.poller import Looking
-from axisbus.gateway.zenoh.publishing import Counts, Events, States
-from axisbus.gateway.zenoh.query import Asked, heard
-from axisbus.gateway.zenoh.service import Service
+from axisbus.gateway.zenoh.objects import TransferWorker
+from axisbus.gateway.zenoh.poller import MachinePoller
+from axisbus.gateway.zenoh.publishing import Counts, EventPublisher, States
+from axisbus.gateway.zenoh.query import ZenohQuery, heard
+from axisbus.gateway.zenoh.service import ZenohService
 from axisbus.gateway.zenoh.states import info_of
 from axisbus.machine.machine import Machine
 from axisbus.version import __version__
@@ -42,7 +42,7 @@ class Cell(NamedTuple):
     """What a bridge is of: the cell's file, its keys, the folder of recordings that are shown, and what ROS 2 is to have."""
 
     file: Path
-    keys: CellKeys
+    keys: ZenohCellKeys
     recordings: Path | None = None
     ros: RosOptions | None = None
 
@@ -63,10 +63,10 @@ class Bridge:
         self._counts: Counts = {}
         self._stack = ExitStack()
         with ExitStack() as stack:
-            self._events = Events(session, cell.keys, self._name)
+            self._events = EventPublisher(session, cell.keys, self._name)
             stack.callback(self._events.close)
             self._be_there(stack)
-            history = History(cell.recordings)
+            history = RecordingsWorker(cell.recordings)
             stack.callback(history.close)
             self._answer(stack, cell.keys.events, self._missing)
             self._answer(stack, cell.keys.history, lambda asked: _history(history, cell.keys, asked))
@@ -78,7 +78,7 @@ class Bridge:
 
     def run(self) -> None:
         """Follow the machine that runs, and the next one where it ends, until it is interrupted."""
-        Following(self._cell.file, self._say).run(self._served, _LOOK)
+        MachineFollower(self._cell.file, self._say).run(self._served, _LOOK)
 
     # -- who is there --------------------------------------------------------------------------------------------------
 
@@ -109,11 +109,11 @@ class Bridge:
             self._say(text)
             self._events.tell(Happened("machine", text, severity="error"))
 
-    def _answer(self, stack: ExitStack, key: str, take: Callable[[Asked], None]) -> None:
+    def _answer(self, stack: ExitStack, key: str, take: Callable[[ZenohQuery], None]) -> None:
         queryable = self._session.declare_queryable(key, heard(take))
         stack.callback(queryable.undeclare)
 
-    def _missing(self, asked: Asked) -> None:
+    def _missing(self, asked: ZenohQuery) -> None:
         keys = self._cell.keys
         try:
             ask = asked.message(EventsAsk) if asked.data else _numbers(asked)
@@ -136,20 +136,20 @@ class Bridge:
     def _serve(self, machine: Machine, stack: ExitStack) -> None:
         """Declare all that there is of a machine, and at last that it is alive; on the way out in the other order."""
         keys, file = self._cell.keys, self._cell.file
-        transfers, answers = Transfers(), Answers()
+        transfers, answers = TransferWorker(), DeferredReplies()
         stack.callback(transfers.close)
         stack.callback(answers.close)
         holding = Holding(lambda over: Machine.attach(file, command=True, take=over), self._events.tell)
         holding.start()
         stack.callback(holding.close)
-        looking = Looking(machine, holding, self._events.tell)
+        looking = MachinePoller(machine, holding, self._events.tell)
         looking.start()
         stack.callback(looking.close)
         states = States(self._session, keys, self._name, machine, looking.wake, self._counts)
         states.start()
         stack.callback(states.close)
         trajectories = self._serve_ros(machine, stack)
-        service = Service(
+        service = ZenohService(
             self._session,
             keys,
             machine,
@@ -191,12 +191,12 @@ class Bridge:
         )
 
 
-def _numbers(asked: Asked) -> EventsAsk:
+def _numbers(asked: ZenohQuery) -> EventsAsk:
     last = asked.parameter("last")
     return EventsAsk(int(asked.parameter("first") or 1), None if last is None else int(last))
 
 
-def _history(history: History, keys: CellKeys, asked: Asked) -> None:
+def _history(history: RecordingsWorker, keys: ZenohCellKeys, asked: ZenohQuery) -> None:
     try:
         ask = asked.message(HistoryAsk) if asked.data else HistoryAsk()
     except AxisbusError as error:

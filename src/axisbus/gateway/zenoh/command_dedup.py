@@ -21,7 +21,7 @@ class _Client(Generic[Under]):
     given: OrderedDict[int, tuple[Hashable, Under]] = field(default_factory=OrderedDict)
 
 
-class Ledger(Generic[Under]):
+class CommandDeduplicator(Generic[Under]):
     """Holds the last commands of the last clients. For one thread at a time.
 
     Only who has the lease enters anything: a client that was forgotten has had none since many others had, and its token is void.

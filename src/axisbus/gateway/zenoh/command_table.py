@@ -11,7 +11,7 @@ from axisbus.fleet.messages import CommandAsk, Value
 
 
 @dataclass(frozen=True, slots=True)
-class Verb:
+class ZenohVerb:
     """What a verb needs: ``lease``; of how many axes it is (``single``: of one); values by name, each with its type.
 
     ``call`` is the library's method where that has another name.
@@ -25,7 +25,7 @@ class Verb:
 
 
 @dataclass(frozen=True, slots=True)
-class Act:
+class BridgeAction:
     """What is to be done: the library's ``call`` for each of the ``axes``, with these values."""
 
     verb: str
@@ -42,25 +42,27 @@ _RAMPS = {"velocity": float, "acceleration": float, "deceleration": float}
 _PROFILE = {**_RAMPS, "jerk": float, "timeout": float}
 _TURNS = {name: kind for name, kind in _PROFILE.items() if name != "velocity"}
 JOG = "jog"
-VERBS: Mapping[str, Verb] = {
-    "halt": Verb(lease=False),
-    "quick_stop": Verb(lease=False),
-    "halt_all": Verb(lease=False, call="halt"),
-    "quick_stop_all": Verb(lease=False, call="quick_stop"),
-    "enable": Verb(takes={"moving": bool}),
-    "disable": Verb(takes={"coast": bool}),
-    "reset": Verb(),
-    "stop": Verb(),
-    "release": Verb(),
-    "home": Verb(takes={"method": int, "timeout": float}),
-    "move_absolute": Verb(single=True, needs={"position": float}, takes={**_PROFILE, "direction": int}),
-    "move_relative": Verb(single=True, needs={"distance": float}, takes=_PROFILE),
-    "move_additive": Verb(single=True, needs={"distance": float}, takes=_PROFILE),
-    "move_velocity": Verb(single=True, needs={"velocity": float}, takes=_TURNS),
-    "torque_control": Verb(single=True, needs={"torque": float}, takes={"slope": float, "timeout": float}),
-    "set_position": Verb(single=True, needs={"position": float}),
-    "set_override": Verb(needs={"factor": float}),
-    JOG: Verb(
+VERBS: Mapping[str, ZenohVerb] = {
+    "halt": ZenohVerb(lease=False),
+    "quick_stop": ZenohVerb(lease=False),
+    "halt_all": ZenohVerb(lease=False, call="halt"),
+    "quick_stop_all": ZenohVerb(lease=False, call="quick_stop"),
+    "enable": ZenohVerb(takes={"moving": bool}),
+    "disable": ZenohVerb(takes={"coast": bool}),
+    "reset": ZenohVerb(),
+    "stop": ZenohVerb(),
+    "release": ZenohVerb(),
+    "home": ZenohVerb(takes={"method": int, "timeout": float}),
+    "move_absolute": ZenohVerb(single=True, needs={"position": float}, takes={**_PROFILE, "direction": int}),
+    "move_relative": ZenohVerb(single=True, needs={"distance": float}, takes=_PROFILE),
+    "move_additive": ZenohVerb(single=True, needs={"distance": float}, takes=_PROFILE),
+    "move_velocity": ZenohVerb(single=True, needs={"velocity": float}, takes=_TURNS),
+    "torque_control": ZenohVerb(
+        single=True, needs={"torque": float}, takes={"slope": float, "timeout": float}
+    ),
+    "set_position": ZenohVerb(single=True, needs={"position": float}),
+    "set_override": ZenohVerb(needs={"factor": float}),
+    JOG: ZenohVerb(
         single=True, needs={"velocity": float, "press": int, "sent": float}, takes={"acceleration": float}
     ),
 }
@@ -69,7 +71,7 @@ ALL = "_all"  # what a stop of all axes ends in
 _WORDS = {float: "a number", int: "a whole number", bool: "true or false"}
 
 
-def act_of(verb: str, ask: CommandAsk, axes: Collection[str]) -> Act:
+def act_of(verb: str, ask: CommandAsk, axes: Collection[str]) -> BridgeAction:
     """Return what is to be done; ``axes`` are those of the cell, and all of them where a command names none.
 
     Raises:
@@ -80,7 +82,7 @@ def act_of(verb: str, ask: CommandAsk, axes: Collection[str]) -> Act:
         raise ArgumentError(f"there is no command {verb!r}", remedy=f"there are {', '.join(VERBS)}")
     named = tuple(axes) if verb.endswith(ALL) else ask.axes or tuple(axes)
     if verb in STOPS:  # whatever is wrong with one of its axes, the others are stopped; values are none of it
-        return Act(verb, row.call or verb, tuple(dict.fromkeys(named)))
+        return BridgeAction(verb, row.call or verb, tuple(dict.fromkeys(named)))
     for name in named:
         if name not in axes:
             raise ArgumentError(
@@ -90,10 +92,10 @@ def act_of(verb: str, ask: CommandAsk, axes: Collection[str]) -> Act:
         raise ArgumentError(f"{verb}: an axis is named twice")
     if row.single and len(ask.axes) != 1:
         raise ArgumentError(f"{verb}: which axis?", remedy="name the one axis that is to move")
-    return Act(verb, row.call or verb, named, _values(verb, row, ask.values))
+    return BridgeAction(verb, row.call or verb, named, _values(verb, row, ask.values))
 
 
-def _values(verb: str, row: Verb, given: Mapping[str, Value]) -> dict[str, Any]:
+def _values(verb: str, row: ZenohVerb, given: Mapping[str, Value]) -> dict[str, Any]:
     known = {**row.needs, **row.takes}
     for name in given:
         if name not in known:

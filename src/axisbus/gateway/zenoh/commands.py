@@ -10,10 +10,10 @@ from collections.abc import Callable, Hashable
 from axisbus.client_support.rate import Bucket
 from axisbus.errors import ArgumentError, AxisbusError, StateError
 from axisbus.fleet.messages import CommandAnswer, CommandAsk
-from axisbus.gateway.zenoh.command_dedup import Ledger, require_id
+from axisbus.gateway.zenoh.command_dedup import CommandDeduplicator, require_id
 from axisbus.gateway.zenoh.command_table import JOG, STOPS, act_of
-from axisbus.gateway.zenoh.deferred_replies import Answers, Reply
-from axisbus.gateway.zenoh.execute import RUNNING, Doing, failed, perform
+from axisbus.gateway.zenoh.deferred_replies import DeferredReplies, Reply
+from axisbus.gateway.zenoh.execute import RUNNING, CommandExecutor, failed, perform
 from axisbus.gateway.zenoh.jogs import Jogs
 from axisbus.gateway.zenoh.lease_manager import Holding
 from axisbus.machine.machine import Machine
@@ -29,7 +29,7 @@ class Commands:
         self,
         machine: Machine,
         holding: Holding,
-        answers: Answers,
+        answers: DeferredReplies,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """``machine`` looks on: stops go by it, whoever has the command."""
@@ -38,10 +38,10 @@ class Commands:
         self._answers = answers
         self._clock = clock
         self._lock = threading.Lock()
-        self._ledger: Ledger[Doing] = Ledger()
+        self._ledger: CommandDeduplicator[CommandExecutor] = CommandDeduplicator()
         self._jogs = Jogs()
         self._rate: tuple[str, Bucket] = "", Bucket()  # of whoever has the lease
-        self._stops: OrderedDict[Hashable, Doing] = OrderedDict()
+        self._stops: OrderedDict[Hashable, CommandExecutor] = OrderedDict()
 
     def take(self, verb: str, ask: CommandAsk, reply: Reply) -> None:
         """Do what a query asks for; ``reply`` is called with its end, in whatever thread, or after 2 s with ``running``."""
@@ -59,7 +59,7 @@ class Commands:
         else:
             self._answers.put(found, reply)
 
-    def _stopped(self, verb: str, ask: CommandAsk) -> Doing:
+    def _stopped(self, verb: str, ask: CommandAsk) -> CommandExecutor:
         """Stop; the same stop once more is the same one only as long as it goes on: none is answered from memory."""
         act = act_of(verb, ask, tuple(self._machine.axes))
         key = verb, ask.client, ask.id, act.axes
@@ -78,7 +78,7 @@ class Commands:
                 self._stops.popitem(last=False)
         return doing
 
-    def _done(self, verb: str, ask: CommandAsk) -> Doing | CommandAnswer:
+    def _done(self, verb: str, ask: CommandAsk) -> CommandExecutor | CommandAnswer:
         _require_sound(ask)
         what = verb, ask.axes, tuple(sorted(ask.values.items())), ask.token
         again = None if verb == JOG else self._ledger.again(ask.client, ask.id, what)

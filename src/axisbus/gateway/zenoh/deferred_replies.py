@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from axisbus.fleet.messages import CommandAnswer
-from axisbus.gateway.zenoh.execute import RUNNING, Doing
+from axisbus.gateway.zenoh.execute import RUNNING, CommandExecutor
 
 log = logging.getLogger("axisbus")
 PATIENCE = 2.0  # seconds after which a command that has not ended is told to run
@@ -19,12 +19,12 @@ Reply = Callable[[CommandAnswer], None]
 
 
 class _Waiting(NamedTuple):
-    doing: Doing
+    doing: CommandExecutor
     reply: Reply
     until: float
 
 
-class Answers:
+class DeferredReplies:
     """Holds what waits; ``put`` is for any thread."""
 
     def __init__(self) -> None:
@@ -35,7 +35,7 @@ class Answers:
         self._thread = threading.Thread(target=self._run, name="answers", daemon=True)
         self._thread.start()
 
-    def put(self, doing: Doing, reply: Reply) -> None:
+    def put(self, doing: CommandExecutor, reply: Reply) -> None:
         """Let ``reply`` be called once a command has ended, or in ``PATIENCE`` seconds; does not block."""
         with self._lock:
             full = len(self._waiting) >= _MOST

@@ -26,7 +26,7 @@ class Happened:
     remedy: str = ""
 
 
-class Numbered:
+class BridgeEventLog:
     """Holds the last events of one run of a bridge. ``enter`` is for one thread at a time, the rest for any."""
 
     def __init__(self, bridge: str) -> None:

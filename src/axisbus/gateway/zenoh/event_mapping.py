@@ -5,25 +5,25 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from axisbus.gateway import machine_events
-from axisbus.gateway.machine_events import Happening
+from axisbus.gateway.machine_events import MachineEvent
 from axisbus.gateway.zenoh.event_log import Happened, Kind
 from axisbus.gateway.zenoh.redact_process import without
 
 # What is not here is not told: of an incident, when it begins and when it is over.
-KINDS: dict[machine_events.Kind, Kind] = {
-    machine_events.Kind.COMMAND: "command",
-    machine_events.Kind.NODE: "node",
-    machine_events.Kind.BUS: "bus",
-    machine_events.Kind.LEFT: "machine",
-    machine_events.Kind.EMCY: "emcy",
-    machine_events.Kind.INCIDENT: "incident",
-    machine_events.Kind.OVER: "incident",
-    machine_events.Kind.FAULT: "incident",
-    machine_events.Kind.WELL: "incident",
+KINDS: dict[machine_events.MachineEventKind, Kind] = {
+    machine_events.MachineEventKind.COMMAND: "command",
+    machine_events.MachineEventKind.NODE: "node",
+    machine_events.MachineEventKind.BUS: "bus",
+    machine_events.MachineEventKind.LEFT: "machine",
+    machine_events.MachineEventKind.EMCY: "emcy",
+    machine_events.MachineEventKind.INCIDENT: "incident",
+    machine_events.MachineEventKind.OVER: "incident",
+    machine_events.MachineEventKind.FAULT: "incident",
+    machine_events.MachineEventKind.WELL: "incident",
 }
 
 
-def told(found: Iterable[Happening]) -> list[Happened]:
+def told(found: Iterable[MachineEvent]) -> list[Happened]:
     """Return what is told of what has happened, in its order."""
     return [
         Happened(

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from axisbus.errors import AxisbusError, CommandError
 from axisbus.fleet.messages import CommandAnswer
-from axisbus.gateway.zenoh.command_table import Act
+from axisbus.gateway.zenoh.command_table import BridgeAction
 from axisbus.gateway.zenoh.redact_process import fields_of
 from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.machine import Machine
@@ -16,7 +16,7 @@ log = logging.getLogger("axisbus")
 RUNNING = CommandAnswer("running")
 
 
-class Doing:
+class CommandExecutor:
     """What has become of one command: its handles, one for each axis, and what was refused at the call."""
 
     def __init__(self, handles: Sequence[Handle], refused: AxisbusError | None = None) -> None:
@@ -46,7 +46,7 @@ class Doing:
         return CommandAnswer("done", note="; ".join(handle.note for handle in self.handles if handle.note))
 
 
-def perform(machine: Machine, act: Act) -> Doing:
+def perform(machine: Machine, act: BridgeAction) -> CommandExecutor:
     """Give a command for each of its axes, all of them also where one is refused at the call; does not block."""
     handles, refused = list[Handle](), list[AxisbusError]()
     for name in act.axes:
@@ -57,7 +57,7 @@ def perform(machine: Machine, act: Act) -> Doing:
         except Exception as error:  # the other axes are to be stopped all the same
             log.exception("%s could not be given", act)
             refused.append(CommandError(f"{act}: it could not be given", observed=str(error)))
-    return Doing(handles, refused[0] if refused else None)
+    return CommandExecutor(handles, refused[0] if refused else None)
 
 
 def failed(error: AxisbusError) -> CommandAnswer:

@@ -22,7 +22,7 @@ _LONGEST = 120.0  # seconds that a question may take
 Reply = Callable[[HistoryAnswer], None]
 
 
-class History:
+class RecordingsWorker:
     """Holds the questions that wait, and the process under way; ``put`` is for any thread."""
 
     def __init__(self, folder: Path | None) -> None:

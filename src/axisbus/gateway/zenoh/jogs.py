@@ -8,7 +8,7 @@ from collections.abc import Collection
 
 from axisbus.client_support.dead_man import SILENCE, DeadMan
 from axisbus.errors import AxisbusError, Replaced, StateError
-from axisbus.gateway.zenoh.command_table import Act
+from axisbus.gateway.zenoh.command_table import BridgeAction
 from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.machine import Machine
 
@@ -22,7 +22,7 @@ class Jogs:
     def __init__(self) -> None:
         self._held: OrderedDict[str, tuple[DeadMan, Handle | None]] = OrderedDict()
 
-    def jog(self, machine: Machine, client: str, act: Act, now: float) -> None:
+    def jog(self, machine: Machine, client: str, act: BridgeAction, now: float) -> None:
         """Let an axis jog on, or begin to, by one query of a client; ``now`` in s, monotonic. Does not block.
 
         Raises:

@@ -3,9 +3,9 @@
 Theory of operation
 -------------------
 ``FREE`` -> ``TAKING`` (the machine's command is being had, which may take its time: what moves halts first) -> ``HELD`` ->
-``ENDING`` (what the client has set going is being halted) -> ``FREE``. Whoever holds it here asks ``Lease.over`` again and again,
-in a thread that no network can hold up; each command asks ``holds`` as of the time at which it is given, so that nothing of a
-lease that has run out is done, even where nobody has noticed yet. A token is another at each taking.
+``ENDING`` (what the client has set going is being halted) -> ``FREE``. Whoever holds it here asks ``CellLease.over`` again and
+again, in a thread that no network can hold up; each command asks ``holds`` as of the time at which it is given, so that nothing of
+a lease that has run out is done, even where nobody has noticed yet. A token is another at each taking.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ SECONDS = 1.0  # that a lease lasts from each renewal
 _RENEW = "take the lease, and renew it at least three times a second"
 
 
-class Phase(Enum):
+class LeasePhase(Enum):
     """How far a lease is."""
 
     FREE = "nobody has the lease"
@@ -29,10 +29,10 @@ class Phase(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Lease:
+class CellLease:
     """The lease of a cell; ``client`` has it, called ``who`` for people, until ``until`` (s, monotonic) and by ``token``."""
 
-    phase: Phase = Phase.FREE
+    phase: LeasePhase = LeasePhase.FREE
     client: str = ""
     who: str = ""
     token: str = ""
@@ -41,42 +41,42 @@ class Lease:
     @property
     def holder(self) -> str | None:
         """Who has it or is getting it, for people; None where nobody has."""
-        return self.who if self.phase in (Phase.TAKING, Phase.HELD) else None
+        return self.who if self.phase in (LeasePhase.TAKING, LeasePhase.HELD) else None
 
     def seconds(self, now: float) -> float:
         """Return for how long it lasts from now."""
-        return max(0.0, self.until - now) if self.phase is Phase.HELD else 0.0
+        return max(0.0, self.until - now) if self.phase is LeasePhase.HELD else 0.0
 
     def over(self, now: float) -> bool:
         """Whether it has run out."""
-        return self.phase is Phase.HELD and now >= self.until
+        return self.phase is LeasePhase.HELD and now >= self.until
 
     def holds(self, client: str, token: str, now: float) -> bool:
         """Whether a client has it now, by this token."""
-        held = self.phase is Phase.HELD and now < self.until
+        held = self.phase is LeasePhase.HELD and now < self.until
         return held and client == self.client and token == self.token
 
-    def renewed(self, now: float) -> Lease:
+    def renewed(self, now: float) -> CellLease:
         """Return it as it is once its holder has said that it is there."""
         return replace(self, until=now + SECONDS)
 
-    def taking(self, client: str, who: str) -> Lease:
+    def taking(self, client: str, who: str) -> CellLease:
         """Return it while the command is being had for a client."""
-        return Lease(Phase.TAKING, client, who or client)
+        return CellLease(LeasePhase.TAKING, client, who or client)
 
-    def taken(self, token: str, now: float) -> Lease:
+    def taken(self, token: str, now: float) -> CellLease:
         """Return it once that client has it."""
-        return replace(self, phase=Phase.HELD, token=token, until=now + SECONDS)
+        return replace(self, phase=LeasePhase.HELD, token=token, until=now + SECONDS)
 
-    def ending(self) -> Lease:
+    def ending(self) -> CellLease:
         """Return it while what was moved under it is being halted."""
-        return replace(self, phase=Phase.ENDING, token="", until=0.0)
+        return replace(self, phase=LeasePhase.ENDING, token="", until=0.0)
 
     def refusal(self, client: str, *, over: bool) -> OwnershipError | None:
         """Return why a client may not take it, None where it may, at once or when it has ended."""
-        if self.phase in (Phase.FREE, Phase.ENDING) or (self.phase is Phase.HELD and over):
+        if self.phase in (LeasePhase.FREE, LeasePhase.ENDING) or (self.phase is LeasePhase.HELD and over):
             return None
-        if self.phase is Phase.TAKING:
+        if self.phase is LeasePhase.TAKING:
             return OwnershipError(
                 "the lease changes hands", observed=self.phase.value, remedy="ask again in a moment"
             )
@@ -89,7 +89,7 @@ class Lease:
 
     def why_not(self, client: str, token: str, now: float) -> AxisbusError:
         """Return why a client may not command."""
-        if self.phase is not Phase.HELD or now >= self.until:
+        if self.phase is not LeasePhase.HELD or now >= self.until:
             return OwnershipError("nothing is done without a lease", observed=self._why(now), remedy=_RENEW)
         if client != self.client:
             return OwnershipError(f"{self.who} has the lease, nobody else commands", remedy=_RENEW)

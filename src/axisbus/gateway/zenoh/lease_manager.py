@@ -19,7 +19,7 @@ from collections.abc import Callable
 from axisbus.errors import AxisbusError, OwnershipError
 from axisbus.gateway.machine_events import Severity
 from axisbus.gateway.zenoh.event_log import Happened
-from axisbus.gateway.zenoh.lease import Lease, Phase
+from axisbus.gateway.zenoh.lease import CellLease, LeasePhase
 from axisbus.machine.machine import Machine
 
 log = logging.getLogger("axisbus")
@@ -39,7 +39,7 @@ class Holding:
         self._join = join
         self._tell = tell
         self._changed = threading.Condition()
-        self._lease = Lease()
+        self._lease = CellLease()
         self._guest: Machine | None = None
         self._wanted: tuple[bool, Answer] | None = None
         self._next = "", ""  # who wants it: the client, and what it is called
@@ -63,14 +63,14 @@ class Holding:
         self._watches.join()
 
     @property
-    def lease(self) -> Lease:
+    def lease(self) -> CellLease:
         """The lease as it is now."""
         return self._lease
 
     @property
     def guest(self) -> Machine | None:
         """The machine as its holder commands it; None while nobody does."""
-        return self._guest if self._lease.phase is Phase.HELD else None
+        return self._guest if self._lease.phase is LeasePhase.HELD else None
 
     # -- what a client asks for ----------------------------------------------------------------------------------------
 
@@ -81,12 +81,12 @@ class Holding:
             if refused is None and (self._closing or self._wanted is not None):
                 refused = OwnershipError("the lease changes hands", remedy="ask again in a moment")
             if refused is None:
-                if self._lease.phase is Phase.HELD:
+                if self._lease.phase is LeasePhase.HELD:
                     self._end(f"{who or client} took the lease over")
                 self._next = client, who
                 self._wanted = over, answer
-                if self._lease.phase is Phase.FREE:
-                    self._lease = Lease().taking(client, who)
+                if self._lease.phase is LeasePhase.FREE:
+                    self._lease = CellLease().taking(client, who)
                 self._changed.notify_all()
         if refused is not None:
             answer(refused)
@@ -119,7 +119,7 @@ class Holding:
 
     def _end(self, why: str) -> None:
         """Begin to end it (with the lock): its commands are refused from now on, and the core halts what they have moved."""
-        if self._lease.phase is not Phase.HELD:
+        if self._lease.phase is not LeasePhase.HELD:
             return
         self._why = why
         self._lease = self._lease.ending()
@@ -137,12 +137,12 @@ class Holding:
         """End the lease when it runs out; nothing in here waits for anybody but the lock."""
         while True:
             with self._changed:
-                held = self._lease.phase is Phase.HELD
+                held = self._lease.phase is LeasePhase.HELD
                 if held and self._lease.over(time.monotonic()):
                     self._end(f"the lease of {self._lease.who} was not renewed")
                 elif held:
                     self._hold()
-                if self._closing and self._lease.phase is Phase.FREE:
+                if self._closing and self._lease.phase is LeasePhase.FREE:
                     break
                 wait = min(_LOOK, self._lease.seconds(time.monotonic())) if held else _LOOK
                 self._changed.wait(max(0.001, wait))
@@ -152,7 +152,7 @@ class Holding:
         while True:
             with self._changed:
                 self._changed.wait_for(self._due)
-                ending, wanted = self._lease.phase is Phase.ENDING, self._wanted
+                ending, wanted = self._lease.phase is LeasePhase.ENDING, self._wanted
                 if not ending and wanted is None:
                     return
             if ending:
@@ -162,7 +162,11 @@ class Holding:
 
     def _due(self) -> bool:
         phase = self._lease.phase
-        return phase is Phase.ENDING or self._wanted is not None or (self._closing and phase is Phase.FREE)
+        return (
+            phase is LeasePhase.ENDING
+            or self._wanted is not None
+            or (self._closing and phase is LeasePhase.FREE)
+        )
 
     def _give_back(self) -> None:
         guest, why, who = self._guest, self._why, self._lease.who
@@ -178,7 +182,7 @@ class Holding:
         with self._changed:
             self._guest = None
             wanted = self._wanted
-            self._lease = Lease() if wanted is None else Lease().taking(*self._next)
+            self._lease = CellLease() if wanted is None else CellLease().taking(*self._next)
             self._changed.notify_all()
 
     def _have(self, over: bool, answer: Answer) -> None:
@@ -195,9 +199,9 @@ class Holding:
         with self._changed:
             self._wanted = None
             self._guest = guest
-            self._lease = Lease().taking(client, who)
+            self._lease = CellLease().taking(client, who)
             if guest is None:
-                self._lease = Lease()
+                self._lease = CellLease()
             else:
                 self._lease = self._lease.taken(secrets.token_hex(8), time.monotonic())
                 self._hold()

@@ -12,7 +12,7 @@ from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.datatypes import Value as Typed
 from axisbus.client_support.object_access import node_of, require_readable, require_writable
 from axisbus.configuration import guarded_write
-from axisbus.eds.dictionary import Entry
+from axisbus.eds.dictionary import DictionaryEntry
 from axisbus.errors import ArgumentError, AxisbusError, StateError
 from axisbus.fleet.messages import ObjectAnswer, Value
 from axisbus.ipc.errors import to_fields
@@ -27,7 +27,7 @@ Reply = Callable[[ObjectAnswer], None]
 Work = Callable[[], ObjectAnswer]
 
 
-class Transfers:
+class TransferWorker:
     """Carries transfers out one after the other in a thread of its own; ``put`` is for any thread."""
 
     def __init__(self) -> None:
@@ -105,12 +105,12 @@ def write(machine: Machine, node_id: int, index: int, subindex: int, value: Valu
     return ObjectAnswer() if written.after is None else _shown(written.after)
 
 
-def _entry(machine: Machine, node_id: int, index: int, subindex: int) -> tuple[MachineNode, Entry]:
+def _entry(machine: Machine, node_id: int, index: int, subindex: int) -> tuple[MachineNode, DictionaryEntry]:
     node = node_of(machine, node_id)
     return node, node.sdo.dictionary.entry(index, subindex)
 
 
-def _typed(entry: Entry, value: Value) -> Typed:
+def _typed(entry: DictionaryEntry, value: Value) -> Typed:
     """Return a value as the object's type takes it; octets are given as hexadecimal digits."""
     kind, told = entry.data_type, type(value)
     if kind is None or value is None:
@@ -126,7 +126,7 @@ def _typed(entry: Entry, value: Value) -> Typed:
     raise ArgumentError(f"{entry}: {value!r} is no value of its type, {kind.name}")
 
 
-def _octets(entry: Entry, digits: str) -> bytes:
+def _octets(entry: DictionaryEntry, digits: str) -> bytes:
     try:
         return bytes.fromhex(digits)
     except ValueError:

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 
 from axisbus.errors import AxisbusError
-from axisbus.gateway.machine_events import Happenings
+from axisbus.gateway.machine_events import MachineEventSource
 from axisbus.gateway.zenoh.event_log import Happened
 from axisbus.gateway.zenoh.event_mapping import told
 from axisbus.gateway.zenoh.lease_manager import Holding
@@ -21,14 +21,14 @@ _LEAST = 0.05  # between two looks, also where there is always something new
 _BEGAN = 1e-3  # by which the clocks of a list may differ
 
 
-class Looking:
+class MachinePoller:
     """Looks again and again in a thread of its own, which waits for answers of the core; ``wake`` is for any thread."""
 
     def __init__(self, machine: Machine, holding: Holding, tell: Callable[[Happened], None]) -> None:
         self._machine = machine
         self._holding = holding
         self._tell = tell
-        self._happenings = Happenings(time.monotonic() - _BEGAN, commands=True)
+        self._happenings = MachineEventSource(time.monotonic() - _BEGAN, commands=True)
         self._woken = threading.Event()
         self._over = False
         self._commander: str | None = None

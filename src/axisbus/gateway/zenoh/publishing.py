@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterator
 import msgspec
 import zenoh
 
-from axisbus.fleet.keys import CellKeys
-from axisbus.fleet.messages import AxisState, Event
-from axisbus.gateway.zenoh.event_log import Happened, Numbered
+from axisbus.fleet.keys import ZenohCellKeys
+from axisbus.fleet.messages import AxisStateMessage, Event
+from axisbus.gateway.zenoh.event_log import BridgeEventLog, Happened
 from axisbus.gateway.zenoh.states import state_of
 from axisbus.machine.machine import Machine
 from axisbus.motion.snapshot import Snapshot
@@ -27,11 +27,11 @@ Counts = dict[str, Iterator[int]]  # of the states of each axis, in one run of a
 _JSON = zenoh.Encoding.APPLICATION_JSON
 
 
-class Events:
+class EventPublisher:
     """Numbers what has happened, keeps it, and publishes it in its order; ``tell`` is for any thread."""
 
-    def __init__(self, session: zenoh.Session, keys: CellKeys, bridge: str) -> None:
-        self.kept = Numbered(bridge)
+    def __init__(self, session: zenoh.Session, keys: ZenohCellKeys, bridge: str) -> None:
+        self.kept = BridgeEventLog(bridge)
         self._publisher = session.declare_publisher(
             keys.events,
             encoding=_JSON,
@@ -67,7 +67,7 @@ class States:
     def __init__(
         self,
         session: zenoh.Session,
-        keys: CellKeys,
+        keys: ZenohCellKeys,
         bridge: str,
         machine: Machine,
         changed: Callable[[], None],
@@ -103,12 +103,12 @@ class States:
         for publisher in self._publishers.values():
             publisher.undeclare()  # type: ignore[no-untyped-call]
 
-    def of(self, axis: str) -> AxisState:
+    def of(self, axis: str) -> AxisStateMessage:
         """Return the newest state of an axis."""
         session = self._machine.session
         return self._state(axis, session.snapshots[axis], time.monotonic(), session.silent is not None)
 
-    def _state(self, axis: str, snapshot: Snapshot, now: float, silent: bool) -> AxisState:
+    def _state(self, axis: str, snapshot: Snapshot, now: float, silent: bool) -> AxisStateMessage:
         parameters = self._machine.session.axes[axis].parameters
         n = next(self._counts.setdefault(axis, itertools.count(1)))
         return state_of(snapshot, parameters, now, time.time(), n, self._bridge, silent)

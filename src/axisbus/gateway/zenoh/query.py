@@ -18,7 +18,7 @@ Message = TypeVar("Message", bound=msgspec.Struct)
 _JSON = zenoh.Encoding.APPLICATION_JSON
 
 
-class Asked:
+class ZenohQuery:
     """One query; to be answered or let go of, by any thread."""
 
     def __init__(self, query: zenoh.Query) -> None:
@@ -85,11 +85,11 @@ class Asked:
             log.debug("a query could not be let go of: %s", error)
 
 
-def heard(take: Callable[[Asked], None]) -> Callable[[zenoh.Query], None]:
+def heard(take: Callable[[ZenohQuery], None]) -> Callable[[zenoh.Query], None]:
     """Return a callback of a queryable: whatever a query brings, the next one is heard."""
 
     def hear(query: zenoh.Query) -> None:
-        asked = Asked(query)
+        asked = ZenohQuery(query)
         try:
             take(asked)
         except Exception as error:  # noqa: BLE001

@@ -10,7 +10,7 @@ import msgspec
 import zenoh
 
 from axisbus.errors import ArgumentError, AxisbusError
-from axisbus.fleet.keys import CellKeys
+from axisbus.fleet.keys import ZenohCellKeys
 from axisbus.fleet.messages import (
     CellInfo,
     CommandAnswer,
@@ -24,25 +24,25 @@ from axisbus.gateway.zenoh.command_table import ALL, STOPS
 from axisbus.gateway.zenoh.commands import LONGEST, Commands
 from axisbus.gateway.zenoh.execute import failed
 from axisbus.gateway.zenoh.lease_manager import Holding
-from axisbus.gateway.zenoh.objects import Transfers, answer_of
+from axisbus.gateway.zenoh.objects import TransferWorker, answer_of
 from axisbus.gateway.zenoh.publishing import States
-from axisbus.gateway.zenoh.query import Asked, heard
+from axisbus.gateway.zenoh.query import ZenohQuery, heard
 from axisbus.ipc.errors import to_fields
 from axisbus.machine.machine import Machine
 
 
-class Service:
+class ZenohService:
     """Holds the queryables of a machine; each is heard in a thread of its own, and none of them waits for the machine."""
 
     def __init__(
         self,
         session: zenoh.Session,
-        keys: CellKeys,
+        keys: ZenohCellKeys,
         machine: Machine,
         holding: Holding,
         commands: Commands,
         states: States,
-        transfers: Transfers,
+        transfers: TransferWorker,
         info: Callable[[], CellInfo],
         commander: Callable[[], str | None],
     ) -> None:
@@ -56,7 +56,7 @@ class Service:
         self._info = info
         self._commander = commander
         self._declared = ExitStack()
-        takes: dict[str, Callable[[Asked], None]] = {
+        takes: dict[str, Callable[[ZenohQuery], None]] = {
             keys.info: lambda asked: asked.answer(keys.info, self._info()),
             keys.state("*"): self._state,
             keys.lease: self._lease,
@@ -74,7 +74,7 @@ class Service:
         """Answer nothing more; blocks for a moment."""
         self._declared.close()
 
-    def _state(self, asked: Asked) -> None:
+    def _state(self, asked: ZenohQuery) -> None:
         for axis in self._machine.axes:
             if asked.intersects(self._keys.state(axis)):
                 asked.answer(self._keys.state(axis), self._states.of(axis), last=False)
@@ -82,13 +82,13 @@ class Service:
 
     # -- commands ------------------------------------------------------------------------------------------------------
 
-    def _command_but_stops(self, asked: Asked) -> None:
+    def _command_but_stops(self, asked: ZenohQuery) -> None:
         if asked.key.rpartition("/")[2] in STOPS or not asked.concrete:
             asked.drop()  # it is heard elsewhere; and nothing but a stop is for several cells
         else:
             self._command(asked)
 
-    def _command(self, asked: Asked) -> None:
+    def _command(self, asked: ZenohQuery) -> None:
         verb = asked.key.rpartition("/")[2]
         key = self._keys.command(verb)
         if "*" in verb or "$" in verb:
@@ -107,7 +107,7 @@ class Service:
 
     # -- the lease -----------------------------------------------------------------------------------------------------
 
-    def _lease(self, asked: Asked) -> None:
+    def _lease(self, asked: ZenohQuery) -> None:
         received = time.monotonic()
 
         def tell(client: str = "", error: AxisbusError | None = None) -> None:
@@ -145,7 +145,7 @@ class Service:
 
     # -- objects -------------------------------------------------------------------------------------------------------
 
-    def _object(self, asked: Asked) -> None:
+    def _object(self, asked: ZenohQuery) -> None:
         if not asked.concrete:
             asked.drop()  # one transfer for each object of each node is not for one query
             return
@@ -184,7 +184,7 @@ class _Stop(msgspec.Struct, frozen=True):
     axes: tuple[str, ...] = ()
 
 
-def _stop(verb: str, asked: Asked) -> CommandAsk:
+def _stop(verb: str, asked: ZenohQuery) -> CommandAsk:
     """Return what a stop is about; nothing beside its axes can spoil it, and one of all axes cannot be spoilt at all."""
     whole = verb.endswith(ALL)
     try:

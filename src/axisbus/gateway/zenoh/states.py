@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.errors import AxisbusError, with_alarm
-from axisbus.fleet.messages import AxisInfo, AxisState
+from axisbus.fleet.messages import AxisInfo, AxisStateMessage
 from axisbus.gateway import values
 from axisbus.machine.axis import Axis
 from axisbus.motion.parameters import AxisParameters
@@ -22,7 +22,7 @@ def state_of(
     n: int,
     bridge: str,
     silent: bool,
-) -> AxisState:
+) -> AxisStateMessage:
     """Return the state of an axis by its image; ``now`` (s, monotonic) of this computer, ``clock`` for people.
 
     ``silent``: whether the image is no longer of now, so that only its age can be told.
@@ -30,9 +30,9 @@ def state_of(
     age = max(0.0, now - snapshot.now)
     unit, error = parameters.units.position.unit, snapshot.error
     if silent or age > OLD:
-        return AxisState(n, bridge, clock, unit, UNKNOWN, age, error=_told(error))
+        return AxisStateMessage(n, bridge, clock, unit, UNKNOWN, age, error=_told(error))
     units = parameters.units
-    return AxisState(
+    return AxisStateMessage(
         n,
         bridge,
         clock,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 
 from axisbus.machine.axis import Axis
-from axisbus.machine.command_dispatch import Commanding
+from axisbus.machine.command_dispatch import CommandDispatcher
 from axisbus.machine.handle import Handle
 from axisbus.machine.request import override_of
 from axisbus.motion import commands as c
@@ -13,11 +13,11 @@ from axisbus.motion.group.commands import ForEach, GroupCommand, GroupSetOverrid
 from axisbus.session import Target
 
 
-class Together:
+class AxisSet:
     """Axes that are told the same, by one command; none of them blocks."""
 
     def __init__(
-        self, name: str, axes: Mapping[str, Axis], commanding: Commanding, key: Target | None = None
+        self, name: str, axes: Mapping[str, Axis], commanding: CommandDispatcher, key: Target | None = None
     ) -> None:
         """``key``: by what the core knows it, where that is not its name."""
         self._name = name
@@ -47,7 +47,7 @@ class Together:
 
     def reset(self) -> Handle:
         """Reset all (MC_Reset, MC_GroupReset), each after the stop that it is in; never enables."""
-        return self._all("reset()", c.Reset)
+        return self._all("reset()", c.ResetCommand)
 
     def halt(self) -> Handle:
         """Brake all to Standstill (MC_Halt, MC_GroupHalt), along the way that they are on; ``resume`` goes on."""

@@ -6,12 +6,12 @@ import itertools
 
 from axisbus.errors import ArgumentError, LimitError, StateError
 from axisbus.machine.axis import Axis
-from axisbus.machine.axis_set.axis_set import Together
-from axisbus.machine.command_dispatch import Commanding
+from axisbus.machine.axis_set.axis_set import AxisSet
+from axisbus.machine.command_dispatch import CommandDispatcher
 from axisbus.machine.gantry.request import BeamRequest
 from axisbus.machine.handle import Handle
 from axisbus.machine.request import buffering_of, flag_of, shown
-from axisbus.motion.commands import Reference
+from axisbus.motion.commands import TargetReference
 from axisbus.motion.gantry import commands as g
 from axisbus.motion.gantry.parameters import GantryParameters
 from axisbus.motion.group.commands import GroupContinue
@@ -20,7 +20,7 @@ from axisbus.motion.numbers import told
 _keys = itertools.count(1)
 
 
-class Gantry(Together):
+class Gantry(AxisSet):
     """Two axes that carry one beam; the place of the beam is that of the first. Each command returns one ``Handle`` for both.
 
     Both are led by one set-point in csp, within the smaller of their limits, and how far the beam is out of square is watched in
@@ -30,7 +30,7 @@ class Gantry(Together):
     """
 
     def __init__(
-        self, parameters: GantryParameters, first: Axis, second: Axis, commanding: Commanding
+        self, parameters: GantryParameters, first: Axis, second: Axis, commanding: CommandDispatcher
     ) -> None:
         super().__init__(parameters.name, {axis.name: axis for axis in (first, second)}, commanding)
         self._pair = parameters
@@ -121,7 +121,9 @@ class Gantry(Together):
         name = f"move_absolute({shown(position)} {self.unit})"
         request = self._request(name)
         place = request.place(position)
-        return self._move(name, request, Reference.ABSOLUTE, place, (velocity, acceleration, jerk), buffer)
+        return self._move(
+            name, request, TargetReference.ABSOLUTE, place, (velocity, acceleration, jerk), buffer
+        )
 
     def move_relative(
         self,
@@ -139,7 +141,9 @@ class Gantry(Together):
         name = f"move_relative({shown(distance)} {self.unit})"
         request = self._request(name)
         way = request.distance(distance)
-        return self._move(name, request, Reference.RELATIVE, way, (velocity, acceleration, jerk), buffer)
+        return self._move(
+            name, request, TargetReference.RELATIVE, way, (velocity, acceleration, jerk), buffer
+        )
 
     def move_additive(
         self,
@@ -154,7 +158,9 @@ class Gantry(Together):
         name = f"move_additive({shown(distance)} {self.unit})"
         request = self._request(name)
         way = request.distance(distance)
-        return self._move(name, request, Reference.ADDITIVE, way, (velocity, acceleration, jerk), buffer)
+        return self._move(
+            name, request, TargetReference.ADDITIVE, way, (velocity, acceleration, jerk), buffer
+        )
 
     def move_velocity(self, velocity: float, *, acceleration: float | None = None) -> Handle:
         """Move the beam at ``velocity`` (signed, unit/s) until something else is wanted (MC_MoveVelocity). Does not block.
@@ -247,7 +253,7 @@ class Gantry(Together):
         self,
         name: str,
         request: BeamRequest,
-        reference: Reference,
+        reference: TargetReference,
         value: float,
         pace: tuple[float | None, float | None, float | None],
         buffer: bool,

@@ -8,9 +8,9 @@ from axisbus.cia402.touch_probe import Edge
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.machine.axis import Axis
 from axisbus.machine.probing import require_objects
-from axisbus.machine.request import Request
+from axisbus.machine.request import AxisCall
 from axisbus.motion.gantry.parameters import GantryParameters
-from axisbus.motion.parameters import AxisParameters, Defaults, Limits
+from axisbus.motion.parameters import AxisLimits, AxisParameters, Defaults
 
 
 class BeamRequest:
@@ -31,11 +31,11 @@ class BeamRequest:
 
     def finite(self, what: str, value: float) -> float:
         """Return ``value``, which must be a finite number."""
-        return Request(self._parameters[0], self._call).finite(what, value)
+        return AxisCall(self._parameters[0], self._call).finite(what, value)
 
     def positive(self, what: str, value: float) -> float:
         """Return ``value``, which must be above 0."""
-        return Request(self._parameters[0], self._call).positive(what, value)
+        return AxisCall(self._parameters[0], self._call).positive(what, value)
 
     def place(self, position: float) -> float:
         """Return a place of the beam that both axes can go to."""
@@ -48,13 +48,13 @@ class BeamRequest:
         """Return what the place of the beam is to be called, which both drives can count."""
         place = self.finite("position", position)
         for parameters, at in zip(self._parameters, (place, place + self._pair.offset), strict=True):
-            Request(parameters, self._call).place(at)
+            AxisCall(parameters, self._call).place(at)
         return place
 
     def distance(self, distance: float) -> float:
         """Return a distance that both drives can count."""
         for parameters in self._parameters:
-            Request(parameters, self._call).distance(distance)
+            AxisCall(parameters, self._call).distance(distance)
         return float(distance)
 
     def velocity(self, value: float | None) -> float:
@@ -86,7 +86,7 @@ class BeamRequest:
             )
         for parameters in self._parameters[: 2 if plan.each else 1]:
             require_objects(
-                Request(parameters, self._call), parameters, plan.input, frozenset[Edge]({plan.edge})
+                AxisCall(parameters, self._call), parameters, plan.input, frozenset[Edge]({plan.edge})
             )
 
     def _within(
@@ -94,7 +94,7 @@ class BeamRequest:
         what: str,
         value: float | None,
         default: Callable[[Defaults], float | None],
-        limit: Callable[[Limits], float | None],
+        limit: Callable[[AxisLimits], float | None],
         per: str,
     ) -> float:
         if value is None:

@@ -21,13 +21,13 @@ from typing import NoReturn, Self
 from axisbus.bus.gim6010.request import send
 from axisbus.bus.link import ownership
 from axisbus.bus.link.channel import Channel
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.coexistence import identifiers
 from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback
-from axisbus.drives.gim6010.mit_control.controller import MitCycle, MitLeader, Phase
+from axisbus.drives.gim6010.mit_control.controller import MitCycle, MitLeader, MitPhase
 from axisbus.drives.gim6010.mit_control.settings import MitSettings
 from axisbus.errors import ArgumentError, AxisbusError, NodeError, StateError
-from axisbus.machine.mit.signals import Signals
+from axisbus.machine.mit.signals import MitSignalHandlers
 
 _TICKS = 4  # looks in a period
 _SHORTEST = 0.0005  # s between two
@@ -44,13 +44,13 @@ class MitControl:
         """Prepare on a channel that is open; nothing is sent before ``enable``. ``open`` opens a channel of its own."""
         self.settings = settings
         self._channel = channel
-        self._heard: deque[Frame] = deque(maxlen=_KEPT)
+        self._heard: deque[CanFrame] = deque(maxlen=_KEPT)
         self._came = threading.Condition()
         self._leader: MitLeader | None = None
         self._thread: threading.Thread | None = None
         self._stack = ExitStack()
         self._entered = False
-        self._signals = Signals(self._hear_signal)
+        self._signals = MitSignalHandlers(self._hear_signal)
 
     @classmethod
     def open(
@@ -119,7 +119,7 @@ class MitControl:
             target=self._run, args=(leader,), name="axisbus MIT control", daemon=True
         )
         self._thread.start()
-        self._wait(lambda: leader.phase is Phase.RUNNING or leader.over, _LONGEST)
+        self._wait(lambda: leader.phase is MitPhase.RUNNING or leader.over, _LONGEST)
         return self._running(leader).feedback or self._fail(leader)
 
     def command(self, command: MitCommand) -> MitCycle:
@@ -135,7 +135,7 @@ class MitControl:
         leader = self._running(self._leader)
         with self._came:
             number = leader.command(command, time.monotonic())
-        self._wait(lambda: leader.answered_number >= number or leader.phase is not Phase.RUNNING, _ANSWER)
+        self._wait(lambda: leader.answered_number >= number or leader.phase is not MitPhase.RUNNING, _ANSWER)
         leader = self._running(leader)
         if leader.answered is None or leader.answered_number < number:
             leader.leave("a command was not answered")
@@ -167,7 +167,7 @@ class MitControl:
     @property
     def is_led(self) -> bool:
         """Whether it takes commands."""
-        return self._leader is not None and self._leader.phase is Phase.RUNNING
+        return self._leader is not None and self._leader.phase is MitPhase.RUNNING
 
     @property
     def feedback(self) -> tuple[MitFeedback, float]:
@@ -223,7 +223,7 @@ class MitControl:
         )
 
     def _hear(self, can_id: int, data: bytes, stamp: float) -> None:
-        self._heard.append(Frame(stamp, can_id, bytes(data)))
+        self._heard.append(CanFrame(stamp, can_id, bytes(data)))
 
     # Ways out.
 
@@ -266,7 +266,7 @@ class MitControl:
     def _running(self, leader: MitLeader | None) -> MitLeader:
         if leader is None:
             raise StateError(f"module {self.settings.node} is not led", remedy="enable it first")
-        if leader.phase is not Phase.RUNNING:
+        if leader.phase is not MitPhase.RUNNING:
             self._fail(leader)
         return leader
 

@@ -11,7 +11,7 @@ from typing import Any
 _SIGNALS = {"SIGINT": "Ctrl-C", "SIGTERM": "SIGTERM", "SIGHUP": "SIGHUP"}  # not all are on every system
 
 
-class Signals:
+class MitSignalHandlers:
     """Holds the handlers that were in force before; in the main thread alone, where Python delivers signals."""
 
     def __init__(self, hear: Callable[[str], bool]) -> None:

@@ -18,10 +18,10 @@ from types import TracebackType
 from typing import Self
 
 from axisbus.core.lateness import Lateness
-from axisbus.machine.command_dispatch import Commanding
+from axisbus.machine.command_dispatch import CommandDispatcher
 from axisbus.machine.handle import Handle, end_with, look_at_end
 from axisbus.machine.streaming.controller_options import Answering
-from axisbus.motion.commands import Answer
+from axisbus.motion.commands import ControllerOutput
 from axisbus.motion.parameters import Units
 from axisbus.motion.snapshot import Snapshot
 from axisbus.session import LatenessReport
@@ -31,7 +31,7 @@ _LEAST, _MOST = 0.00005, 0.0005  # seconds between two looks
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class AxisFeedback:
     """What a loop is given: ``time`` of the cycle (s, monotonic), ``dt`` since the one before that it was given (s).
 
     ``position``, ``velocity`` and ``torque`` as those of the axis, of one cycle; None where unknown.
@@ -44,7 +44,7 @@ class Measured:
     torque: float | None
 
 
-Function = Callable[[Measured], float]
+Function = Callable[[AxisFeedback], float]
 
 
 class Controller:
@@ -63,7 +63,7 @@ class Controller:
         name: str,
         units: Units,
         period: float,
-        commanding: Commanding,
+        commanding: CommandDispatcher,
         function: Function,
         answering: Answering,
         halt: Callable[[], Handle],
@@ -142,16 +142,18 @@ class Controller:
             return
         number = self._answering.command.number
         try:
-            answer = Answer(number, snapshot.now, self._raw(self._function(self._measured(snapshot, dt))))
+            answer = ControllerOutput(
+                number, snapshot.now, self._raw(self._function(self._measured(snapshot, dt)))
+            )
         except BaseException as error:  # noqa: BLE001  # whatever it is, the axis must be stopped
             self.error = error
-            answer = Answer(number, snapshot.now, 0, f"{type(error).__name__}: {error}")
+            answer = ControllerOutput(number, snapshot.now, 0, f"{type(error).__name__}: {error}")
         given = self._commanding.submit(self._name, answer, f"{self._text}, an answer")
         look_at_end(given)  # why one is not taken is what has ended the loop
         if self._session.waiter.realtime:
             self._took.note(time.monotonic() - snapshot.now)
 
-    def _measured(self, snapshot: Snapshot, dt: float) -> Measured:
+    def _measured(self, snapshot: Snapshot, dt: float) -> AxisFeedback:
         units = self._units
         position = velocity = torque = None
         if snapshot.position is not None:
@@ -160,7 +162,7 @@ class Controller:
             velocity = units.velocity.to_units(snapshot.velocity)
         if snapshot.torque is not None:
             torque = units.torque(snapshot.torque)
-        return Measured(snapshot.now, dt, position, velocity, torque)
+        return AxisFeedback(snapshot.now, dt, position, velocity, torque)
 
     def _raw(self, value: float) -> int:
         limit = self._answering.limit

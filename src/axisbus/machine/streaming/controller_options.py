@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import ArgumentError
-from axisbus.machine.request import Request
-from axisbus.motion.commands import Control, CyclicTorque
+from axisbus.machine.request import AxisCall
+from axisbus.motion.commands import ControllerCommand, CyclicTorque
 from axisbus.motion.numbers import told
 from axisbus.motion.parameters import AxisParameters
 
@@ -20,13 +20,13 @@ _WAYS = ("velocity", "torque")
 class Answering(NamedTuple):
     """How answers are led to in ``mode``; ``limit`` of their magnitude (None: none), and ``raw``, which checks one."""
 
-    command: Control
+    command: ControllerCommand
     mode: ModeOfOperation
     limit: float | None
     raw: Callable[[float], int]
 
 
-class Ramps(NamedTuple):
+class ControllerRamps(NamedTuple):
     """What the call gives: unit/s² or N·m/s, None: the defaults of the axis."""
 
     acceleration: float | None
@@ -34,13 +34,13 @@ class Ramps(NamedTuple):
     slope: float | None
 
 
-def answering_of(parameters: AxisParameters, by: object, ramps: Ramps, late: object) -> Answering:
+def answering_of(parameters: AxisParameters, by: object, ramps: ControllerRamps, late: object) -> Answering:
     """Return how an axis is led by a controller.
 
     Raises:
         ArgumentError, LimitError: a value is none that a controller can have, or one is missing.
     """
-    request = Request(parameters, "controller")
+    request = AxisCall(parameters, "controller")
     if not isinstance(by, str) or by not in _WAYS:
         raise ArgumentError(
             f"{request.text}: by {told(by)} is not known",
@@ -53,14 +53,14 @@ def answering_of(parameters: AxisParameters, by: object, ramps: Ramps, late: obj
         up, down = ramps.acceleration, ramps.deceleration
         begin = request.cyclic_velocity(0.0, up, down)
         return Answering(
-            Control(number, begin, late),
+            ControllerCommand(number, begin, late),
             ModeOfOperation.CYCLIC_SYNC_VELOCITY,
             parameters.limits.velocity,
             lambda value: request.cyclic_velocity(value, up, down).velocity,
         )
     push = CyclicTorque(request.torque(0.0), request.cyclic_slope(ramps.slope))
     return Answering(
-        Control(number, push, late),
+        ControllerCommand(number, push, late),
         ModeOfOperation.CYCLIC_SYNC_TORQUE,
         parameters.limits.torque,
         request.torque,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple, TypedDict
 
-from axisbus.cell.value_readers import Unfit, duration
+from axisbus.cell.value_readers import InvalidValue, duration
 from axisbus.errors import ArgumentError
 from axisbus.machine.axis import Axis
 from axisbus.motion.numbers import number, told
@@ -89,7 +89,7 @@ def _seconds(text: str, what: str, value: object) -> float:
     if isinstance(value, str):
         try:
             found = _READ(value)
-        except Unfit:
+        except InvalidValue:
             found = None
     if found is None or not _LEAST <= found <= _MOST:
         raise ArgumentError(

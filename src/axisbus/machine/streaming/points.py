@@ -18,18 +18,18 @@ from typing import NamedTuple, Self
 
 from axisbus.errors import ArgumentError, AxisbusError, LimitError, Replaced, StateError
 from axisbus.machine.axis import Axis
-from axisbus.machine.command_dispatch import Commanding
+from axisbus.machine.command_dispatch import CommandDispatcher
 from axisbus.machine.handle import Handle, end_with, patience
 from axisbus.machine.streaming.options import StreamOptions, require_apart
-from axisbus.machine.user_kinematics.kinematics import Own, said
-from axisbus.machine.user_kinematics.point_solver import Ours, PlaceJoining, Solving, of_point
+from axisbus.machine.user_kinematics.kinematics import UserKinematicsAdapter, said
+from axisbus.machine.user_kinematics.point_solver import PlaceJoining, Solving, UserKinematicsSolver, of_point
 from axisbus.motion.command_status import Status
 from axisbus.motion.group.commands import GroupContinue
 from axisbus.motion.group.kinematics import Kinematics
 from axisbus.motion.group.segments import Place
 from axisbus.motion.numbers import number, told
 from axisbus.motion.point_stream.commands import AddPoints, FollowPoints, Span
-from axisbus.motion.point_stream.curve_fit import Joining, Point, Taking
+from axisbus.motion.point_stream.curve_fit import CurveFit, PointAccepted, StreamPoint
 from axisbus.session import Target
 from axisbus.wording import counted
 
@@ -57,12 +57,12 @@ class PointStream:
     def __init__(
         self,
         axes: Mapping[str, Axis],
-        commanding: Commanding,
+        commanding: CommandDispatcher,
         key: Target,
         text: str,
         options: StreamOptions,
         halt: Callable[[], Handle],
-        kinematics: Kinematics | Own | None = None,
+        kinematics: Kinematics | UserKinematicsAdapter | None = None,
     ) -> None:
         """``key``: by what the core knows the group; ``halt`` halts it. ``kinematics``: points are places of its workspace.
 
@@ -214,7 +214,7 @@ class PointStream:
                 remedy="begin a new one from where the axes stand",
             )
 
-    def _point(self, values: Sequence[float]) -> Point:
+    def _point(self, values: Sequence[float]) -> StreamPoint:
         text = f"{self._text}: point {self.count + 1}"
         timed = self._options.period is None
         names = ["its time", *self._names] if timed else self._names
@@ -232,7 +232,7 @@ class PointStream:
         place = tuple(numbers[1:] if timed else numbers)
         t = self._time(numbers[0] if timed else None, text)
         call = f"push (point {self.count + 1})"
-        return Point(t, self._checked(place, call, text))
+        return StreamPoint(t, self._checked(place, call, text))
 
     def _checked(self, place: Place, call: str, text: str) -> Place:
         """Return a place, of endless axes counted on from where they were; the first must be where the axes stand."""
@@ -312,24 +312,26 @@ class PointStream:
             self._failure = self._failure or part.exception()
 
 
-def _solving_of(axes: Mapping[str, Axis], kinematics: Kinematics | Own | None) -> Solving | None:
-    if kinematics is None or isinstance(kinematics, Own):
+def _solving_of(
+    axes: Mapping[str, Axis], kinematics: Kinematics | UserKinematicsAdapter | None
+) -> Solving | None:
+    if kinematics is None or isinstance(kinematics, UserKinematicsAdapter):
         return kinematics
-    return Ours(kinematics, [axis.increment for axis in axes.values()])
+    return UserKinematicsSolver(kinematics, [axis.increment for axis in axes.values()])
 
 
 def _joining_of(
     axes: Mapping[str, Axis], text: str, solving: Solving | None
-) -> Taking[Span] | Taking[tuple[Span, ...]]:
+) -> PointAccepted[Span] | PointAccepted[tuple[Span, ...]]:
     allowed = {name: axis.allowed() for name, axis in axes.items()}
     if solving is None:
-        return Joining(allowed, text)
+        return CurveFit(allowed, text)
     return PlaceJoining(solving, allowed, lambda: _led(axes), text)
 
 
 def _names_of(axes: Mapping[str, Axis], text: str, solving: Solving | None) -> list[str]:
     """Return what the numbers of a point are; of a program's own kinematics there may be fewer than axes."""
-    if not isinstance(solving, Own):
+    if not isinstance(solving, UserKinematicsAdapter):
         return list(axes)
     try:
         return [f"coordinate {number + 1}" for number, _ in enumerate(solving.forward(_led(axes)))]

@@ -6,13 +6,13 @@ import secrets
 from collections.abc import Mapping, Sequence
 
 from axisbus.machine.axis import Axis
-from axisbus.machine.command_dispatch import Commanding
+from axisbus.machine.command_dispatch import CommandDispatcher
 from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.request import items_of
 from axisbus.machine.streaming.options import require_apart
 from axisbus.motion.point_stream.commands import AddPoints, FollowPoints, Span
-from axisbus.motion.point_stream.curve_fit import Between, Joining
-from axisbus.motion.point_stream.timed import TimedPoint, way_of
+from axisbus.motion.point_stream.curve_fit import Between, CurveFit
+from axisbus.motion.point_stream.timed import TrajectoryPoint, way_of
 from axisbus.session import Target
 from axisbus.wording import counted
 
@@ -20,7 +20,11 @@ _AT_ONCE = 8  # spans in a command, of which a cycle takes 32: about a milliseco
 
 
 def follow_points(
-    axes: Mapping[str, Axis], commanding: Commanding, key: Target, name: str, points: Sequence[TimedPoint]
+    axes: Mapping[str, Axis],
+    commanding: CommandDispatcher,
+    key: Target,
+    name: str,
+    points: Sequence[TrajectoryPoint],
 ) -> Handle:
     """Follow points; as ``Group.follow``. ``key``: by what the core knows the group, which is called ``name``."""
     points = items_of(f"{name}.follow", "points", points)
@@ -41,7 +45,7 @@ def _in_parts(spans: Sequence[Span]) -> list[tuple[Span, ...]]:
     return [tuple(spans[n : n + _AT_ONCE]) for n in range(0, len(spans), _AT_ONCE)]
 
 
-def _checked(axes: Mapping[str, Axis], text: str, points: Sequence[TimedPoint]) -> list[Span]:
+def _checked(axes: Mapping[str, Axis], text: str, points: Sequence[TrajectoryPoint]) -> list[Span]:
     """Return what goes to the core."""
     for axis in axes.values():
         axis.require_stream(text)
@@ -56,11 +60,11 @@ def _checked(axes: Mapping[str, Axis], text: str, points: Sequence[TimedPoint]) 
     if not begins_here:
         for axis, place in zip(axes.values(), points[0].positions, strict=True):
             axis.require_near(text, place)
-    joining = Joining({name: axis.allowed() for name, axis in axes.items()}, text)
+    joining = CurveFit({name: axis.allowed() for name, axis in axes.items()}, text)
     return [_span(joining, number - begins_here, between) for number, between in enumerate(way)]
 
 
-def _require_places(axes: Mapping[str, Axis], point: TimedPoint, call: str) -> None:
+def _require_places(axes: Mapping[str, Axis], point: TrajectoryPoint, call: str) -> None:
     for axis, place in zip(axes.values(), point.positions, strict=True):
         if axis.modulo is None:
             axis.absolute_position(call, place)
@@ -68,7 +72,7 @@ def _require_places(axes: Mapping[str, Axis], point: TimedPoint, call: str) -> N
             axis.require_homed(call)
 
 
-def _span(joining: Joining, count: int, between: Between) -> Span:
+def _span(joining: CurveFit, count: int, between: Between) -> Span:
     """Return a span; where it is too much, ``count`` points before the one that it leads to are said to be there."""
     joining.count = max(count, 0)
     return joining.checked(between)

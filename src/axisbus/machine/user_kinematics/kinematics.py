@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
-from axisbus.errors import ArgumentError, AxisbusError, LimitError, in_a_line
+from axisbus.errors import ArgumentError, AxisbusError, LimitError, one_line
 from axisbus.machine.axis import Axis
 from axisbus.machine.user_kinematics.resolution import moved_by
 from axisbus.motion.group.kinematics import CoreXY, Delta, Kinematics, Scara
@@ -18,7 +18,7 @@ _OURS = (CoreXY, Scara, Delta)  # which the core knows itself
 
 
 @runtime_checkable
-class OwnKinematics(Protocol):
+class UserKinematics(Protocol):
     """How the axes of a group make a place of its workspace; called in the program alone, before anything moves.
 
     Both may be of any number of coordinates, which need not be that of the axes, and must be smooth where the tool is to go.
@@ -34,8 +34,8 @@ class OwnKinematics(Protocol):
 
 
 def kinematics_for(
-    text: str, kinematics: Kinematics | OwnKinematics, axes: Mapping[str, Axis], accuracy: float | None
-) -> Kinematics | Own:
+    text: str, kinematics: Kinematics | UserKinematics, axes: Mapping[str, Axis], accuracy: float | None
+) -> Kinematics | UserKinematicsAdapter:
     """Return kinematics as a group calls them; ``text`` is how messages begin.
 
     Raises:
@@ -48,7 +48,7 @@ def kinematics_for(
                 remedy="leave accuracy out",
             )
         return kinematics  # type: ignore[return-value]
-    if not isinstance(kinematics, OwnKinematics):
+    if not isinstance(kinematics, UserKinematics):
         raise ArgumentError(
             f"{text}: {told(kinematics)} is no kinematics",
             observed="it has no methods forward and inverse",
@@ -59,13 +59,13 @@ def kinematics_for(
             f"{text}: accuracy {told(accuracy)} is no distance",
             remedy="give by how much the tool may leave its way between two samples, above 0; or leave it out: one increment",
         )
-    return Own(kinematics, axes, accuracy)
+    return UserKinematicsAdapter(kinematics, axes, accuracy)
 
 
-class Own:
+class UserKinematicsAdapter:
     """A program's kinematics of a group; holds nothing of where anything is."""
 
-    def __init__(self, kinematics: OwnKinematics, axes: Mapping[str, Axis], accuracy: float | None) -> None:
+    def __init__(self, kinematics: UserKinematics, axes: Mapping[str, Axis], accuracy: float | None) -> None:
         """``accuracy``: by how much the tool may leave its way (units of the workspace); None: by what an increment comes to."""
         self._kinematics = kinematics
         self._axes = dict(axes)
@@ -151,12 +151,12 @@ class Own:
             values = [number(value) for value in given]
         except ValueError as error:
             raise LimitError(
-                f"{self.name}.{method} says {where}: {in_a_line(error)}",
+                f"{self.name}.{method} says {where}: {one_line(error)}",
                 remedy="choose another way, which the machine reaches; nothing has moved",
             ) from error
         except Exception as error:
             raise ArgumentError(
-                f"{self.name}.{method} failed {where}: {in_a_line(error)}",
+                f"{self.name}.{method} failed {where}: {one_line(error)}",
                 remedy=f"correct {self.name}.{method}; nothing has moved",
             ) from error
         if not values or None in values:

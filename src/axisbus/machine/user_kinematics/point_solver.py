@@ -23,7 +23,7 @@ from axisbus.machine.user_kinematics.resolution import moved_by
 from axisbus.motion.group.kinematics import Kinematics
 from axisbus.motion.group.segments import Place
 from axisbus.motion.point_stream.commands import Span
-from axisbus.motion.point_stream.curve_fit import Allowed, Between, Joining, Point, Taking
+from axisbus.motion.point_stream.curve_fit import Allowed, Between, CurveFit, PointAccepted, StreamPoint
 from axisbus.motion.point_stream.quintic import Coefficients, Motion, at, coefficients
 
 _FINEST = 256  # parts between two points
@@ -33,7 +33,7 @@ Row = tuple[Motion, ...]
 
 
 class Solving(Protocol):
-    """Kinematics as places are solved by them: ``Own``, and those of the core as ``Ours``."""
+    """Kinematics as places are solved by them: ``UserKinematicsAdapter``, and those of the core as ``UserKinematicsSolver``."""
 
     def forward(self, joints: Place, /) -> Place:
         """Return the place for the axes' positions."""
@@ -48,7 +48,7 @@ class Solving(Protocol):
         """Raise where ``joints`` do not make ``place``."""
 
 
-class Ours:
+class UserKinematicsSolver:
     """Kinematics of the core: exact, and with one answer for each place."""
 
     def __init__(self, kinematics: Kinematics, increments: Sequence[float]) -> None:
@@ -77,7 +77,7 @@ def of_point(text: str, error: AxisbusError) -> AxisbusError:
     )
 
 
-class PlaceJoining(Taking[tuple[Span, ...]]):
+class PlaceJoining(PointAccepted[tuple[Span, ...]]):
     """Makes spans of points of a workspace; holds what the axes do at the last points."""
 
     def __init__(
@@ -87,12 +87,12 @@ class PlaceJoining(Taking[tuple[Span, ...]]):
         super().__init__()
         self._solving = solving
         self._start = start
-        self._spans = Joining(axes, text)
+        self._spans = CurveFit(axes, text)
         self._text = text
         self._known: dict[Row, Row] = {}
 
-    def take(self, point: Point) -> tuple[Span, ...] | None:
-        """As ``Taking.take``; of a point that is refused nothing is kept."""
+    def take(self, point: StreamPoint) -> tuple[Span, ...] | None:
+        """As ``PointAccepted.take``; of a point that is refused nothing is kept."""
         before = dict(self._known)
         try:
             return super().take(point)
@@ -183,7 +183,7 @@ def _parts(between: Between, rows: Sequence[Row]) -> list[Between]:
     """Return the parts of a span, as those of the axes."""
     count = len(rows) - 1
     begin, seconds = between.begin.t, between.seconds
-    points = [Point(begin + seconds * n / count, _places(row)) for n, row in enumerate(rows)]
+    points = [StreamPoint(begin + seconds * n / count, _places(row)) for n, row in enumerate(rows)]
     return [Between(points[n], points[n + 1], rows[n], rows[n + 1]) for n in range(count)]
 
 

@@ -16,10 +16,10 @@ from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 from axisbus.errors import ArgumentError, AxisbusError, LimitError
-from axisbus.machine.user_kinematics.kinematics import Own, listed, said
+from axisbus.machine.user_kinematics.kinematics import UserKinematicsAdapter, listed, said
 from axisbus.motion.group.segments import Corner, Piece, Place, Straight
 from axisbus.motion.point_stream.quintic import Motion, at, coefficients, controls, reach
-from axisbus.motion.sampled_path.segment import Row, Tabled, tabled
+from axisbus.motion.sampled_path.segment import Row, SampledSegment, tabled
 from axisbus.wording import counted
 
 _LINE, _CORNER, _ROUND = 2, 8, 32  # intervals to begin with: of a line, of a corner, of a whole circle
@@ -52,7 +52,12 @@ class Sampling:
     """A path in a workspace on its way to what its axes are to do; holds the samples of each piece."""
 
     def __init__(
-        self, own: Own, pieces: Sequence[Piece], stops: Collection[int], start: Place, text: str
+        self,
+        own: UserKinematicsAdapter,
+        pieces: Sequence[Piece],
+        stops: Collection[int],
+        start: Place,
+        text: str,
     ) -> None:
         """``start``: where the axes are, in their units; ``stops``: after which pieces the path stands; ``text``: for messages."""
         self._own = own
@@ -65,7 +70,7 @@ class Sampling:
         self._rows: list[list[Row]] = []  # as they join
         self._old = set(range(len(self._pieces)))  # pieces to be sampled anew
 
-    def tables(self) -> list[Tabled]:
+    def tables(self) -> list[SampledSegment]:
         """Return the pieces as the axes go along them.
 
         Raises:

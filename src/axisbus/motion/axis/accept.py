@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.state import ENERGISED, State
+from axisbus.cia402.state import ENERGISED, PowerState
 from axisbus.errors import AxisbusError, DriveFault, StateError, Stopped
 from axisbus.motion import commands as c
 from axisbus.motion.axis import (
@@ -18,14 +18,14 @@ from axisbus.motion.axis import (
     accept_superimposed,
 )
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.command_status import Ticket
-from axisbus.motion.group.start_barrier import OPEN, Gate
-from axisbus.motion.jerk.velocity import SoftVelocity
+from axisbus.motion.command_status import CommandStatus
+from axisbus.motion.group.start_barrier import OPEN, StartBarrier
+from axisbus.motion.jerk.velocity import JerkLimitedVelocity
 from axisbus.motion.modes import FOLLOWS_TARGETS, KEPT_MODES, RESTING_MODES
 from axisbus.motion.moves.activity import Activity
-from axisbus.motion.moves.adopt_enabled_drive import Takeover
-from axisbus.motion.moves.coast_and_reset import Coast, Reset
-from axisbus.motion.moves.enable import Enable
+from axisbus.motion.moves.adopt_enabled_drive import DriveAdoption
+from axisbus.motion.moves.coast_and_reset import Coast, ResetActivity
+from axisbus.motion.moves.enable import EnableActivity
 from axisbus.motion.override.factor import require_factor
 from axisbus.motion.parameters import HoldsLoad
 from axisbus.motion.states import MOVING, AxisState
@@ -33,10 +33,10 @@ from axisbus.motion.stop.active_stop import StopKind
 from axisbus.motion.stop.diagnosis import first_observation, nmt_text
 from axisbus.motion.stop.lost import ANEW, not_to_be_reset
 from axisbus.motion.stop.policy import GroupFault
-from axisbus.motion.stop.stop_sequence import Rung, Then
+from axisbus.motion.stop.stop_sequence import AfterStop, StopLevel
 
 
-def accept(core: AxisCore, command: c.Command, ticket: Ticket, gate: Gate = OPEN) -> None:
+def accept(core: AxisCore, command: c.Command, ticket: CommandStatus, gate: StartBarrier = OPEN) -> None:
     """Let ``command`` take effect on ``core``; what the state forbids ends the ticket with the reason.
 
     ``gate``: where the axes of a group wait for each other before they start.
@@ -50,9 +50,9 @@ def accept(core: AxisCore, command: c.Command, ticket: Ticket, gate: Gate = OPEN
 # -- power -----------------------------------------------------------------------------------------------------------
 
 
-def require(core: AxisCore, command: c.Command, ticket: Ticket) -> None:
+def require(core: AxisCore, command: c.Command, ticket: CommandStatus) -> None:
     """Raise AxisbusError where ``core`` would refuse a command that several axes begin together: then no axis begins it."""
-    if isinstance(command, c.Enable):
+    if isinstance(command, c.EnableCommand):
         _require_enable(core, ticket)
     elif isinstance(command, c.Move):
         accept_motion.require_motion(core, ticket)
@@ -60,23 +60,23 @@ def require(core: AxisCore, command: c.Command, ticket: Ticket) -> None:
         accept_motion.target_of(core, command, ticket)
 
 
-def _require_enable(core: AxisCore, ticket: Ticket) -> None:
+def _require_enable(core: AxisCore, ticket: CommandStatus) -> None:
     if core.parameters.encoder:
         raise StateError(
             f"{ticket.name}: {core.parameters.name} is an encoder, and has no drive",
             observed=f"it is where [io.{core.parameters.encoder}] says",
             remedy="let another axis follow it: gear_in or cam_in",
         )
-    if core.state is AxisState.ERRORSTOP or core.image.state is State.FAULT:
+    if core.state is AxisState.ERRORSTOP or core.image.state is PowerState.FAULT:
         raise accept_motion.refusal(core, ticket, AxisState.ERRORSTOP)
     accept_motion.require_no_stop(core, ticket)
     if _is_enabled(core):
         return
     if core.ladder is not None:
         raise StateError(f"{ticket.name}: the axis is being stopped", remedy="wait until it stands")
-    if _runs(core, Enable):
+    if _runs(core, EnableActivity):
         return
-    if _runs(core, Coast) and core.image.state is State.OPERATION_ENABLED:
+    if _runs(core, Coast) and core.image.state is PowerState.OPERATION_ENABLED:
         raise StateError(  # taken over now it would be held from one cycle to the next, however fast it is
             f"{ticket.name}: its power is being taken away",
             remedy="wait until it is off: axis.disable(coast=True).wait()",
@@ -91,20 +91,22 @@ def _require_enable(core: AxisCore, ticket: Ticket) -> None:
 
 def _is_enabled(core: AxisCore) -> bool:
     """Whether it is enabled by us; a quick stop that may be on its way to the drive takes its power."""
-    keeps_power = core.ladder is None or core.ladder.rung is Rung.HALT
-    return core.powered and keeps_power and core.image.state is State.OPERATION_ENABLED
+    keeps_power = core.ladder is None or core.ladder.rung is StopLevel.HALT
+    return core.powered and keeps_power and core.image.state is PowerState.OPERATION_ENABLED
 
 
-def _enable(core: AxisCore, command: c.Enable, ticket: Ticket, gate: Gate) -> None:
+def _enable(core: AxisCore, command: c.EnableCommand, ticket: CommandStatus, gate: StartBarrier) -> None:
     _require_enable(core, ticket)
     if _is_enabled(core):
         core.finish(ticket)  # it is; and where it is locked in Stopping, it stays so
         return
-    if _runs(core, Enable):
+    if _runs(core, EnableActivity):
         core.join(ticket)
         return
     takeover = _takeover(core)
-    core.begin(Enable(core.parameters, _resting_modes(core), gate, takeover, moving=command.moving), ticket)
+    core.begin(
+        EnableActivity(core.parameters, _resting_modes(core), gate, takeover, moving=command.moving), ticket
+    )
 
 
 def _runs(core: AxisCore, activity: type[Activity]) -> bool:
@@ -121,23 +123,29 @@ def _resting_modes(core: AxisCore) -> list[ModeOfOperation]:
     return [mode for mode in RESTING_MODES if mode in core.parameters.modes]
 
 
-def _takeover(core: AxisCore) -> Takeover | None:
+def _takeover(core: AxisCore) -> DriveAdoption | None:
     """What must be found out of a drive in a mode that follows its targets, where the enable finds it enabled."""
     mode = core.image.mode
-    return Takeover(ModeOfOperation(mode), core.parameters) if mode in FOLLOWS_TARGETS else None
+    return DriveAdoption(ModeOfOperation(mode), core.parameters) if mode in FOLLOWS_TARGETS else None
 
 
-def _disable(core: AxisCore, command: c.Disable, ticket: Ticket, _: Gate) -> None:
+def _disable(core: AxisCore, command: c.Disable, ticket: CommandStatus, _: StartBarrier) -> None:
     if command.coast:
         _coast(core, ticket)
         return
-    if core.state is AxisState.ERRORSTOP and core.image.state is State.FAULT and not core.run_down.under_way:
+    if (
+        core.state is AxisState.ERRORSTOP
+        and core.image.state is PowerState.FAULT
+        and not core.run_down.under_way
+    ):
         core.finish(ticket)  # a drive in fault is off already, and its motor stands
         return
-    core.stop_because(StopKind.DISABLE, Then.DISABLE, Rung.HALT, f"{ticket.name} was asked for", ticket)
+    core.stop_because(
+        StopKind.DISABLE, AfterStop.DISABLE, StopLevel.HALT, f"{ticket.name} was asked for", ticket
+    )
 
 
-def _coast(core: AxisCore, ticket: Ticket) -> None:
+def _coast(core: AxisCore, ticket: CommandStatus) -> None:
     if core.parameters.holds_load is not HoldsLoad.NO and not core.image.standstill:
         raise StateError(
             f"{ticket.name}: the axis holds a load and does not stand",
@@ -150,7 +158,7 @@ def _coast(core: AxisCore, ticket: Ticket) -> None:
     core.coast(Coast(core.parameters, path, switch), ticket)
 
 
-def _reset(core: AxisCore, command: c.Reset, ticket: Ticket, gate: Gate) -> None:
+def _reset(core: AxisCore, command: c.ResetCommand, ticket: CommandStatus, gate: StartBarrier) -> None:
     """Reset at once, or when the stop that is under way has ended."""
     image = core.image
     stopping = core.ladder is not None
@@ -159,14 +167,14 @@ def _reset(core: AxisCore, command: c.Reset, ticket: Ticket, gate: Gate) -> None
     if stopping:
         core.stopping.add_reset(ticket, partial(accept, core, command, ticket, gate))
         return
-    if _runs(core, Reset):
+    if _runs(core, ResetActivity):
         core.join(ticket)
         return
-    if image.state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+    if image.state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE):
         fault = first_observation(core.error) if isinstance(core.error, DriveFault) else ""
-        core.begin(Reset(core.parameters, fault), ticket)
+        core.begin(ResetActivity(core.parameters, fault), ticket)
         return
-    if core.state is AxisState.ERRORSTOP and image.state is State.UNKNOWN:
+    if core.state is AxisState.ERRORSTOP and image.state is PowerState.UNKNOWN:
         raise StateError(
             f"{ticket.name}: nothing is known of the drive",
             observed="no fresh statusword (6041h)",
@@ -185,47 +193,47 @@ def _reset(core: AxisCore, command: c.Reset, ticket: Ticket, gate: Gate) -> None
 # -- stopping --------------------------------------------------------------------------------------------------------
 
 
-def _halt(core: AxisCore, _: c.Halt, ticket: Ticket, __: Gate) -> None:
+def _halt(core: AxisCore, _: c.Halt, ticket: CommandStatus, __: StartBarrier) -> None:
     if core.state is not AxisState.STOPPING:
-        if isinstance(core.activity, SoftVelocity):
+        if isinstance(core.activity, JerkLimitedVelocity):
             core.activity.brake_softly()
-        _stop_if_powered(core, ticket, StopKind.HALT, Rung.HALT)
+        _stop_if_powered(core, ticket, StopKind.HALT, StopLevel.HALT)
     elif core.ladder is not None:
         core.stopping.join(ticket)
     elif core.image.standstill:  # locked
         core.finish(ticket)
     else:  # held in quick stop active by its drive, which brakes still: so it is after a stop that was not confirmed
-        _stop_if_powered(core, ticket, StopKind.STOP, Rung.HALT)
+        _stop_if_powered(core, ticket, StopKind.STOP, StopLevel.HALT)
 
 
-def _stop(core: AxisCore, _: c.Stop, ticket: Ticket, __: Gate) -> None:
-    _stop_if_powered(core, ticket, StopKind.STOP, Rung.HALT)
+def _stop(core: AxisCore, _: c.Stop, ticket: CommandStatus, __: StartBarrier) -> None:
+    _stop_if_powered(core, ticket, StopKind.STOP, StopLevel.HALT)
 
 
-def _quick_stop(core: AxisCore, _: c.QuickStop, ticket: Ticket, __: Gate) -> None:
-    _stop_if_powered(core, ticket, StopKind.QUICK_STOP, Rung.QUICK_STOP)
+def _quick_stop(core: AxisCore, _: c.QuickStop, ticket: CommandStatus, __: StartBarrier) -> None:
+    _stop_if_powered(core, ticket, StopKind.QUICK_STOP, StopLevel.QUICK_STOP)
 
 
-def _stop_if_powered(core: AxisCore, ticket: Ticket, kind: StopKind, rung: Rung) -> None:
+def _stop_if_powered(core: AxisCore, ticket: CommandStatus, kind: StopKind, rung: StopLevel) -> None:
     """Where the motor is not driven, and nothing sent may still switch it on, there is nothing to stop, and that is success.
 
     A drive of which nothing is known may be moving: it is stopped. One that has lost its power in motion is watched until it
     stands; one that is being enabled, until it is seen off after the last word that was sent to it.
     """
-    off = core.image.state not in ENERGISED and core.image.state is not State.UNKNOWN
+    off = core.image.state not in ENERGISED and core.image.state is not PowerState.UNKNOWN
     if off and not core.run_down.under_way and not core.may_be_switched_on:
         core.finish(ticket)
         return
-    core.stop_because(kind, Then.HOLD, rung, f"{ticket.name} was asked for", ticket)
+    core.stop_because(kind, AfterStop.HOLD, rung, f"{ticket.name} was asked for", ticket)
 
 
-def _release(core: AxisCore, _: c.Release, ticket: Ticket, __: Gate) -> None:
+def _release(core: AxisCore, _: c.Release, ticket: CommandStatus, __: StartBarrier) -> None:
     if core.state is not AxisState.STOPPING:
         core.finish(ticket)
         return
     if core.ladder is not None:
         raise StateError(f"{ticket.name}: the axis does not stand yet", remedy="wait for the stop first")
-    if core.image.state is State.QUICK_STOP_ACTIVE:
+    if core.image.state is PowerState.QUICK_STOP_ACTIVE:
         raise StateError(
             f"{ticket.name}: the drive is held in quick stop active",
             remedy="enable it again (axis.enable()) or disable it (axis.disable())",
@@ -234,45 +242,53 @@ def _release(core: AxisCore, _: c.Release, ticket: Ticket, __: Gate) -> None:
     core.finish(ticket)
 
 
-def _shutdown(core: AxisCore, command: c.Shutdown, ticket: Ticket, _: Gate) -> None:
+def _shutdown(core: AxisCore, command: c.Shutdown, ticket: CommandStatus, _: StartBarrier) -> None:
     core.probes.end_all(Stopped, f"was ended: {command.reason}", core.order)
     if not core.touched:
         core.finish(ticket)  # never commanded by us: left as it was found
         return
     holds = core.parameters.holds_load is HoldsLoad.TORQUE
-    rung = Rung.QUICK_STOP if command.quick else Rung.HALT
+    rung = StopLevel.QUICK_STOP if command.quick else StopLevel.HALT
     core.stop_because(
-        StopKind.SHUTDOWN, Then.HOLD if holds else Then.DISABLE, rung, f"stopped: {command.reason}", ticket
+        StopKind.SHUTDOWN,
+        AfterStop.HOLD if holds else AfterStop.DISABLE,
+        rung,
+        f"stopped: {command.reason}",
+        ticket,
     )
 
 
-def _policy_stop(core: AxisCore, command: c.PolicyStop, ticket: Ticket, __: Gate) -> None:
+def _policy_stop(core: AxisCore, command: c.PolicyStop, ticket: CommandStatus, __: StartBarrier) -> None:
     if command.how is GroupFault.EACH and core.leading_path is not None:
         core.leading_path.brake_alone()
-    rung = Rung.QUICK_STOP if command.how is GroupFault.QUICK else Rung.HALT
+    rung = StopLevel.QUICK_STOP if command.how is GroupFault.QUICK else StopLevel.HALT
     _stop_ours(core, StopKind.POLICY, command.reason, ticket, rung)
 
 
-def _hand_over(core: AxisCore, command: c.HandOver, ticket: Ticket, __: Gate) -> None:
+def _hand_over(core: AxisCore, command: c.HandOver, ticket: CommandStatus, __: StartBarrier) -> None:
     core.probes.end_all(Stopped, f"was ended: {command.reason}", core.order)
     _stop_ours(core, StopKind.HALT, command.reason, ticket)
 
 
-def _stop_ours(core: AxisCore, kind: StopKind, reason: str, ticket: Ticket, rung: Rung = Rung.HALT) -> None:
+def _stop_ours(
+    core: AxisCore, kind: StopKind, reason: str, ticket: CommandStatus, rung: StopLevel = StopLevel.HALT
+) -> None:
     ours = core.touched and core.state in MOVING
-    if ours or isinstance(core.activity, Enable):
-        core.stop_because(kind, Then.HOLD, rung, reason, ticket)
+    if ours or isinstance(core.activity, EnableActivity):
+        core.stop_because(kind, AfterStop.HOLD, rung, reason, ticket)
     else:
         core.finish(ticket)
 
 
-def _set_override(core: AxisCore, command: c.SetOverride, ticket: Ticket, __: Gate) -> None:
+def _set_override(core: AxisCore, command: c.SetOverride, ticket: CommandStatus, __: StartBarrier) -> None:
     require_override(core, command.factor, ticket)
     core.set_override(own=command.factor)
     core.finish(ticket)
 
 
-def _set_torque_offset(core: AxisCore, command: c.SetTorqueOffset, ticket: Ticket, __: Gate) -> None:
+def _set_torque_offset(
+    core: AxisCore, command: c.SetTorqueOffset, ticket: CommandStatus, __: StartBarrier
+) -> None:
     if core.forward is None:
         raise StateError(
             f"{ticket.name}: {core.parameters.name} has no torque feed-forward",
@@ -282,7 +298,7 @@ def _set_torque_offset(core: AxisCore, command: c.SetTorqueOffset, ticket: Ticke
     core.finish(ticket)
 
 
-def require_override(core: AxisCore, factor: float, ticket: Ticket) -> None:
+def require_override(core: AxisCore, factor: float, ticket: CommandStatus) -> None:
     """Raise where ``factor`` is no override, or nothing says with which acceleration the axis is to change its speed.
 
     Raises:
@@ -303,7 +319,7 @@ def require_override(core: AxisCore, factor: float, ticket: Ticket) -> None:
 # -- touch probe -----------------------------------------------------------------------------------------------------
 
 
-def _probe(core: AxisCore, command: c.Probe, ticket: Ticket, _: Gate) -> None:
+def _probe(core: AxisCore, command: c.Probe, ticket: CommandStatus, _: StartBarrier) -> None:
     if core.state is AxisState.HOMING:
         raise StateError(
             f"{ticket.name}: the axis is being homed, and its drive will count its positions anew",
@@ -312,14 +328,14 @@ def _probe(core: AxisCore, command: c.Probe, ticket: Ticket, _: Gate) -> None:
     core.probes.begin(command, ticket, core.image, core.order)
 
 
-def _probe_abort(core: AxisCore, command: c.ProbeAbort, ticket: Ticket, _: Gate) -> None:
+def _probe_abort(core: AxisCore, command: c.ProbeAbort, ticket: CommandStatus, _: StartBarrier) -> None:
     core.probes.abort(command, ticket, core.image, core.order)
 
 
 # -- one after the other ---------------------------------------------------------------------------------------------
 
 
-def _buffered(core: AxisCore, command: c.Buffered, ticket: Ticket, gate: Gate) -> None:
+def _buffered(core: AxisCore, command: c.Buffered, ticket: CommandStatus, gate: StartBarrier) -> None:
     """Let a motion wait behind what is under way; with nothing under way it begins."""
     accept_motion.require_motion(core, ticket)
     if core.ladder is not None:
@@ -330,7 +346,7 @@ def _buffered(core: AxisCore, command: c.Buffered, ticket: Ticket, gate: Gate) -
         core.queue.add(ticket, partial(accept, core, command.command, ticket, gate))
 
 
-def _blend(core: AxisCore, command: c.Blend, ticket: Ticket, gate: Gate) -> None:
+def _blend(core: AxisCore, command: c.BufferedMove, ticket: CommandStatus, gate: StartBarrier) -> None:
     """Let a move go on with what is under way; where that cannot be passed into it, it waits for its end, and says so."""
     why = accept_blending.blend(core, command, ticket, gate)
     if why is not None:
@@ -338,10 +354,10 @@ def _blend(core: AxisCore, command: c.Blend, ticket: Ticket, gate: Gate) -> None
         core.queue.add(ticket, partial(accept, core, command, ticket, gate), joins=True)
 
 
-_ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
-    c.Enable: _enable,
+_ACCEPT: dict[type, Callable[[AxisCore, Any, CommandStatus, StartBarrier], None]] = {
+    c.EnableCommand: _enable,
     c.Disable: _disable,
-    c.Reset: _reset,
+    c.ResetCommand: _reset,
     c.Halt: _halt,
     c.Stop: _stop,
     c.Release: _release,
@@ -351,13 +367,13 @@ _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.TorqueControl: accept_motion.torque,
     c.CyclicVelocity: accept_cyclic.velocity,
     c.CyclicTorque: accept_cyclic.torque,
-    c.Control: accept_cyclic.control,
-    c.Answer: accept_cyclic.answer,
+    c.ControllerCommand: accept_cyclic.control,
+    c.ControllerOutput: accept_cyclic.answer,
     c.Home: accept_motion.home,
     c.SetPosition: accept_motion.set_position,
     c.FollowTrajectory: accept_motion.follow,
     c.Buffered: _buffered,
-    c.Blend: _blend,
+    c.BufferedMove: _blend,
     c.GearOut: accept_motion.uncouple,
     c.Probe: _probe,
     c.ProbeAbort: _probe_abort,

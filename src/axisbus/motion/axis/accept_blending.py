@@ -10,18 +10,18 @@ from axisbus.motion import commands as c
 from axisbus.motion.axis import accept_motion
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.blending.blended_profile import Leg
-from axisbus.motion.blending.csp_blending import BlendedMoves, Part
-from axisbus.motion.blending.jerk_limited import SoftBlendedMoves
+from axisbus.motion.blending.csp_blending import BlendedCommand, BlendedMoves
+from axisbus.motion.blending.jerk_limited import JerkLimitedBlendedMoves
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.blending.notes import began_from_rest, softer
-from axisbus.motion.blending.pp_blending import Handed
-from axisbus.motion.command_status import Ticket
+from axisbus.motion.blending.pp_blending import BlendedTarget
+from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.group.path_builder import window
-from axisbus.motion.group.start_barrier import OPEN, Gate
-from axisbus.motion.jerk.jerk_limited_move import SoftMove
-from axisbus.motion.moves.csp_move import GoingOn
+from axisbus.motion.group.start_barrier import OPEN, StartBarrier
+from axisbus.motion.jerk.jerk_limited_move import JerkLimitedMove
+from axisbus.motion.moves.csp_move import CspMove
 from axisbus.motion.moves.position import PositionMove
-from axisbus.motion.moves.profile import Profile
+from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.states import AxisState
 from axisbus.units import modulo_target
 from axisbus.wording import counted
@@ -30,7 +30,7 @@ _CSP = ModeOfOperation.CYCLIC_SYNC_POSITION
 MOST = 100  # commands that share one motion
 
 
-def blend(core: AxisCore, command: c.Blend, ticket: Ticket, gate: Gate) -> str | None:
+def blend(core: AxisCore, command: c.BufferedMove, ticket: CommandStatus, gate: StartBarrier) -> str | None:
     """Let ``command`` go on with what is under way, or begin where nothing is; else return what its handle is to say of its wait.
 
     Raises:
@@ -46,9 +46,9 @@ def blend(core: AxisCore, command: c.Blend, ticket: Ticket, gate: Gate) -> str |
     if core.running.ticket is None:
         _begin(core, command, ticket, gate)
         return None
-    if isinstance(core.activity, GoingOn):
+    if isinstance(core.activity, CspMove):
         _take_up(core, core.activity, core.running.ticket)
-        if isinstance(core.activity, GoingOn):
+        if isinstance(core.activity, CspMove):
             return began_from_rest(
                 "the move before it turns round, is under an override, or has a distance laid over it"
             )
@@ -60,7 +60,7 @@ def blend(core: AxisCore, command: c.Blend, ticket: Ticket, gate: Gate) -> str |
     raise _no_end(core, ticket)
 
 
-def _begin(core: AxisCore, command: c.Blend, ticket: Ticket, gate: Gate) -> None:
+def _begin(core: AxisCore, command: c.BufferedMove, ticket: CommandStatus, gate: StartBarrier) -> None:
     """Begin from rest in csp, so that the next may join; where that cannot be, as a move without blending."""
     if core.state is not AxisState.STANDSTILL or not _takes_csp(core, ticket):
         accept_motion.move(core, command.move, ticket, gate)
@@ -71,35 +71,37 @@ def _begin(core: AxisCore, command: c.Blend, ticket: Ticket, gate: Gate) -> None
     if profile.softness is None:
         moves = BlendedMoves(part, core.parameters, gate)
     else:
-        moves = SoftBlendedMoves(part, core.parameters, gate, _cycles(core, profile, ticket))
+        moves = JerkLimitedBlendedMoves(part, core.parameters, gate, _cycles(core, profile, ticket))
     core.begin(moves, ticket, AxisState.DISCRETE_MOTION)
     core.aim(target)
 
 
-def _take_up(core: AxisCore, move: GoingOn, ticket: Ticket) -> None:
+def _take_up(core: AxisCore, move: CspMove, ticket: CommandStatus) -> None:
     """Let a move that has begun from the speed of its axis be one that others can join, where it leads straight to its end."""
     if not ticket.number:
         return
-    if isinstance(move, SoftMove):
+    if isinstance(move, JerkLimitedMove):
         _take_up_softly(core, move, ticket)
         return
     going = move.going()
     if going is None:
         return
     leg = _leg(core, move.profile, move.target, BufferMode.BUFFERED)
-    moves = BlendedMoves(Part(leg, move.target, ticket, move.profile.timeout), core.parameters, OPEN)
+    moves = BlendedMoves(
+        BlendedCommand(leg, move.target, ticket, move.profile.timeout), core.parameters, OPEN
+    )
     moves.take_up(going, move)
     core.running.activity = moves
 
 
-def _take_up_softly(core: AxisCore, move: SoftMove, ticket: Ticket) -> None:
+def _take_up_softly(core: AxisCore, move: JerkLimitedMove, ticket: CommandStatus) -> None:
     """The same of a move with a limit of jerk; one that has moved nothing yet begins anew, as the first of several."""
     way, ramp = move.going_softly(), move.ramp
     if way is None and not move.waits:
         return
     leg = _leg(core, move.profile, move.target, BufferMode.BUFFERED)._replace(up=ramp, down=ramp)
-    part = Part(leg, move.target, ticket, move.profile.timeout)
-    moves = SoftBlendedMoves(part, core.parameters, OPEN, move.window)
+    part = BlendedCommand(leg, move.target, ticket, move.profile.timeout)
+    moves = JerkLimitedBlendedMoves(part, core.parameters, OPEN, move.window)
     if way is None:
         move.cancel(core.order)
     else:
@@ -107,7 +109,7 @@ def _take_up_softly(core: AxisCore, move: SoftMove, ticket: Ticket) -> None:
     core.running.activity = moves
 
 
-def _cycles(core: AxisCore, profile: Profile, ticket: Ticket) -> int:
+def _cycles(core: AxisCore, profile: MoveProfile, ticket: CommandStatus) -> int:
     """Return of how many cycles the mean is to be with which a move keeps its limit of jerk; 1 where it has none."""
     assert profile.up
     assert profile.down
@@ -115,7 +117,7 @@ def _cycles(core: AxisCore, profile: Profile, ticket: Ticket) -> int:
     return window(hardest, profile.softness, core.parameters.scan_period, ticket.name)
 
 
-def _join(core: AxisCore, moves: BlendedMoves, command: c.Blend, ticket: Ticket) -> str | None:
+def _join(core: AxisCore, moves: BlendedMoves, command: c.BufferedMove, ticket: CommandStatus) -> str | None:
     _require_few(moves.commands, ticket)
     needed = _cycles(core, command.move.profile, ticket)
     why = moves.why_not or ("" if needed <= moves.window else softer())
@@ -131,7 +133,9 @@ def _join(core: AxisCore, moves: BlendedMoves, command: c.Blend, ticket: Ticket)
     return None
 
 
-def _hand_on(core: AxisCore, move: PositionMove, command: c.Blend, ticket: Ticket) -> str | None:
+def _hand_on(
+    core: AxisCore, move: PositionMove, command: c.BufferedMove, ticket: CommandStatus
+) -> str | None:
     """Let a move that the drive plans go on to another end, where that lies in its direction."""
     _require_few(move.commands, ticket)
     before, position = core.running.ticket, core.image.position
@@ -148,22 +152,22 @@ def _hand_on(core: AxisCore, move: PositionMove, command: c.Blend, ticket: Ticke
     if (move.target - position) * (target - move.target) <= 0:
         return began_from_rest("the way leads back there, or the move has no length")
     ticket.note = ""
-    move.join(Handed(target, command.move.profile, command.mode, ticket), before, core.image)
+    move.join(BlendedTarget(target, command.move.profile, command.mode, ticket), before, core.image)
     core.running.pass_on(ticket)
     core.aim(target)
     return None
 
 
-def _turned(core: AxisCore, command: c.Blend, end: int | None) -> c.Move:
+def _turned(core: AxisCore, command: c.BufferedMove, end: int | None) -> c.Move:
     """Return the move; to a place of an endless axis it leads on from ``end`` (unwrapped increments), where the axis will be."""
     move, modulo, units = command.move, core.parameters.units.modulo, core.parameters.units.position
-    if modulo is None or end is None or move.reference is not c.Reference.ABSOLUTE:
+    if modulo is None or end is None or move.reference is not c.TargetReference.ABSOLUTE:
         return move
     here, place = (units.to_units(value) for value in (end - core.image.origin, move.value))
     return replace(move, value=units.to_increments(modulo_target(here, place, modulo, command.direction)))
 
 
-def _require_few(commands: int, ticket: Ticket) -> None:
+def _require_few(commands: int, ticket: CommandStatus) -> None:
     if commands >= MOST:
         raise StateError(
             f"{ticket.name}: too much is ahead of the axis already",
@@ -172,12 +176,12 @@ def _require_few(commands: int, ticket: Ticket) -> None:
         )
 
 
-def _part(core: AxisCore, command: c.Blend, target: int, ticket: Ticket) -> Part:
+def _part(core: AxisCore, command: c.BufferedMove, target: int, ticket: CommandStatus) -> BlendedCommand:
     profile = command.move.profile
-    return Part(_leg(core, profile, target, command.mode), target, ticket, profile.timeout)
+    return BlendedCommand(_leg(core, profile, target, command.mode), target, ticket, profile.timeout)
 
 
-def _leg(core: AxisCore, profile: Profile, target: int, mode: BufferMode) -> Leg:
+def _leg(core: AxisCore, profile: MoveProfile, target: int, mode: BufferMode) -> Leg:
     units = core.parameters.units.position
     unit = abs(units.factor)
     assert profile.speed
@@ -187,7 +191,7 @@ def _leg(core: AxisCore, profile: Profile, target: int, mode: BufferMode) -> Leg
     return Leg(end, profile.speed / unit, profile.up / unit, profile.down / unit, mode)
 
 
-def _takes_csp(core: AxisCore, ticket: Ticket) -> bool:
+def _takes_csp(core: AxisCore, ticket: CommandStatus) -> bool:
     if _CSP not in core.parameters.modes:
         return False
     try:
@@ -197,12 +201,12 @@ def _takes_csp(core: AxisCore, ticket: Ticket) -> bool:
     return True
 
 
-def _require_no_halt(core: AxisCore, ticket: Ticket) -> None:
+def _require_no_halt(core: AxisCore, ticket: CommandStatus) -> None:
     if core.ladder is not None:
         raise StateError(f"{ticket.name}: the axis is being halted", remedy="wait until it stands")
 
 
-def _require_ramps(core: AxisCore, command: c.Blend, ticket: Ticket) -> None:
+def _require_ramps(core: AxisCore, command: c.BufferedMove, ticket: CommandStatus) -> None:
     """Raise StateError where it is not known how fast the move is."""
     profile, name = command.move.profile, core.parameters.name
     if not (profile.speed and profile.up and profile.down):
@@ -213,7 +217,7 @@ def _require_ramps(core: AxisCore, command: c.Blend, ticket: Ticket) -> None:
         )
 
 
-def _no_end(core: AxisCore, ticket: Ticket) -> StateError:
+def _no_end(core: AxisCore, ticket: CommandStatus) -> StateError:
     running = core.running.ticket
     seen = "" if running is None else f"{running.name} is under way"
     return StateError(

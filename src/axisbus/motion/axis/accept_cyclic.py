@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.motion import commands as c
 from axisbus.motion.active_trajectory import Leading
 from axisbus.motion.axis.accept_motion import (
@@ -18,30 +18,30 @@ from axisbus.motion.axis.accept_motion import (
     require_stop,
 )
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.command_status import Status, Ticket
-from axisbus.motion.cyclic.torque import TorqueLed
+from axisbus.motion.command_status import CommandStatus, Status
+from axisbus.motion.cyclic.torque import CyclicTorqueMove
 from axisbus.motion.cyclic.user_controller import TorqueAnswered, VelocityAnswered
-from axisbus.motion.cyclic.velocity import VelocityLed
-from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.cyclic.velocity import CyclicVelocityMove
+from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.states import AxisState
-from axisbus.motion.stop.stop_sequence import Rung
-from axisbus.motion.stop_deceleration import Course
+from axisbus.motion.stop.stop_sequence import StopLevel
+from axisbus.motion.stop_deceleration import CommandedMotion
 
 _M = ModeOfOperation
 
 
-def velocity(core: AxisCore, command: c.CyclicVelocity, ticket: Ticket, gate: Gate) -> None:
+def velocity(core: AxisCore, command: c.CyclicVelocity, ticket: CommandStatus, gate: StartBarrier) -> None:
     """A velocity in cyclic synchronous velocity mode; one that runs already goes on to it."""
     down = abs(command.deceleration * core.parameters.units.per_velocity)
-    _lead(core, VelocityLed, command, ticket, gate, down)
+    _lead(core, CyclicVelocityMove, command, ticket, gate, down)
 
 
-def torque(core: AxisCore, command: c.CyclicTorque, ticket: Ticket, gate: Gate) -> None:
+def torque(core: AxisCore, command: c.CyclicTorque, ticket: CommandStatus, gate: StartBarrier) -> None:
     """A torque in cyclic synchronous torque mode; one that acts already goes on to it."""
-    _lead(core, TorqueLed, command, ticket, gate)
+    _lead(core, CyclicTorqueMove, command, ticket, gate)
 
 
-def control(core: AxisCore, command: c.Control, ticket: Ticket, gate: Gate) -> None:
+def control(core: AxisCore, command: c.ControllerCommand, ticket: CommandStatus, gate: StartBarrier) -> None:
     """A loop of the program's own in one of the two modes."""
     if isinstance(command.by, c.CyclicVelocity):
         down = abs(command.by.deceleration * core.parameters.units.per_velocity)
@@ -50,7 +50,7 @@ def control(core: AxisCore, command: c.Control, ticket: Ticket, gate: Gate) -> N
         _begin(core, TorqueAnswered, command, ticket, gate)
 
 
-def answer(core: AxisCore, command: c.Answer, ticket: Ticket, _: Gate) -> None:
+def answer(core: AxisCore, command: c.ControllerOutput, ticket: CommandStatus, _: StartBarrier) -> None:
     """What a loop has answered; for one that has ended it is let go of, as its own ticket has told why."""
     running = core.activity
     if isinstance(running, VelocityAnswered | TorqueAnswered) and running.take(command):
@@ -61,10 +61,10 @@ def answer(core: AxisCore, command: c.Answer, ticket: Ticket, _: Gate) -> None:
 
 def _lead(
     core: AxisCore,
-    led: type[VelocityLed] | type[TorqueLed],
+    led: type[CyclicVelocityMove] | type[CyclicTorqueMove],
     command: Any,
-    ticket: Ticket,
-    gate: Gate,
+    ticket: CommandStatus,
+    gate: StartBarrier,
     down: float | None = None,
 ) -> None:
     """``command`` is one of ``led``; ``down``: see ``require_braking``."""
@@ -82,8 +82,8 @@ def _begin(
     core: AxisCore,
     led: Any,
     command: Any,
-    ticket: Ticket,
-    gate: Gate,
+    ticket: CommandStatus,
+    gate: StartBarrier,
     down: float | None = None,
 ) -> None:
     """Let ``led`` lead the axis, from standstill or from where it is led in the same mode."""
@@ -96,21 +96,21 @@ def _begin(
     core.aim(None)
 
 
-def _require(core: AxisCore, mode: ModeOfOperation, ticket: Ticket) -> None:
+def _require(core: AxisCore, mode: ModeOfOperation, ticket: CommandStatus) -> None:
     require_motion(core, ticket)
     require_objects(core.parameters, mode, ticket)
     require_cyclic(core, ticket, mode)
     if mode is _M.CYCLIC_SYNC_TORQUE:
-        require_stop(core, mode, Course(by_torque=True), ticket)
+        require_stop(core, mode, CommandedMotion(by_torque=True), ticket)
 
 
 def _led(core: AxisCore) -> Leading | None:
     """Return what leads the axis from cycle to cycle in the mode that its drive shows; of a halt only its first rung."""
-    if leaving_switch(core) is not None or core.image.state is not State.OPERATION_ENABLED:
+    if leaving_switch(core) is not None or core.image.state is not PowerState.OPERATION_ENABLED:
         return None
     ladder = core.ladder
     if ladder is not None:
-        leading = ladder.follow if ladder.rung is Rung.HALT else None
+        leading = ladder.follow if ladder.rung is StopLevel.HALT else None
     else:
         leading = None if core.activity is None else core.activity.leading
     return leading if leading is not None and core.image.mode == leading.mode else None

@@ -5,15 +5,15 @@ from __future__ import annotations
 from axisbus.motion import commands as c
 from axisbus.motion.axis import accept_motion
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.command_status import Ticket
+from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.group.path_builder import window
-from axisbus.motion.group.start_barrier import Gate
-from axisbus.motion.jerk.velocity import SoftVelocity
-from axisbus.motion.moves.profile import Profile
+from axisbus.motion.group.start_barrier import StartBarrier
+from axisbus.motion.jerk.velocity import JerkLimitedVelocity
+from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.states import AxisState
 
 
-def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: Ticket, gate: Gate) -> None:
+def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: CommandStatus, gate: StartBarrier) -> None:
     """MC_MoveVelocity, MC_Jog."""
     profile = command.profile
     if profile.softness is None or profile.jerk is not None:
@@ -22,7 +22,7 @@ def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: Ticket, gate:
         _turn_softly(core, profile, ticket, gate)
 
 
-def _turn_softly(core: AxisCore, profile: Profile, ticket: Ticket, gate: Gate) -> None:
+def _turn_softly(core: AxisCore, profile: MoveProfile, ticket: CommandStatus, gate: StartBarrier) -> None:
     """Let a velocity with a limit of jerk be led here: its drive has none.
 
     Raises:
@@ -36,7 +36,7 @@ def _turn_softly(core: AxisCore, profile: Profile, ticket: Ticket, gate: Gate) -
     assert profile.down
     hardest = max(profile.up, profile.down) / abs(parameters.units.position.factor)
     window(hardest, profile.softness, parameters.scan_period, ticket.name)
-    velocity = SoftVelocity(profile, parameters, gate, before, bounded=core.bounded)
+    velocity = JerkLimitedVelocity(profile, parameters, gate, before, bounded=core.bounded)
     velocity.require_room()
     core.begin(velocity, ticket, AxisState.CONTINUOUS_MOTION)
     core.aim(None)

@@ -7,29 +7,29 @@ from typing import NamedTuple
 
 from axisbus.cia402 import modes, objects
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Source
+from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, ValueTransport
 from axisbus.errors import Interrupted, LimitError, StateError
 from axisbus.motion import commands as c
 from axisbus.motion.active_trajectory import Leading
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
-from axisbus.motion.command_status import Ticket
-from axisbus.motion.coupling.slave_axis import Coupled, LetGo
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.command_status import CommandStatus
+from axisbus.motion.coupling.slave_axis import Coupled, Disengaged
 from axisbus.motion.cyclic.ramps import VelocityRamp
-from axisbus.motion.group.start_barrier import Gate
-from axisbus.motion.jerk.drive_profile_type import Shaped
-from axisbus.motion.jerk.jerk_limited_move import SoftMove
-from axisbus.motion.jerk.velocity import SoftVelocity
+from axisbus.motion.group.start_barrier import StartBarrier
+from axisbus.motion.jerk.drive_profile_type import JerkProfileWritten
+from axisbus.motion.jerk.jerk_limited_move import JerkLimitedMove
+from axisbus.motion.jerk.velocity import JerkLimitedVelocity
 from axisbus.motion.moves.activity import Lead, ModeSwitch, object_text, require_position, shown_modes
 from axisbus.motion.moves.continuous_motion import TorqueMove, VelocityMove
-from axisbus.motion.moves.csp_move import GoingOn
+from axisbus.motion.moves.csp_move import CspMove
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.homing import HomingRun
 from axisbus.motion.moves.jog import Jog
 from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.prepare import Prepare, RampTransfers, expected, profile_writes, slow_ramp_writes
-from axisbus.motion.moves.profile import Profile
+from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.override.setpoint_update import overridden
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.position_limits import NOISE, allowed_end, room_of_count
@@ -37,7 +37,7 @@ from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
 from axisbus.motion.stop.limits import stop_of, unknown_braking
 from axisbus.motion.stop.lost import not_to_be_reset
 from axisbus.motion.stop.velocity_following import RampedWay
-from axisbus.motion.stop_deceleration import Course
+from axisbus.motion.stop_deceleration import CommandedMotion
 from axisbus.units import INT32_HALF, whole_above, whole_below
 
 _M = ModeOfOperation
@@ -57,7 +57,7 @@ _CYCLIC = {
 }
 
 
-def move(core: AxisCore, command: c.Move, ticket: Ticket, gate: Gate) -> None:
+def move(core: AxisCore, command: c.Move, ticket: CommandStatus, gate: StartBarrier) -> None:
     """MC_MoveAbsolute, MC_MoveRelative, MC_MoveAdditive."""
     require_motion(core, ticket)
     require_watch(core.parameters, command.profile, ticket)
@@ -68,7 +68,7 @@ def move(core: AxisCore, command: c.Move, ticket: Ticket, gate: Gate) -> None:
         _move_softly(core, target, profile, ticket, gate)
         return
     if leading is not None and profile.jerk is None and profile.speed and profile.up and profile.down:
-        _go_on(core, GoingOn(target, profile, core.parameters, gate, leading), ticket)
+        _go_on(core, CspMove(target, profile, core.parameters, gate, leading), ticket)
         core.aim(target)
         return
     require_objects(core.parameters, _M.PROFILE_POSITION, ticket)
@@ -92,12 +92,14 @@ def move(core: AxisCore, command: c.Move, ticket: Ticket, gate: Gate) -> None:
     core.aim(target)
 
 
-def _move_softly(core: AxisCore, target: int, profile: Profile, ticket: Ticket, gate: Gate) -> None:
+def _move_softly(
+    core: AxisCore, target: int, profile: MoveProfile, ticket: CommandStatus, gate: StartBarrier
+) -> None:
     """Let a move with a limit of jerk be led here: its drive has none."""
-    soft = core.activity if isinstance(core.activity, SoftMove) else None
+    soft = core.activity if isinstance(core.activity, JerkLimitedMove) else None
     before = path_of(core) or (soft if soft is not None and soft.has_begun else None)
     require_lead(core, profile, ticket, before)
-    move = SoftMove(target, profile, core.parameters, gate, ticket.name, before)
+    move = JerkLimitedMove(target, profile, core.parameters, gate, ticket.name, before)
     if before is not None:
         _go_on(core, move, ticket)
     else:
@@ -105,7 +107,7 @@ def _move_softly(core: AxisCore, target: int, profile: Profile, ticket: Ticket, 
     core.aim(target)
 
 
-def require_lead(core: AxisCore, profile: Profile, ticket: Ticket, before: Follow | None) -> None:
+def require_lead(core: AxisCore, profile: MoveProfile, ticket: CommandStatus, before: Follow | None) -> None:
     """Raise StateError where the master cannot lead an axis in csp with a limit of jerk.
 
     ``before``: what leads it along a path already. What waits for its mode, and has moved nothing yet, is replaced as at rest.
@@ -121,21 +123,21 @@ def require_lead(core: AxisCore, profile: Profile, ticket: Ticket, before: Follo
         )
     try:
         require_cyclic(core, ticket, _M.CYCLIC_SYNC_POSITION)
-        if not (isinstance(core.activity, SoftMove | SoftVelocity) and core.activity.waits):
+        if not (isinstance(core.activity, JerkLimitedMove | JerkLimitedVelocity) and core.activity.waits):
             require_rest(core, ticket, before)
     except StateError as error:
         error.observed = "; ".join(text for text in (error.observed, lacking) if text)
         raise
 
 
-def _go_on(core: AxisCore, going_on: GoingOn, ticket: Ticket) -> None:
+def _go_on(core: AxisCore, going_on: CspMove, ticket: CommandStatus) -> None:
     """Let a move begin from the velocity with which a trajectory leads the axis."""
     if core.bounded:
         going_on.require_room(core.image.origin)
     core.begin(going_on, ticket, AxisState.DISCRETE_MOTION)
 
 
-def require_watch(parameters: AxisParameters, profile: Profile, ticket: Ticket) -> None:
+def require_watch(parameters: AxisParameters, profile: MoveProfile, ticket: CommandStatus) -> None:
     """Raise StateError where a move has no deadline: without 6064h neither distance nor progress is known."""
     if profile.timeout is None and not parameters.has(objects.POSITION_ACTUAL):
         raise StateError(
@@ -145,20 +147,22 @@ def require_watch(parameters: AxisParameters, profile: Profile, ticket: Ticket) 
         )
 
 
-def target_of(core: AxisCore, command: c.Move, ticket: Ticket, end: int | None = None, shift: int = 0) -> int:
+def target_of(
+    core: AxisCore, command: c.Move, ticket: CommandStatus, end: int | None = None, shift: int = 0
+) -> int:
     """Return the absolute target in unwrapped drive increments; the master always sends absolute ones.
 
     ``end``: where what is before it ends, from which the others then count; ``shift`` is laid over both.
     """
     origin = core.image.origin
-    if command.reference is c.Reference.ABSOLUTE:
+    if command.reference is c.TargetReference.ABSOLUTE:
         if shift and core.bounded:
             require_within_limits(core.parameters, command.value + shift, ticket)
         return _within_reach(core, command.value + origin, ticket)
     base, noise = end, 0.0
     if base is None:
         base, noise = require_position(core.image, core.parameters.name, "a relative move"), NOISE
-        if command.reference is c.Reference.ADDITIVE and core.last_target is not None:
+        if command.reference is c.TargetReference.ADDITIVE and core.last_target is not None:
             base, noise = core.last_target, 0.0
     target = base + command.value
     if core.bounded:
@@ -168,7 +172,7 @@ def target_of(core: AxisCore, command: c.Move, ticket: Ticket, end: int | None =
     return _within_reach(core, target, ticket)
 
 
-def _within_reach(core: AxisCore, target: int, ticket: Ticket) -> int:
+def _within_reach(core: AxisCore, target: int, ticket: CommandStatus) -> int:
     """Return ``target``, which a drive that counts in INTEGER32 can tell from one a whole count away, and need not wrap to."""
     position, units = core.image.position, core.parameters.units.position
     if position is not None:
@@ -184,7 +188,7 @@ def _within_reach(core: AxisCore, target: int, ticket: Ticket) -> int:
 
 
 def require_count(
-    parameters: AxisParameters, position: int, target: int, origin: int, ticket: Ticket
+    parameters: AxisParameters, position: int, target: int, origin: int, ticket: CommandStatus
 ) -> None:
     """Raise LimitError where the count of a drive at ``position`` ends before ``target`` (both unwrapped): 607Ah holds no more."""
     if parameters.units.modulo is not None or parameters.virtual or room_of_count(position).has(target):
@@ -200,7 +204,11 @@ def require_count(
 
 
 def require_within_limits(
-    parameters: AxisParameters, position: int, ticket: Ticket, start: int | None = None, noise: float = 0.0
+    parameters: AxisParameters,
+    position: int,
+    ticket: CommandStatus,
+    start: int | None = None,
+    noise: float = 0.0,
 ) -> int:
     """Return ``position`` (user increments) as the end of a motion: see ``position_limits.allowed_end``.
 
@@ -224,7 +232,7 @@ def require_within_limits(
     )
 
 
-def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: Ticket, gate: Gate) -> None:
+def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: CommandStatus, gate: StartBarrier) -> None:
     """MC_MoveVelocity, MC_Jog."""
     if isinstance(core.activity, Jog) and core.activity.renew(command, core.image):
         core.finish(ticket)
@@ -238,14 +246,14 @@ def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: Ticket, gate:
     prepare = _prepare(core, _M.PROFILE_VELOCITY, writes, gate, profile.jerk)
     profile = expected(profile, core.parameters)
     require_braking(core, profile.down, ticket, _soft(core, profile))
-    require_stop(core, _M.PROFILE_VELOCITY, Course(down=profile.down), ticket)
+    require_stop(core, _M.PROFILE_VELOCITY, CommandedMotion(down=profile.down), ticket)
     velocity_move = VelocityMove(profile, core.parameters, prepare, _course(core), _ramped(core))
     activity = velocity_move if command.life is None else Jog(velocity_move, command, core.image)
     core.begin(activity, ticket, AxisState.CONTINUOUS_MOTION)
     core.aim(None)
 
 
-def _course(core: AxisCore) -> Course | None:
+def _course(core: AxisCore) -> CommandedMotion | None:
     return None if core.activity is None else core.activity.course
 
 
@@ -254,11 +262,11 @@ def _ramped(core: AxisCore) -> RampedWay | None:
     return before.ramped if isinstance(before, VelocityMove | Jog) else None
 
 
-def _soft(core: AxisCore, profile: Profile) -> float:
+def _soft(core: AxisCore, profile: MoveProfile) -> float:
     return profile.soft_seconds(abs(core.parameters.units.position.factor))
 
 
-def require_braking(core: AxisCore, down: float | None, ticket: Ticket, soft: float = 0.0) -> None:
+def require_braking(core: AxisCore, down: float | None, ticket: CommandStatus, soft: float = 0.0) -> None:
     """Raise LimitError where the axis would leave its position limits because the command brings a weaker deceleration.
 
     ``down``: that of the command, in position increments per s²; None where it is not known. ``soft``: seconds by which the drive's
@@ -281,7 +289,9 @@ def require_braking(core: AxisCore, down: float | None, ticket: Ticket, soft: fl
     )
 
 
-def require_stop(core: AxisCore, mode: ModeOfOperation, course: Course, ticket: Ticket) -> None:
+def require_stop(
+    core: AxisCore, mode: ModeOfOperation, course: CommandedMotion, ticket: CommandStatus
+) -> None:
     """Raise StateError where position limits hold, and nobody knows by how much a stop brakes the axis on ``course``."""
     parameters = core.parameters
     if not core.bounded or parameters.limits.position is None or stop_of(parameters, course)[1] is not None:
@@ -294,7 +304,7 @@ def require_stop(core: AxisCore, mode: ModeOfOperation, course: Course, ticket: 
     )
 
 
-def torque(core: AxisCore, command: c.TorqueControl, ticket: Ticket, gate: Gate) -> None:
+def torque(core: AxisCore, command: c.TorqueControl, ticket: CommandStatus, gate: StartBarrier) -> None:
     """MC_TorqueControl."""
     require_motion(core, ticket)
     require_objects(core.parameters, _M.PROFILE_TORQUE, ticket)
@@ -303,14 +313,14 @@ def torque(core: AxisCore, command: c.TorqueControl, ticket: Ticket, gate: Gate)
     if command.slope is not None and parameters.has(objects.TORQUE_SLOPE):
         writes.append((objects.TORQUE_SLOPE, 0, command.slope))
     writes += slow_ramp_writes(parameters)
-    require_stop(core, _M.PROFILE_TORQUE, Course(by_torque=True), ticket)
+    require_stop(core, _M.PROFILE_TORQUE, CommandedMotion(by_torque=True), ticket)
     prepare = _prepare(core, _M.PROFILE_TORQUE, writes, gate)
     activity = TorqueMove(command.torque, command.timeout, parameters, prepare, command.slope)
     core.begin(activity, ticket, AxisState.CONTINUOUS_MOTION)
     core.aim(None)
 
 
-def home(core: AxisCore, command: c.Home, ticket: Ticket, _: Gate) -> None:
+def home(core: AxisCore, command: c.Home, ticket: CommandStatus, _: StartBarrier) -> None:
     """MC_Home."""
     require_motion(core, ticket)
     require_rest(core, ticket)
@@ -318,7 +328,7 @@ def home(core: AxisCore, command: c.Home, ticket: Ticket, _: Gate) -> None:
     core.begin(HomingRun(command.job, core.parameters), ticket, AxisState.HOMING)
 
 
-def set_position(core: AxisCore, command: c.SetPosition, ticket: Ticket, _: Gate) -> None:
+def set_position(core: AxisCore, command: c.SetPosition, ticket: CommandStatus, _: StartBarrier) -> None:
     """MC_SetPosition; where the axis stands now it takes effect at once, else when it does."""
     if core.state in MOVING or core.state is AxisState.STOPPING:
         raise StateError(f"{ticket.name}: the axis moves", remedy="set the position at standstill")
@@ -331,12 +341,12 @@ def _call_position(core: AxisCore, position: int) -> None:
     core.confirm_position(here - position)
 
 
-def follow(core: AxisCore, command: c.FollowTrajectory, ticket: Ticket, gate: Gate) -> None:
+def follow(core: AxisCore, command: c.FollowTrajectory, ticket: CommandStatus, gate: StartBarrier) -> None:
     """A trajectory in cyclic synchronous position mode."""
     begin_follow(core, Follow(command.trajectory, core.parameters, gate), ticket)
 
 
-def begin_follow(core: AxisCore, follow: Follow, ticket: Ticket) -> None:
+def begin_follow(core: AxisCore, follow: Follow, ticket: CommandStatus) -> None:
     """Let a trajectory begin; cyclic modes need standstill and values that travel with SYNC.
 
     Raises:
@@ -354,7 +364,7 @@ def path_of(core: AxisCore) -> Follow | None:
     return None if path is None else path.leads_now
 
 
-def begin_coupled(core: AxisCore, coupled: Coupled, ticket: Ticket) -> None:
+def begin_coupled(core: AxisCore, coupled: Coupled, ticket: CommandStatus) -> None:
     """Let a slave be led, from standstill or from a path that leads it already.
 
     Raises:
@@ -369,18 +379,18 @@ def begin_coupled(core: AxisCore, coupled: Coupled, ticket: Ticket) -> None:
     core.aim(None)
 
 
-def uncouple(core: AxisCore, _: c.GearOut, ticket: Ticket, __: Gate) -> None:
+def uncouple(core: AxisCore, _: c.GearOut, ticket: CommandStatus, __: StartBarrier) -> None:
     """MC_GearOut, MC_CamOut."""
-    core.begin(LetGo(_coupled(core, ticket), core.parameters), ticket, AxisState.CONTINUOUS_MOTION)
+    core.begin(Disengaged(_coupled(core, ticket), core.parameters), ticket, AxisState.CONTINUOUS_MOTION)
 
 
-def phase_by(core: AxisCore, command: c.PhaseBy, ticket: Ticket, _: Gate) -> None:
+def phase_by(core: AxisCore, command: c.PhaseBy, ticket: CommandStatus, _: StartBarrier) -> None:
     """MC_PhasingRelative."""
     _coupled(core, ticket).phase_by(command, ticket.name)
     core.go_on(ticket)
 
 
-def _coupled(core: AxisCore, ticket: Ticket) -> Coupled:
+def _coupled(core: AxisCore, ticket: CommandStatus) -> Coupled:
     """Return by what the axis is led by another one; raise StateError where it is not."""
     require_motion(core, ticket)
     activity = core.activity
@@ -392,20 +402,20 @@ def _coupled(core: AxisCore, ticket: Ticket) -> Coupled:
     return activity
 
 
-def require_cyclic(core: AxisCore, ticket: Ticket, mode: ModeOfOperation) -> None:
+def require_cyclic(core: AxisCore, ticket: CommandStatus, mode: ModeOfOperation) -> None:
     """Raise StateError unless the axis has the mode, and its values travel in synchronous PDOs (DESIGN: freshness)."""
     require_mode(core.parameters, mode, ticket)
     how, needs = core.capabilities, _CYCLIC[mode]
-    sources = {"statusword": how.inputs.get("statusword", Source.NONE)}
-    sources |= {name: how.inputs.get(name, Source.NONE) for name in needs.inputs}
+    sources = {"statusword": how.inputs.get("statusword", ValueTransport.NONE)}
+    sources |= {name: how.inputs.get(name, ValueTransport.NONE) for name in needs.inputs}
     if mode is not _M.CYCLIC_SYNC_POSITION and core.parameters.has(objects.POSITION_ACTUAL):
         # Without it nobody watches limits, or sees a jam.
-        sources["position"] = how.inputs.get("position", Source.NONE)
-    sources[needs.output] = how.outputs.get(needs.output, Source.NONE)
+        sources["position"] = how.inputs.get("position", ValueTransport.NONE)
+    sources[needs.output] = how.outputs.get(needs.output, ValueTransport.NONE)
     wrong = [
         f"{name} travels by {source.value}"
         for name, source in sources.items()
-        if source is not Source.SYNC_PDO
+        if source is not ValueTransport.SYNC_PDO
     ]
     if wrong:
         named = [f"{({**INPUT_OBJECTS, **OUTPUT_OBJECTS})[name]:04X}h" for name in sources]
@@ -420,13 +430,13 @@ def _prepare(
     core: AxisCore,
     mode: ModeOfOperation,
     writes: list[tuple[int, int, int | None]],
-    gate: Gate,
+    gate: StartBarrier,
     jerk: int | None = None,
 ) -> Prepare:
     leading, before = core.led_along, leaving_switch(core)
     lead = None if leading is None or before is not None else _lead(core, leading)
     ramps = RampTransfers(writes, core.parameters)
-    transfers = Shaped(ramps, jerk, core.profile_type, core.parameters)
+    transfers = JerkProfileWritten(ramps, jerk, core.profile_type, core.parameters)
     return Prepare(ModeSwitch(mode, core.parameters, lead), transfers, ramps, gate, leading, before)
 
 
@@ -436,14 +446,14 @@ def _lead(core: AxisCore, leading: Follow | VelocityRamp) -> Lead:
         return partial(_keep_up, leading)
     units = core.parameters.units
 
-    def lead(image: Image, order: Order) -> None:
+    def lead(image: AxisImage, order: CycleOutputs) -> None:
         leading.step(image, order)
         order.target_velocity = units.velocity.to_increments(leading.last_step.velocity)
 
     return lead
 
 
-def _keep_up(leading: VelocityRamp, image: Image, order: Order) -> None:
+def _keep_up(leading: VelocityRamp, image: AxisImage, order: CycleOutputs) -> None:
     leading.hold()
     leading.step(image, order)
 
@@ -455,7 +465,7 @@ def leaving_switch(core: AxisCore) -> ModeSwitch | None:
     return None if core.activity is None else core.activity.leaving
 
 
-def require_motion(core: AxisCore, ticket: Ticket) -> None:
+def require_motion(core: AxisCore, ticket: CommandStatus) -> None:
     """Raise StateError unless the axis takes a motion command now."""
     if core.state not in TAKES_MOTION:
         raise refusal(core, ticket, core.state)
@@ -469,14 +479,14 @@ def require_motion(core: AxisCore, ticket: Ticket) -> None:
         )
 
 
-def require_rest(core: AxisCore, ticket: Ticket, led_by: Leading | None = None) -> None:
+def require_rest(core: AxisCore, ticket: CommandStatus, led_by: Leading | None = None) -> None:
     """Raise StateError unless the axis is at standstill, or ``led_by`` what the command can take over from."""
     if core.state is not AxisState.STANDSTILL and led_by is None:
         raise StateError(f"{ticket.name}: the axis moves", remedy="halt it first: axis.halt()")
 
 
 def require_objects(
-    parameters: AxisParameters, mode: ModeOfOperation, ticket: Ticket, method: int | None = None
+    parameters: AxisParameters, mode: ModeOfOperation, ticket: CommandStatus, method: int | None = None
 ) -> None:
     """Raise StateError where the drive lacks an object without which ``mode`` cannot be run; ``method``: of 6098h."""
     missing = [index for index in modes.needed(mode, method) if not parameters.has(index)]
@@ -489,7 +499,7 @@ def require_objects(
     require_mode(parameters, mode, ticket)
 
 
-def require_mode(parameters: AxisParameters, mode: ModeOfOperation, ticket: Ticket) -> None:
+def require_mode(parameters: AxisParameters, mode: ModeOfOperation, ticket: CommandStatus) -> None:
     """Raise StateError where the axis is not to use the mode: the cell file leaves it out, or 6502h does not claim it."""
     if mode in parameters.modes:
         return
@@ -500,7 +510,7 @@ def require_mode(parameters: AxisParameters, mode: ModeOfOperation, ticket: Tick
     )
 
 
-def require_no_stop(core: AxisCore, ticket: Ticket) -> None:
+def require_no_stop(core: AxisCore, ticket: CommandStatus) -> None:
     """Raise StateError where a stop runs that only standstill ends; a mere halt may be interrupted."""
     if not core.stopping.interruptible:
         raise StateError(
@@ -510,7 +520,7 @@ def require_no_stop(core: AxisCore, ticket: Ticket) -> None:
         )
 
 
-def refusal(core: AxisCore, ticket: Ticket, state: AxisState) -> StateError:
+def refusal(core: AxisCore, ticket: CommandStatus, state: AxisState) -> StateError:
     """Return why a command is not possible in ``state``, and what to do first."""
     what, todo = REFUSAL[state]
     if state is AxisState.ERRORSTOP and not core.image.operational:  # a reset is of use only once its node is

@@ -6,15 +6,15 @@ from axisbus.errors import Replaced, StateError
 from axisbus.motion import commands as c
 from axisbus.motion.axis.accept_motion import require_motion
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.command_status import Ticket
+from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.cyclic.ramps import VelocityRamp
-from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.states import AxisState
 from axisbus.motion.superimposed.addition import Addition
 
 
-def move(core: AxisCore, command: c.MoveSuperimposed, ticket: Ticket, _: Gate) -> None:
+def move(core: AxisCore, command: c.MoveSuperimposed, ticket: CommandStatus, _: StartBarrier) -> None:
     """MC_MoveSuperimposed."""
     require_motion(core, ticket)
     path = core.activity
@@ -31,7 +31,7 @@ def move(core: AxisCore, command: c.MoveSuperimposed, ticket: Ticket, _: Gate) -
     core.running.lay_over(addition, ticket)
 
 
-def halt(core: AxisCore, command: c.HaltSuperimposed, ticket: Ticket, _: Gate) -> None:
+def halt(core: AxisCore, command: c.HaltSuperimposed, ticket: CommandStatus, _: StartBarrier) -> None:
     """MC_HaltSuperimposed; where nothing is laid over anything there is nothing to halt, and that is success."""
     addition = core.running.addition
     if addition is None:
@@ -51,7 +51,7 @@ def _end_before(core: AxisCore, how: str) -> None:
     core.finish(ticket, Replaced(f"{ticket.name} {how}", observed=seen))
 
 
-def _nothing_leads(core: AxisCore, ticket: Ticket) -> StateError:
+def _nothing_leads(core: AxisCore, ticket: CommandStatus) -> StateError:
     """Return why nothing can be laid over what the axis does, and the way out."""
     name = core.parameters.name
     if core.state is AxisState.STANDSTILL:

@@ -4,20 +4,20 @@ Theory of operation
 -------------------
 In each cycle ``step`` does four things, in this order:
 
-1. ``Image`` decodes the inputs; what is too old is unknown.
+1. ``AxisImage`` decodes the inputs; what is too old is unknown.
 2. ``Supervision`` looks for what nobody asked for: node lost, fault, power stage dropped, statusword gone, limits in danger.
    Each ends in ``fail``: state ErrorStop, stop ladder, the command's ticket ends with the reason.
 3. The running activity is stepped, or the stop ladder if there is one (also when the activity has just failed); without either
    the last targets hold.
-4. ``Order`` turns the wishes into ``Outputs``.
+4. ``CycleOutputs`` turns the wishes into ``Outputs``.
 
 In a *calm* cycle after a calm one (``_is_calm``) only the watches over motion and rest are done of 2.: they alone look at what
 changes from cycle to cycle. The others would find what they found in the cycle before, and note nothing new. Where an axis then
 goes on along its trajectory and nothing else is going on, all of the cycle is done by one function (``cruise``).
 
-Nothing is sent to a drive before a command asks for something (``Order.goal`` is None until then): a drive found enabled is left as
-it is. Once enabled by us, a drive that leaves *operation enabled* is never enabled again by the planner, whatever state the axis is
-in (``_let_go``): that takes a new command.
+Nothing is sent to a drive before a command asks for something (``CycleOutputs.goal`` is None until then): a drive found enabled is
+left as it is. Once enabled by us, a drive that leaves *operation enabled* is never enabled again by the planner, whatever state the
+axis is in (``_let_go``): that takes a new command.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from copy import copy
 
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.port import Capabilities, Inputs, Outputs, Source
-from axisbus.cia402.state import ENERGISED, State
+from axisbus.cia402.port import Capabilities, Inputs, Outputs, ValueTransport
+from axisbus.cia402.state import ENERGISED, PowerState
 from axisbus.errors import (
     AxisbusError,
     Interrupted,
@@ -39,20 +39,20 @@ from axisbus.errors import (
     Stopped,
     UncommandedMotion,
 )
-from axisbus.motion.axis.active_command import Running
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.fast_path import Cruise, cruise_of
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.active_command import ActiveCommand
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.fast_path import FastPath, cruise_of
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.axis.loss import Loss
 from axisbus.motion.axis.queue import Queue
-from axisbus.motion.command_status import Ticket
+from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.cyclic.ramps import VelocityRamp
 from axisbus.motion.feed_forward.activation import forward_of, offsets_of
 from axisbus.motion.jerk.drive_profile_type import ProfileType
 from axisbus.motion.modes import WITHOUT_TARGET_POSITION
 from axisbus.motion.moves.activity import Activity
-from axisbus.motion.moves.arrival import Arrival
-from axisbus.motion.moves.enable import Enable
+from axisbus.motion.moves.arrival import ArrivalCheck
+from axisbus.motion.moves.enable import EnableActivity
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.override.factor import Override
@@ -61,22 +61,22 @@ from axisbus.motion.probing.probes import Probes
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.active_stop import REMEDIES, StopKind, Stopping, stop_error
-from axisbus.motion.stop.coast_down import RunDown
-from axisbus.motion.stop.diagnosis import FaultStory, History, chained, enrich, join_remedies
-from axisbus.motion.stop.fault_reaction import Aftermath
-from axisbus.motion.stop.standstill_wait import RestWaits
-from axisbus.motion.stop.stop_sequence import Rung, StopLadder, Then
-from axisbus.motion.stop.supervision import POWERED, Finding, Supervision
+from axisbus.motion.stop.coast_down import CoastDown
+from axisbus.motion.stop.diagnosis import DriveHistory, FaultDiagnosis, chained, enrich, join_remedies
+from axisbus.motion.stop.fault_reaction import FaultReaction
+from axisbus.motion.stop.standstill_wait import StandstillWaiters
+from axisbus.motion.stop.stop_sequence import AfterStop, StopLevel, StopSequence
+from axisbus.motion.stop.supervision import POWERED, StopDemand, Supervision
 from axisbus.motion.superimposed.addition import Addition
 from axisbus.motion.user_code_errors import broken
 
-_ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
+_ENABLED, _UNKNOWN = PowerState.OPERATION_ENABLED, PowerState.UNKNOWN
 _ERRORSTOP, _SYNCHRONIZED = AxisState.ERRORSTOP, AxisState.SYNCHRONIZED_MOTION
-_FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
+_FAULTS = frozenset({PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE})
 _LOCKING = frozenset({StopKind.STOP, StopKind.QUICK_STOP})
 _LASTING = _LOCKING | {StopKind.SHUTDOWN}  # a reset that was asked for before does not end these
 _HELD = frozenset(
-    {Rung.HALT, Rung.QUICK_STOP}
+    {StopLevel.HALT, StopLevel.QUICK_STOP}
 )  # on which a drive holds an axis that stood when it was stopped
 _NOW = 0.1  # seconds: a position not older than that is of now
 _MAY_BE_ENERGISED = ENERGISED | {_UNKNOWN}
@@ -94,7 +94,7 @@ class AxisCore:
         self.parameters = parameters
         self.capabilities = capabilities
         window = parameters.timing.standstill_time
-        self.image = Image(
+        self.image = AxisImage(
             capabilities,
             parameters.scan_period,
             parameters.standstill_tolerance,
@@ -105,13 +105,13 @@ class AxisCore:
         )
         if parameters.limits.velocity is not None and parameters.units.ratio_known:
             self.image.fastest = parameters.limits.velocity * abs(parameters.units.position.factor)
-        self.order = Order()
+        self.order = CycleOutputs()
         self.override = Override()
         self.profile_type = ProfileType()
-        self.history = History()
+        self.history = DriveHistory()
         self.supervision = Supervision(parameters, capabilities)
         self.stopping = Stopping(parameters)
-        self.run_down = RunDown(parameters)
+        self.run_down = CoastDown(parameters)
         self.state = AxisState.DISABLED
         self.error: AxisbusError | None = None
         self.homed = False
@@ -119,22 +119,22 @@ class AxisCore:
         self.powered = False
         self.touched = False
         self.tripped: AxisbusError | None = None  # set for one cycle: the fault policy reads it
-        self.running = Running()
+        self.running = ActiveCommand()
         self.queue = Queue()
         self.forward = forward_of(parameters)
         self.probes = Probes(parameters, self.running)
         self.last_target: int | None = None
         self.halted = False
         self._broken: AxisbusError | None = None  # what has tripped it between two cycles
-        self._story: FaultStory | None = None
-        self._arrival = Arrival(parameters)
-        self._aftermath = Aftermath(parameters)
-        self.rest_waits = RestWaits(parameters)
+        self._story: FaultDiagnosis | None = None
+        self._arrival = ArrivalCheck(parameters)
+        self._aftermath = FaultReaction(parameters)
+        self.rest_waits = StandstillWaiters(parameters)
         self._has_restarted = False  # since its node was operational
-        self._keeps_target = capabilities.outputs.get("target_position") is Source.SYNC_PDO
+        self._keeps_target = capabilities.outputs.get("target_position") is ValueTransport.SYNC_PDO
         self._stopped_for_sure = False
         self._was_calm = False  # in the cycle before
-        self._cruise: Cruise | None = (
+        self._cruise: FastPath | None = (
             None  # as long as it goes on along a trajectory, with nothing else to be done
         )
 
@@ -144,7 +144,7 @@ class AxisCore:
         return self.running.activity
 
     @property
-    def ladder(self) -> StopLadder | None:
+    def ladder(self) -> StopSequence | None:
         """The stop ladder that runs, if any."""
         return self.stopping.ladder
 
@@ -175,13 +175,13 @@ class AxisCore:
         """Whether an enable is under way, or a word that was sent may still switch the drive on after it was seen off."""
         if not self.touched or self.image.state in _FAULTS:
             return False
-        return isinstance(self.activity, Enable) or self.image.flight.may_enable(self.image.now)
+        return isinstance(self.activity, EnableActivity) or self.image.flight.may_enable(self.image.now)
 
     @property
     def disobeyed(self) -> bool:
         """Whether its drive drives the motor still, in another state than it was asked for; *quick stop active* holds it."""
         state, goal = self.image.state, self.order.goal
-        drives = state in ENERGISED and state is not State.QUICK_STOP_ACTIVE
+        drives = state in ENERGISED and state is not PowerState.QUICK_STOP_ACTIVE
         return self.touched and drives and goal is not None and goal is not state
 
     @property
@@ -251,7 +251,7 @@ class AxisCore:
             and not self.probes.requests
         )
 
-    def _is_calm(self, image: Image) -> bool:
+    def _is_calm(self, image: AxisImage) -> bool:
         """Whether the drive is enabled, heard and asked to stay so, and nothing but a command's motion or a rest is going on."""
         return (
             image.state is _ENABLED
@@ -268,7 +268,7 @@ class AxisCore:
             and self._story is None
         )
 
-    def _watch_motion(self, image: Image) -> None:
+    def _watch_motion(self, image: AxisImage) -> None:
         """What is left of ``_look_at_all`` in a cycle that is calm as the one before was.
 
         The others would find what they found then: ``history`` and ``run_down`` the same state, ``_supervise`` a node and a drive
@@ -281,7 +281,7 @@ class AxisCore:
         if finding is not None:
             self._act_on(finding)
 
-    def _look_at_all(self, image: Image, order: Order) -> None:
+    def _look_at_all(self, image: AxisImage, order: CycleOutputs) -> None:
         self.tripped, self._broken = self._broken, None
         if image.loss is not None:
             self.forget(image.loss)
@@ -298,7 +298,7 @@ class AxisCore:
         if self.stopping.has_resets and self.ladder is None:
             self.stopping.begin_resets()
 
-    def _leave_no_old_target(self, image: Image, order: Order) -> None:
+    def _leave_no_old_target(self, image: AxisImage, order: CycleOutputs) -> None:
         """A drive that falls from a velocity or torque mode into a position mode goes to its 607Ah: that is where it is now."""
         if self._keeps_target and self.touched and image.state is _ENABLED:
             order.target_position = image.position
@@ -343,7 +343,7 @@ class AxisCore:
 
     # -- what nobody asked for ---------------------------------------------------------------------------------------
 
-    def _supervise(self, image: Image) -> None:
+    def _supervise(self, image: AxisImage) -> None:
         supervision, ladder = self.supervision, self.stopping.ladder
         if not image.operational and (image.restarted or supervision.has_restarted(image)):
             self.homed = False
@@ -382,16 +382,16 @@ class AxisCore:
         elif not self.touched and self.error is None:
             self._show_found(image)
 
-    def _look_after_fault(self, image: Image) -> None:
+    def _look_after_fault(self, image: AxisImage) -> None:
         """A drive in fault stops its motor by itself; where it does not, what is left is its power and its node."""
         error = self._aftermath.error(image, self.run_down, self.touched)
         if error is None:
             return
         self._trip(error)
-        if image.state is State.FAULT_REACTION_ACTIVE and self.ladder is None:
-            self._stop(StopKind.ERROR, Then.HOLD, Rung.DISABLE_VOLTAGE, error.message)
+        if image.state is PowerState.FAULT_REACTION_ACTIVE and self.ladder is None:
+            self._stop(StopKind.ERROR, AfterStop.HOLD, StopLevel.DISABLE_VOLTAGE, error.message)
 
-    def _show_found(self, image: Image) -> None:
+    def _show_found(self, image: AxisImage) -> None:
         """A drive that nobody has commanded yet: its axis is in the state that the drive shows."""
         if image.state is _UNKNOWN:
             return
@@ -400,33 +400,33 @@ class AxisCore:
         else:
             self.state = AxisState.STANDSTILL if image.standstill else AxisState.CONTINUOUS_MOTION
 
-    def _let_go(self, image: Image) -> None:
+    def _let_go(self, image: AxisImage) -> None:
         """Do not ask again for a state that the drive has left by itself; only an enable under way may."""
         if image.state is not _ENABLED:
             self.running.set_point = image.led.taken = None  # what the drive had taken, or begun to, is void
         goal = self.order.goal
-        if image.state is goal or goal not in ENERGISED or isinstance(self.activity, Enable):
+        if image.state is goal or goal not in ENERGISED or isinstance(self.activity, EnableActivity):
             return
         if image.state not in _MAY_BE_ENERGISED:
-            self.order.goal = State.SWITCH_ON_DISABLED
+            self.order.goal = PowerState.SWITCH_ON_DISABLED
             self.powered = False
-        elif image.state is State.QUICK_STOP_ACTIVE:
+        elif image.state is PowerState.QUICK_STOP_ACTIVE:
             self.order.goal = image.state
 
     # -- failure -----------------------------------------------------------------------------------------------------
 
-    def fail(self, error: AxisbusError, rung: Rung = Rung.HALT, *, along: bool = True) -> None:
+    def fail(self, error: AxisbusError, rung: StopLevel = StopLevel.HALT, *, along: bool = True) -> None:
         """Go to ErrorStop because of ``error``, and stop the axis from ``rung`` on; ``along`` the path that leads it."""
         self._trip(error)
         enrich(error, self.image, self.history)
         activity = self.activity if along else None
         self.end_command(error)
         if self.touched and self.image.state in _MAY_BE_ENERGISED:
-            self._stop(StopKind.ERROR, Then.HOLD, rung, error.message, led_by=activity)
+            self._stop(StopKind.ERROR, AfterStop.HOLD, rung, error.message, led_by=activity)
             return
         self.powered = False
         if self.order.goal is not None:
-            self.order.goal = State.SWITCH_ON_DISABLED
+            self.order.goal = PowerState.SWITCH_ON_DISABLED
 
     def break_off(self, error: AxisbusError) -> None:
         """What moves the axis cannot go on, for a reason that was found between two cycles: fail, and stop as hard as it takes."""
@@ -441,10 +441,12 @@ class AxisCore:
         """
         if not self.touched:
             return
-        if self.state is not _ERRORSTOP or (self.ladder is not None and self.ladder.rung < Rung.QUICK_STOP):
-            rung = Rung.QUICK_STOP
+        if self.state is not _ERRORSTOP or (
+            self.ladder is not None and self.ladder.rung < StopLevel.QUICK_STOP
+        ):
+            rung = StopLevel.QUICK_STOP
         elif self.ladder is None and self.image.state is _ENABLED:
-            rung = Rung.NMT_STOP if self.parameters.holds_load is HoldsLoad.NO else Rung.QUICK_STOP
+            rung = StopLevel.NMT_STOP if self.parameters.holds_load is HoldsLoad.NO else StopLevel.QUICK_STOP
         else:
             return
         self.fail(error, rung, along=False)
@@ -472,9 +474,9 @@ class AxisCore:
         for ticket in self.stopping.drop_resets():
             self.finish(ticket, error)
 
-    def _fault(self, image: Image) -> None:
+    def _fault(self, image: AxisImage) -> None:
         """The drive reports a fault: stop asking for anything, find out why, then tell."""
-        story = FaultStory(self.parameters, image.now)
+        story = FaultDiagnosis(self.parameters, image.now)
         doing, ticket, addition = self._doing, self.running.drop(self.order), self.running.take_addition()
         self._drop_waiting(doing, None)
         if addition is not None:
@@ -489,9 +491,9 @@ class AxisCore:
         story.tickets += self.stopping.drop()
         self.powered = False
         if self.touched:
-            self.order.goal = State.SWITCH_ON_DISABLED
+            self.order.goal = PowerState.SWITCH_ON_DISABLED
 
-    def _step_story(self, story: FaultStory, image: Image, order: Order) -> None:
+    def _step_story(self, story: FaultDiagnosis, image: AxisImage, order: CycleOutputs) -> None:
         if not story.step(image, order):
             return
         error = story.tell(image, self.history)
@@ -503,7 +505,7 @@ class AxisCore:
 
     # -- commands and their ends -------------------------------------------------------------------------------------
 
-    def begin(self, activity: Activity, ticket: Ticket, state: AxisState | None = None) -> None:
+    def begin(self, activity: Activity, ticket: CommandStatus, state: AxisState | None = None) -> None:
         """Let ``activity`` take over; the running command, or the halt, ends as replaced."""
         self.end_command(Replaced(f"{self._doing} was replaced by {ticket.name}"))
         if self.ladder is not None:
@@ -519,7 +521,7 @@ class AxisCore:
         if state is not None:
             self.state = state
 
-    def go_on(self, ticket: Ticket) -> None:
+    def go_on(self, ticket: CommandStatus) -> None:
         """Let what runs go on for another command, which it has been given; the one before ends as replaced."""
         doing, before = self._doing, self.running.ticket
         error = Replaced(f"{doing} was replaced by {ticket.name}")
@@ -544,7 +546,7 @@ class AxisCore:
             self.activity.override(self.image)
         self._cruise = None  # what goes on now needs the whole step
 
-    def coast(self, coast: Activity, ticket: Ticket) -> None:
+    def coast(self, coast: Activity, ticket: CommandStatus) -> None:
         """Let ``coast`` take the power away: from now on nothing of ours drives the motor."""
         self.powered = False
         self.begin(coast, ticket)
@@ -583,7 +585,7 @@ class AxisCore:
         """Where the axis is is to be found out anew: until then its position is not a confirmed one."""
         self.homed = False
 
-    def join(self, ticket: Ticket) -> None:
+    def join(self, ticket: CommandStatus) -> None:
         """Let ``ticket`` end as the running command does: the same has been asked for again."""
         self.running.join(ticket)
 
@@ -602,7 +604,7 @@ class AxisCore:
         if self.queue and self.queue.drop(before, error):
             self.running.ended = True
 
-    def at_rest(self, ticket: Ticket, then: Callable[[], None]) -> None:
+    def at_rest(self, ticket: CommandStatus, then: Callable[[], None]) -> None:
         """Let something be done at rest: now, where the axis is seen to stand and no path leads it, else as soon as that is so."""
         image = self.image
         stands = image.standstill and image.now - image.position_stamp <= _NOW
@@ -612,11 +614,11 @@ class AxisCore:
         else:
             self.rest_waits.add(ticket, then)
 
-    def finish(self, ticket: Ticket, error: AxisbusError | None = None) -> None:
+    def finish(self, ticket: CommandStatus, error: AxisbusError | None = None) -> None:
         """End a ticket, well (no error) or with the reason."""
         self.running.finish(ticket, error)
 
-    def _step_activity(self, activity: Activity, image: Image, order: Order) -> None:
+    def _step_activity(self, activity: Activity, image: AxisImage, order: CycleOutputs) -> None:
         if self.running.set_point is not None and not isinstance(activity, PositionMove):
             self.running.set_point = None  # another mode gives bit 4 another meaning
         try:
@@ -665,8 +667,10 @@ class AxisCore:
         """Take the state that the power stage shows, after a command that has ended well."""
         image = self.image
         self.error = None
-        held = image.state is State.QUICK_STOP_ACTIVE
-        self.powered = (image.state is State.OPERATION_ENABLED and self.order.goal is image.state) or held
+        held = image.state is PowerState.QUICK_STOP_ACTIVE
+        self.powered = (
+            image.state is PowerState.OPERATION_ENABLED and self.order.goal is image.state
+        ) or held
         if held:
             self.state = AxisState.STOPPING
         else:
@@ -683,7 +687,7 @@ class AxisCore:
         self.image.rebase()
         self.forget(Loss.COUNT)
 
-    def _act_on(self, finding: Finding) -> None:
+    def _act_on(self, finding: StopDemand) -> None:
         if finding.halts:
             self._end_in_halt(finding.error)
         else:
@@ -693,7 +697,7 @@ class AxisCore:
         """The command ends by its own rule, as a jog does, or could not begin: the axis halts."""
         activity = self.activity
         self.end_command(error)
-        self._stop(StopKind.HALT, Then.HOLD, Rung.HALT, error.message, led_by=activity)
+        self._stop(StopKind.HALT, AfterStop.HOLD, StopLevel.HALT, error.message, led_by=activity)
 
     def _activity_failed(self, error: AxisbusError) -> None:
         activity = self.activity
@@ -703,10 +707,10 @@ class AxisCore:
         resetting = self.activity is not None and self.activity.clears_error
         along = isinstance(self.activity, Follow) and self.activity.brakes_along
         if along or isinstance(error, MotionTimeout):  # what leads it still leads it: it is only late
-            self.fail(error, Rung.HALT)
+            self.fail(error, StopLevel.HALT)
             return
         astray = self._runs_on_targets or isinstance(error, UncommandedMotion)
-        self.fail(error, Rung.QUICK_STOP if astray else Rung.HALT)
+        self.fail(error, StopLevel.QUICK_STOP if astray else StopLevel.HALT)
         if resetting:
             self.tripped = (
                 None  # the failure itself has been told; that it stays is no reason to stop others again
@@ -722,7 +726,7 @@ class AxisCore:
     # -- stopping ----------------------------------------------------------------------------------------------------
 
     def stop_because(
-        self, kind: StopKind, then: Then, rung: Rung, reason: str, ticket: Ticket | None
+        self, kind: StopKind, then: AfterStop, rung: StopLevel, reason: str, ticket: CommandStatus | None
     ) -> None:
         """Stop the axis: the running command ends with ``reason``; a trajectory is braked along its path."""
         activity = self.activity
@@ -736,10 +740,10 @@ class AxisCore:
     def _stop(
         self,
         kind: StopKind,
-        then: Then,
-        rung: Rung,
+        then: AfterStop,
+        rung: StopLevel,
         reason: str,
-        ticket: Ticket | None = None,
+        ticket: CommandStatus | None = None,
         led_by: Activity | None = None,
     ) -> None:
         """``led_by``: the command that has just ended; along the trajectory on which it had the axis it is braked."""
@@ -748,8 +752,8 @@ class AxisCore:
         self.stopping.ask(kind, then, rung, reason, ticket, led_by)
         self.touched = True
 
-    def _step_ladder(self, ladder: StopLadder, image: Image, order: Order) -> None:
-        if ladder.rung is Rung.HALT:
+    def _step_ladder(self, ladder: StopSequence, image: AxisImage, order: CycleOutputs) -> None:
+        if ladder.rung is StopLevel.HALT:
             self.running.finish_handshake(image, order)
         ended = ladder.step(image, order, self.run_down)
         if self.state is AxisState.STANDSTILL and ladder.seen not in _MAY_BE_ENERGISED:
@@ -759,8 +763,10 @@ class AxisCore:
         if ended:
             self._stopped(ladder, image)
 
-    def _stopped(self, ladder: StopLadder, image: Image) -> None:
-        seen = ladder.seen if image.state is State.UNKNOWN else image.state  # by SDO, where PDOs tell nothing
+    def _stopped(self, ladder: StopSequence, image: AxisImage) -> None:
+        seen = (
+            ladder.seen if image.state is PowerState.UNKNOWN else image.state
+        )  # by SDO, where PDOs tell nothing
         self.powered = ladder.confirmed and seen in ENERGISED
         self._stopped_for_sure = ladder.confirmed
         self.last_target = image.reference if self.powered else None  # without power it may be turned by hand
@@ -772,11 +778,11 @@ class AxisCore:
             self.state = self._state_after_stop(seen)
         self._end_stop(error)
 
-    def _state_after_stop(self, seen: State) -> AxisState:
+    def _state_after_stop(self, seen: PowerState) -> AxisState:
         """Return what the axis is in after a stop that has ``seen`` its drive so, by PDO or by SDO."""
         if seen not in ENERGISED:
             return AxisState.DISABLED
-        locked = self.stopping.locks or seen is State.QUICK_STOP_ACTIVE
+        locked = self.stopping.locks or seen is PowerState.QUICK_STOP_ACTIVE
         return AxisState.STOPPING if locked else AxisState.STANDSTILL
 
     def _end_stop(self, error: AxisbusError | None) -> None:

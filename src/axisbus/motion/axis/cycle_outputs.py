@@ -4,26 +4,26 @@ from __future__ import annotations
 
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402.port import Outputs, SdoRequest
-from axisbus.cia402.state import State, plan
+from axisbus.cia402.state import PowerState, plan
 from axisbus.units import INT32_HALF, INT32_LEAST, wrap
 
 _tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
-_ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
+_ENABLED, _UNKNOWN = PowerState.OPERATION_ENABLED, PowerState.UNKNOWN
 # The word that keeps a drive in the state it is in. In fault nothing is asked, and bit 7 is low so that a reset is an edge.
 _HOLD = {
-    State.SWITCH_ON_DISABLED: cw.Command.DISABLE_VOLTAGE.word,
-    State.READY_TO_SWITCH_ON: cw.Command.SHUTDOWN.word,
-    State.SWITCHED_ON: cw.Command.SWITCH_ON.word,
-    State.OPERATION_ENABLED: cw.Command.ENABLE_OPERATION.word,
-    State.QUICK_STOP_ACTIVE: cw.Command.QUICK_STOP.word,
-    State.FAULT: 0,
-    State.FAULT_REACTION_ACTIVE: 0,
-    State.NOT_READY_TO_SWITCH_ON: 0,
+    PowerState.SWITCH_ON_DISABLED: cw.PowerCommand.DISABLE_VOLTAGE.word,
+    PowerState.READY_TO_SWITCH_ON: cw.PowerCommand.SHUTDOWN.word,
+    PowerState.SWITCHED_ON: cw.PowerCommand.SWITCH_ON.word,
+    PowerState.OPERATION_ENABLED: cw.PowerCommand.ENABLE_OPERATION.word,
+    PowerState.QUICK_STOP_ACTIVE: cw.PowerCommand.QUICK_STOP.word,
+    PowerState.FAULT: 0,
+    PowerState.FAULT_REACTION_ACTIVE: 0,
+    PowerState.NOT_READY_TO_SWITCH_ON: 0,
 }
 GO_ON = _HOLD[_ENABLED]
 
 
-class Order:
+class CycleOutputs:
     """One cycle's wishes; holds state across cycles only in ``goal``, ``asked_mode`` and the request counter.
 
     ``goal`` is the power-stage state wanted (None: nothing is asked of the drive, no frame holds a controlword). ``word`` overrides
@@ -50,7 +50,7 @@ class Order:
 
     def __init__(self) -> None:
         self._next_id = 0
-        self.goal: State | None = None
+        self.goal: PowerState | None = None
         self.asked_mode: int | None = None
         self.sdo: list[SdoRequest] = []
         self.cancel: list[int] = []
@@ -90,12 +90,12 @@ class Order:
         self.sdo.append(SdoRequest(self._next_id, index, subindex, value))
         return self._next_id
 
-    def stopping(self, command: cw.Command, state: State) -> int:
+    def stopping(self, command: cw.PowerCommand, state: PowerState) -> int:
         """Return a stop's word, with the halt bit if it stood: a drive that stays enabled all the same would go on without it."""
         stays = state in (_ENABLED, _UNKNOWN) and self.halt
         return command.word | (cw.HALT if stays else 0)
 
-    def controlword(self, state: State) -> int | None:
+    def controlword(self, state: PowerState) -> int | None:
         """Return the controlword for a drive seen in ``state``; None where nothing must be sent."""
         if self.word is not None:
             return self.word
@@ -114,7 +114,7 @@ class Order:
                 word |= self.bits
         return word
 
-    def outputs(self, state: State) -> Outputs:
+    def outputs(self, state: PowerState) -> Outputs:
         """Return the values for the port."""
         target, mode = self.target_position, self.mode
         if mode is not None:

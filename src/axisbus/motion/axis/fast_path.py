@@ -7,8 +7,8 @@ none of them has to say then; after a sleep of the scan each of them has to come
 asked here, in one function: first all of them, while nothing is changed; one answer out of the ordinary leaves the cycle to the
 whole step. Then what is left is noted, as the whole step notes it.
 
-A ``Cruise`` is made at the end of a whole step (``cruise_of``), and ends with the next one. What only a whole step changes is asked
-then; what commands, groups and the scan may change between two cycles is asked in every one.
+A ``FastPath`` is made at the end of a whole step (``cruise_of``), and ends with the next one. What only a whole step changes is
+asked then; what commands, groups and the scan may change between two cycles is asked in every one.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from axisbus.cia402.port import Inputs, Outputs
-from axisbus.cia402.state import State, decode
+from axisbus.cia402.state import PowerState, decode
 from axisbus.motion.axis.cycle_outputs import GO_ON
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.states import AxisState
@@ -25,13 +25,13 @@ from axisbus.units import INT32_HALF, INT32_LEAST
 if TYPE_CHECKING:
     from axisbus.motion.axis.core import AxisCore
 
-_ENABLED, _SYNCHRONIZED = State.OPERATION_ENABLED, AxisState.SYNCHRONIZED_MOTION
+_ENABLED, _SYNCHRONIZED = PowerState.OPERATION_ENABLED, AxisState.SYNCHRONIZED_MOTION
 _CSP = int(Follow.mode)
 _HALF = float(INT32_HALF)
 _tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
 
 
-class Cruise:
+class FastPath:
     """Holds what the cycles of one axis need, close together, and the NMT state that is to stay as it is."""
 
     __slots__ = (
@@ -168,7 +168,7 @@ class Cruise:
         return _tuple(Outputs, (GO_ON, None, target, None, None, (), (), False, None, None, None))
 
 
-def cruise_of(core: AxisCore) -> Cruise | None:
+def cruise_of(core: AxisCore) -> FastPath | None:
     """Return how a calm axis goes on, after a whole step; None where more than that may be to be done."""
     follow, image = core.running.activity, core.image
     if (
@@ -180,4 +180,4 @@ def cruise_of(core: AxisCore) -> Cruise | None:
         return None
     quiet = image.bus is None and not (image.replies or image.emcy or image.overdue)
     usual = quiet and image.flight.word == GO_ON and image.led.leads_on(image.mode)
-    return Cruise(core, follow) if usual and core.supervision.only_follows(follow) else None
+    return FastPath(core, follow) if usual and core.supervision.only_follows(follow) else None

@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 
 from axisbus.cia301.emcy import Emcy
-from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply, Source
-from axisbus.cia402.state import ENERGISED, State, decode
+from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply, ValueTransport
+from axisbus.cia402.state import ENERGISED, PowerState, decode
 from axisbus.cpu_starvation import Starvation
 from axisbus.errors import BusError
 from axisbus.motion.axis.loss import Loss, loss_between
-from axisbus.motion.axis.pending_outputs import Flight
-from axisbus.motion.axis.reference import Led
+from axisbus.motion.axis.pending_outputs import PendingOutputs
+from axisbus.motion.axis.reference import ReferenceTracker
 from axisbus.motion.parameters import DemandUse
-from axisbus.motion.stop.settled_value import Still
+from axisbus.motion.stop.settled_value import SettledValue
 from axisbus.units import INT32_HALF, INT32_LEAST, unwrap
 
 _HALF = float(INT32_HALF)  # what is compared in every cycle is of one type
-_ENABLED = State.OPERATION_ENABLED
+_ENABLED = PowerState.OPERATION_ENABLED
 _SLOWEST_DEMAND = 0.5  # seconds: a demand that is sent on change, and moves, comes within that
 _SLOWEST = 1.0  # seconds: positions that are farther apart tell no velocity
 _TRANSFER = 0.25  # seconds that an SDO may wait for others, and take
@@ -27,7 +27,7 @@ _DELAY = (
 _LATE = 1.5  # of the usual distance of two positions: one that did not come by then has not changed
 
 
-class Image:
+class AxisImage:
     """The decoded inputs of one axis; holds state: the unwrapped position, and whether it and the demand are still.
 
     A value older than its maximum age, or never received, is None: *unknown*. Positions are unwrapped increments: they go on past
@@ -114,13 +114,13 @@ class Image:
             for name in ("statusword", "mode", "position", "velocity", "torque", "demand")
         )
         self._period = period
-        self.still = Still(tolerance, window)
-        self.still_demand = Still(tolerance, window)
+        self.still = SettledValue(tolerance, window)
+        self.still_demand = SettledValue(tolerance, window)
         # Then silence means that it has not changed.
-        self.statusword_by_event = capabilities.inputs.get("statusword") is Source.EVENT_PDO
+        self.statusword_by_event = capabilities.inputs.get("statusword") is ValueTransport.EVENT_PDO
         self.edge_delay = capabilities.edge_delay
         self.guarded = capabilities.guarded
-        by_sdo = capabilities.outputs.get("target_velocity") is Source.SDO
+        by_sdo = capabilities.outputs.get("target_velocity") is ValueTransport.SDO
         self.velocity_transfer = (
             _TRANSFER if by_sdo else 0.0
         )  # seconds that a target velocity may be on its way
@@ -142,7 +142,7 @@ class Image:
         self.bus: BusError | None = None
         self.statusword: int | None = None
         self.statusword_stamp = -math.inf
-        self.state = State.UNKNOWN
+        self.state = PowerState.UNKNOWN
         self.mode: int | None = None
         self.mode_stamp = -math.inf
         self.position: int | None = None
@@ -153,14 +153,14 @@ class Image:
         self.shown_demand: int | None = None
         self.demand: int | None = None
         self.lead: float | None = None
-        self.led = Led(demand, pull_window, quick and quick * period**2)
-        self.flight = Flight(period)
+        self.led = ReferenceTracker(demand, pull_window, quick and quick * period**2)
+        self.flight = PendingOutputs(period)
         self.demand_stamp = -math.inf
         self.had_demand = False  # in the cycle before one had come
         self.demand_repeats = math.isfinite(self.max_age[5])  # else its silence says that it has not changed
         sources = [capabilities.inputs.get(name) for name in ("position", "demand")]
         # Then those that come in one cycle are of one SYNC, whichever frame came first.
-        self._demands_with_positions = sources == [Source.SYNC_PDO] * 2
+        self._demands_with_positions = sources == [ValueTransport.SYNC_PDO] * 2
         self._demand_spacing = 0.0  # seconds between the last two
         self.lead_stamp = -math.inf  # when the two values were sampled that ``lead`` compares
         self._before = 0  # the position before the last one
@@ -201,7 +201,7 @@ class Image:
         if late > 0.0:
             since -= late if late < self._period else self._late(late)
         if word is None or word.stamp < since - ages[0]:
-            self.statusword, self.state = None, State.UNKNOWN
+            self.statusword, self.state = None, PowerState.UNKNOWN
         else:
             if word.value != self.statusword:
                 self.statusword = word.value
@@ -258,7 +258,7 @@ class Image:
 
     @property
     def standstill(self) -> bool:
-        """Whether the position has not moved over the window, by what is fresh; ``Standing`` asks more of a stop."""
+        """Whether the position has not moved over the window, by what is fresh; ``StandstillCheck`` asks more of a stop."""
         return self.still.still
 
     def speed(self, per_velocity: float) -> float | None:
@@ -289,7 +289,7 @@ class Image:
 
     @property
     def pull(self) -> float | None:
-        """How far the axis is led from where it is, in increments; None where nobody knows, or nothing leads it (see ``Led``)."""
+        """Commanded minus actual position, in increments; None if unknown or if nothing moves the axis (``ReferenceTracker``)."""
         return self.led.pull(self.demand_lead, self.position, self.state)
 
     @property
@@ -321,7 +321,7 @@ class Image:
             self.still.feed(position, stamp)
         self.position = self.last_position = position
 
-    def _enter(self, state: State) -> None:
+    def _enter(self, state: PowerState) -> None:
         """The drive shows another state; a demand from before its power came, or went, says nothing of now."""
         if (state in ENERGISED) is not (self.state in ENERGISED):
             self.led.begin(self.now)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-from axisbus.cia402.state import ENERGISED, State
+from axisbus.cia402.state import ENERGISED, PowerState
 
 
 class Loss(IntEnum):
@@ -15,9 +15,9 @@ class Loss(IntEnum):
     COUNT = 3  # its positions count from another place, or its node has restarted: all that was told in the old count
 
 
-def loss_between(before: State, after: State) -> Loss | None:
+def loss_between(before: PowerState, after: PowerState) -> Loss | None:
     """Return what a drive has lost that shows another state; None where it has lost nothing, or that is not known."""
-    may_have_had = before is State.UNKNOWN or before in ENERGISED
-    if not may_have_had or after is State.UNKNOWN or after is State.OPERATION_ENABLED:
+    may_have_had = before is PowerState.UNKNOWN or before in ENERGISED
+    if not may_have_had or after is PowerState.UNKNOWN or after is PowerState.OPERATION_ENABLED:
         return None
     return Loss.OPERATION if after in ENERGISED else Loss.POWER

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 
-from axisbus.cia402.controlword import Command
+from axisbus.cia402.controlword import PowerCommand
 from axisbus.cia402.port import Outputs
 
 # Scan periods: the SYNC that brings it into effect, the one at which the answer is sampled, and the cycle that reads it; half a one
 # less, because times do not add up exactly.
 _ANSWERED = 2.5
-_ENABLE = Command.ENABLE_OPERATION.word
+_ENABLE = PowerCommand.ENABLE_OPERATION.word
 _MODE_TAKEN = 3.5  # a drive looks at 6060h in a slower task
 
 
-class Flight:
+class PendingOutputs:
     """Holds the last controlword (``word``) and mode that were sent, and since when; times in seconds of the scan's clock."""
 
     __slots__ = ("_enabled_until", "_mode", "_mode_since", "_period", "_word_since", "word")

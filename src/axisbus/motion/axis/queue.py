@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from axisbus.errors import AxisbusError, StateError, Stopped
-from axisbus.motion.command_status import Status, Ticket
+from axisbus.motion.command_status import CommandStatus, Status
 
 MOST = 100  # commands that wait for one axis or group
 
@@ -15,7 +15,7 @@ MOST = 100  # commands that wait for one axis or group
 class _Waiting(NamedTuple):
     """A command, what begins it, and whether it does so as soon as the one before it has begun, to go on with that."""
 
-    ticket: Ticket
+    ticket: CommandStatus
     begin: Callable[[], None]
     joins: bool
 
@@ -31,7 +31,7 @@ class Queue:
     def __bool__(self) -> bool:
         return bool(self._waiting)
 
-    def add(self, ticket: Ticket, begin: Callable[[], None], *, joins: bool = False) -> None:
+    def add(self, ticket: CommandStatus, begin: Callable[[], None], *, joins: bool = False) -> None:
         """Let a command wait; one that ``joins`` the command before it begins with that, or waits for its end by itself.
 
         Raises:
@@ -65,7 +65,7 @@ class Queue:
         return found
 
 
-def _end(ticket: Ticket, before: str, error: AxisbusError | None) -> None:
+def _end(ticket: CommandStatus, before: str, error: AxisbusError | None) -> None:
     why = Stopped(
         f"{ticket.name} has not begun, because {before} did not end well",
         observed="" if error is None else error.message,

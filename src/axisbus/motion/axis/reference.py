@@ -6,8 +6,9 @@ Theory of operation
 ``DemandTrust`` says whether it counts. In modes without a position controller some drives lead a position along, others leave 6062h
 as it was: there it counts once it has moved.
 
-The demand is compared with the position of its own sample time (``Image.lead``); what was sampled before the present mode, power or
-count began is not compared at all (``since``). In a cyclic position mode the last target leads as well, whatever 6062h says.
+The demand is compared with the position of its own sample time (``AxisImage.lead``); what was sampled before the present mode,
+power or count began is not compared at all (``since``). In a cyclic position mode the last target leads as well, whatever 6062h
+says.
 
 In *quick stop active* a drive ignores 607Ah: it brakes from the last target with the velocity of that target, and holds the
 position at which it stops. So the last target is no pull if the axis has passed it by about the braking distance, or by any
@@ -20,7 +21,7 @@ from __future__ import annotations
 import math
 
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.state import ENERGISED, State
+from axisbus.cia402.state import ENERGISED, PowerState
 from axisbus.motion.axis.demand import DemandTrust
 from axisbus.motion.modes import WITHOUT_POSITION_DEMAND
 from axisbus.motion.parameters import DemandUse
@@ -32,13 +33,13 @@ _BRAKES = 1.25  # factor by which a braking distance may differ from the ramp's;
 _ON_ITS_WAY = 2.0  # cycles: a target is taken with the next SYNC and reached with the SYNC after it; the quick stop may be earlier
 
 
-class Led:
+class ReferenceTracker:
     """Holds what was sent last, and what has been found out of 6062h; positions are unwrapped increments.
 
     ``target`` is that of csp (None: there was none in this mode), ``set_point`` that of pp, given at ``set_point_at``; ``taken`` is
-    that set-point once the axis was seen to go by it (only ``Proof`` looks). A homing runs since ``searching_since`` (infinite:
-    none does). ``since``: a demand that was received at or before this moment is of before. ``trust``: whether 6062h counts.
-    ``rate`` is the last step of the target, in increments per cycle.
+    that set-point once the axis was seen to go by it (only ``SetPointConfirmation`` looks). A homing runs since ``searching_since``
+    (infinite: none does). ``since``: a demand that was received at or before this moment is of before. ``trust``: whether 6062h
+    counts. ``rate`` is the last step of the target, in increments per cycle.
     """
 
     __slots__ = (
@@ -133,7 +134,7 @@ class Led:
         """Whether a trusted ``demand`` may be the set-point in this mode; True if its value at the mode change is unknown."""
         return self._before is None or self.counts(demand, mode)
 
-    def pull(self, lead: float | None, position: int | None, state: State) -> float | None:
+    def pull(self, lead: float | None, position: int | None, state: PowerState) -> float | None:
         """Return how far the axis is led from where it is; None where nobody knows, or nothing leads it.
 
         ``lead``: how far the demand was ahead of the axis when it was sampled; None where that does not count.
@@ -141,7 +142,9 @@ class Led:
         if position is None or state not in ENERGISED:
             return None  # without power nothing pulls
         target = self.target
-        if target is None or (state is State.QUICK_STOP_ACTIVE and self._has_braked(target, lead, position)):
+        if target is None or (
+            state is PowerState.QUICK_STOP_ACTIVE and self._has_braked(target, lead, position)
+        ):
             return lead
         if lead is None or abs(target - position) > abs(lead):
             return target - position

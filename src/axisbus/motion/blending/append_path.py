@@ -7,7 +7,7 @@ corner between both is rounded, and what may be left how fast is reckoned anew f
 anything. A rounded corner begins before the end of its line, so that it may come too late for the speed that there is: it is then
 made narrower, until it does fit, and where none does the axes stop at the joint, as they would have done without it.
 
-Places keep their numbers, and what has been passed is let go of: so whoever goes along (``Travel``) goes on where it is.
+Places keep their numbers, and what has been passed is let go of: so whoever goes along (``PathSpeed``) goes on where it is.
 
 Each stretch has the velocity that is asked for on it (``velocities``), and that with which it is to be left (``exits``). Both are
 wishes within what the way allows: where it is too late to keep them, the speed comes as near as the acceleration lets it.
@@ -23,42 +23,42 @@ from typing import NamedTuple
 
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.blending.notes import narrower_corner, stopped_at_joint
-from axisbus.motion.group.path import Cycle, Part, Way, way_of
-from axisbus.motion.group.path_speed import Asked, Travel
+from axisbus.motion.group.path import CycleVelocity, Part, Path, way_of
+from axisbus.motion.group.path_speed import PathSpeed, SpeedRequest
 from axisbus.motion.group.segments import Corner, Place, Straight, corner, direction
-from axisbus.motion.parameters import Limits
+from axisbus.motion.parameters import AxisLimits
 
 _NARROWER = 12  # times a corner is made half as wide, before it is a stop
 _SAME = 1e-12
 
 
-class Going(NamedTuple):
+class ActivePath(NamedTuple):
     """A way that is gone along, with what is asked for on each of its stretches, and the last velocity."""
 
-    way: Way
-    asked: Asked
+    way: Path
+    asked: SpeedRequest
     velocity: float
 
 
-class Following(NamedTuple):
+class PathContinuation(NamedTuple):
     """What is to follow: a way that begins where the other ends, its velocity, and how it takes over.
 
     ``blend``: within which distance of the joint the corner stays.
     """
 
-    way: Way
+    way: Path
     velocity: float
     mode: BufferMode
     blend: float = 0.0
 
 
-class Joined(NamedTuple):
+class JoinedPath(NamedTuple):
     """What is gone along from now on, and the place at which what follows takes over (``mark``).
 
     ``told``: what its handle says of it, where it has not the joint that it asked for.
     """
 
-    going: Going
+    going: ActivePath
     mark: float
     told: str = ""
 
@@ -74,15 +74,19 @@ class _Rows(NamedTuple):
     exits: list[float]
 
 
-def going_of(way: Way, velocity: float) -> Going:
+def going_of(way: Path, velocity: float) -> ActivePath:
     """Return a way that is gone along at one velocity."""
     same = (velocity,) * len(way.tops)
-    return Going(way, Asked(same, same), velocity)
+    return ActivePath(way, SpeedRequest(same, same), velocity)
 
 
 def joined(
-    going: Going, travel: Travel, following: Following, limits: Sequence[Limits], period: float
-) -> Joined:
+    going: ActivePath,
+    travel: PathSpeed,
+    following: PathContinuation,
+    limits: Sequence[AxisLimits],
+    period: float,
+) -> JoinedPath:
     """Return both ways as one; ``travel`` is on the first, at any speed.
 
     What follows must have a length. It stops at the joint where the way turns back there, and where no corner fits any more.
@@ -115,20 +119,22 @@ def joined(
     return _stopped(going, travel, following, why)
 
 
-def _stopped(going: Going, travel: Travel, following: Following, why: str) -> Joined:
+def _stopped(going: ActivePath, travel: PathSpeed, following: PathContinuation, why: str) -> JoinedPath:
     found = _joined_at(None, going, travel, following, stands=True)
     return found._replace(told=stopped_at_joint(why))
 
 
-def _bent(bend: Corner, going: Going, following: Following, limits: Sequence[Limits], period: float) -> Way:
+def _bent(
+    bend: Corner, going: ActivePath, following: PathContinuation, limits: Sequence[AxisLimits], period: float
+) -> Path:
     """Return the corner by itself, with its stretches."""
-    cycle = Cycle(max(going.velocity, following.velocity), period)
+    cycle = CycleVelocity(max(going.velocity, following.velocity), period)
     return way_of([bend], limits, min(going.way.ramps[-1], following.way.ramps[0]), (), cycle)
 
 
 def _joined_at(
-    bent: Way | None, going: Going, travel: Travel, following: Following, *, stands: bool
-) -> Joined:
+    bent: Path | None, going: ActivePath, travel: PathSpeed, following: PathContinuation, *, stands: bool
+) -> JoinedPath:
     speed = 0.0 if stands else following.mode.velocity(going.velocity, following.velocity)
     way, rows = going.way, _rows_ahead(going, travel)
     behind = min(bisect_right(way.starts, travel.t) - 1, len(way.pieces) - 1)
@@ -156,24 +162,24 @@ def _joined_at(
     starts += [end, *(end - trim + start for start in tail.starts[1:])]
     _reckon(rows, last, settled, stands=stands)
     whole = _whole(way, bent, tail, rows, pieces, starts)
-    asked = Asked(tuple(rows.velocities), tuple(rows.exits))
-    return Joined(Going(whole, asked, following.velocity), mark)
+    asked = SpeedRequest(tuple(rows.velocities), tuple(rows.exits))
+    return JoinedPath(ActivePath(whole, asked, following.velocity), mark)
 
 
-def _trim(bent: Way) -> float:
+def _trim(bent: Path) -> float:
     bend = bent.pieces[0]
     assert isinstance(bend, Corner)
     return bend.trim
 
 
-def _rows_ahead(going: Going, travel: Travel) -> _Rows:
+def _rows_ahead(going: ActivePath, travel: PathSpeed) -> _Rows:
     way, asked = going.way, going.asked
     first = way.number(travel.t)
     rows = (way.tops, way.ramps, way.leaves, asked.velocities, asked.exits)
     return _Rows(list(way.marks[first:]), *(list(row[first:]) for row in rows))
 
 
-def _add(rows: _Rows, way: Way, velocity: float, trim: float = 0.0) -> None:
+def _add(rows: _Rows, way: Path, velocity: float, trim: float = 0.0) -> None:
     """Append the stretches of ``way``, of which the first is ``trim`` shorter."""
     begin = rows.marks[-1] - trim
     rows.marks.extend(begin + mark for mark in way.marks[1:])
@@ -239,8 +245,8 @@ def _between(a: Place, b: Place, share: float) -> Place:
 
 
 def _whole(
-    way: Way, bent: Way | None, tail: Way, rows: _Rows, pieces: list[Part], starts: list[float]
-) -> Way:
+    way: Path, bent: Path | None, tail: Path, rows: _Rows, pieces: list[Part], starts: list[float]
+) -> Path:
     parts = [part for part in (way, bent, tail) if part is not None]
 
     def most(name: str) -> Place:

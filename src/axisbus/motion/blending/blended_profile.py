@@ -28,7 +28,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from axisbus.motion.blending.mode import BufferMode
-from axisbus.motion.moves.profile_from_speed import Onward
+from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed
 
 _KEPT = 1.0  # seconds of what has been gone along
 
@@ -46,7 +46,7 @@ class Leg(NamedTuple):
     mode: BufferMode = BufferMode.BUFFERED
 
 
-class Joint(NamedTuple):
+class LegTransition(NamedTuple):
     """The end of a leg: when it is passed (s), how fast, and how fast it was to be passed; ``turns``: the way leads back there.
 
     ``held``: for how many seconds that speed is kept behind it, for the mean.
@@ -69,7 +69,7 @@ class _Piece(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class BlendedProfile:
     """A way through the ends of legs to rest at ``end``, after ``duration`` seconds; ``joints``: those that were ahead.
 
     ``mean``: seconds of which the axis is at the mean.
@@ -78,7 +78,7 @@ class Course:
     pieces: tuple[_Piece, ...]
     end: float
     duration: float
-    joints: tuple[Joint, ...]
+    joints: tuple[LegTransition, ...]
     mean: float = 0.0
 
     @property
@@ -97,7 +97,7 @@ class Course:
         """The highest acceleration in unit/s²."""
         return max(abs(piece.rate) for piece in self.pieces)
 
-    def passed_at(self, joint: Joint) -> float:
+    def passed_at(self, joint: LegTransition) -> float:
         """Return the time of the mean at which the axis has passed a joint; where that is a stop, the mean has come there, too."""
         return joint.time if joint.speed else joint.time + 0.5 * self.mean
 
@@ -120,21 +120,21 @@ class Course:
         return self.pieces[max(bisect_right(self.pieces, t, key=_begin_of) - 1, 0)]
 
 
-def course_of(start: float, legs: Sequence[Leg], mean: float = 0.0) -> Course:
+def course_of(start: float, legs: Sequence[Leg], mean: float = 0.0) -> BlendedProfile:
     """Return the way from rest at ``start`` through the ends of ``legs``; ``mean``: seconds of which the axis is at the mean."""
     return _planned((), 0.0, start, 0.0, legs, mean)
 
 
-def course_along(onward: Onward, mean: float = 0.0) -> Course:
+def course_along(onward: ProfileFromSpeed, mean: float = 0.0) -> BlendedProfile:
     """Return the way of one move that has begun from the speed that its axis had."""
     pieces, t = [], 0.0
     for seconds, position, speed, rate in onward.pieces:
         pieces.append(_Piece(t, position, speed, rate))
         t += seconds
-    return Course(tuple(pieces), onward.end, t, (Joint(t, 0.0, 0.0, turns=False),), mean)
+    return BlendedProfile(tuple(pieces), onward.end, t, (LegTransition(t, 0.0, 0.0, turns=False),), mean)
 
 
-def extended(course: Course, t: float, legs: Sequence[Leg]) -> Course:
+def extended(course: BlendedProfile, t: float, legs: Sequence[Leg]) -> BlendedProfile:
     """Return a way that is ``course`` until ``t`` seconds and leads through the ends of ``legs`` from there: those ahead, and more.
 
     The first leg must be the one under way, with the ramps that it was planned with. What the course holds behind a joint for the
@@ -154,9 +154,9 @@ def _begin_of(piece: _Piece) -> float:
 
 def _planned(
     head: tuple[_Piece, ...], t: float, position: float, speed: float, legs: Sequence[Leg], mean: float
-) -> Course:
+) -> BlendedProfile:
     pieces, ways = list(head), _ways(position, legs)
-    joints: list[Joint] = []
+    joints: list[LegTransition] = []
     wishes = _wishes(ways, legs)
     exits = _exits(abs(speed), ways, legs, wishes)
     entry, held = abs(speed), 0.0
@@ -170,7 +170,7 @@ def _planned(
                 pieces.append(_Piece(t, position, sign * first, sign * rate))
                 position += sign * (first * seconds + 0.5 * rate * seconds * seconds)
                 t += seconds
-        joints.append(Joint(t, speed_there, *asked))
+        joints.append(LegTransition(t, speed_there, *asked))
         position, entry, held = leg.end, speed_there, 0.5 * mean
         if not speed_there and mean and len(joints) < len(legs):
             joints[-1] = joints[-1]._replace(held=mean)
@@ -178,7 +178,7 @@ def _planned(
             t += mean
     if len(pieces) == len(head):
         pieces.append(_Piece(t, position, 0.0, 0.0))
-    return Course(tuple(pieces), legs[-1].end, t, tuple(joints), mean)
+    return BlendedProfile(tuple(pieces), legs[-1].end, t, tuple(joints), mean)
 
 
 def _ways(position: float, legs: Sequence[Leg]) -> list[float]:

@@ -5,22 +5,22 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from axisbus.motion.command_status import Status, Ticket, end_as
+from axisbus.motion.command_status import CommandStatus, Status, end_as
 
 
-class Milestones:
+class CommandEnds:
     """Holds the tickets whose ends are ahead, in order; that of the last command is with who runs the motion."""
 
     __slots__ = ("_ahead", "_marks")
 
     def __init__(self) -> None:
-        self._ahead: deque[tuple[Ticket, Ticket]] = deque()
-        self._marks: dict[Ticket, float] = {}  # as far as they are known
+        self._ahead: deque[tuple[CommandStatus, CommandStatus]] = deque()
+        self._marks: dict[CommandStatus, float] = {}  # as far as they are known
 
     def __len__(self) -> int:
         return len(self._ahead)
 
-    def add(self, ticket: Ticket, following: Ticket) -> None:
+    def add(self, ticket: CommandStatus, following: CommandStatus) -> None:
         """Let ``ticket`` end where ``following`` takes over (``mark`` tells where); what ends that one badly ends this as well."""
         self._ahead.append((ticket, following))
         following.then(lambda: self._end(following))
@@ -37,11 +37,11 @@ class Milestones:
             found = True
         return found
 
-    def mark(self, ticket: Ticket, place: float) -> None:
+    def mark(self, ticket: CommandStatus, place: float) -> None:
         """Note where ``ticket`` ends."""
         self._marks[ticket] = place
 
-    def _end(self, last: Ticket) -> None:
+    def _end(self, last: CommandStatus) -> None:
         """``last`` has ended: so has all that was still ahead before it."""
         while any(following is last for _, following in self._ahead):
             ticket = self._ahead.popleft()[0]

@@ -2,9 +2,10 @@
 
 Theory of operation
 -------------------
-All are one path (``Course``), which is extended by each command that joins it, from the time on at which it is. So nothing jumps:
-neither place nor speed changes where it was already planned. Each command's ticket ends when its own end has been passed, the last
-one's when the axis has come up with it and stands. An override and a halt act on the time of the path, as on any trajectory's.
+All are one path (``BlendedProfile``), which is extended by each command that joins it, from the time on at which it is. So nothing
+jumps: neither place nor speed changes where it was already planned. Each command's ticket ends when its own end has been passed,
+the last one's when the axis has come up with it and stands. An override and a halt act on the time of the path, as on any
+trajectory's.
 """
 
 from __future__ import annotations
@@ -14,15 +15,22 @@ from collections import deque
 from dataclasses import replace
 from typing import NamedTuple
 
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
-from axisbus.motion.blending.blended_profile import Course, Joint, Leg, course_along, course_of, extended
-from axisbus.motion.blending.command_ends import Milestones
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.blending.blended_profile import (
+    BlendedProfile,
+    Leg,
+    LegTransition,
+    course_along,
+    course_of,
+    extended,
+)
+from axisbus.motion.blending.command_ends import CommandEnds
 from axisbus.motion.blending.notes import passed_slower, turned_back
-from axisbus.motion.command_status import Ticket
-from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.command_status import CommandStatus
+from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.moves.activity import timed_out
-from axisbus.motion.moves.csp_move import Going, GoingOn
+from axisbus.motion.moves.csp_move import CspMove, MoveProgress
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.override.factor import spared
 from axisbus.motion.parameters import AxisParameters
@@ -30,12 +38,12 @@ from axisbus.motion.parameters import AxisParameters
 _TO_REST = 1e-9  # of a second before its end, a path is not extended any more
 
 
-class Part(NamedTuple):
+class BlendedCommand(NamedTuple):
     """One command: its leg (units), where it ends in unwrapped increments, its ticket and the caller's own deadline (s)."""
 
     leg: Leg
     target: int
-    ticket: Ticket
+    ticket: CommandStatus
     timeout: float | None
 
 
@@ -44,15 +52,15 @@ class BlendedMoves(Follow):
 
     foresees = False
 
-    def __init__(self, part: Part, parameters: AxisParameters, gate: Gate) -> None:
+    def __init__(self, part: BlendedCommand, parameters: AxisParameters, gate: StartBarrier) -> None:
         """``part``: the first command, which begins from rest (or see ``take_up``)."""
         super().__init__(None, parameters, gate)
         self._parts = deque([part])
-        self._course: Course | None = None
-        self._milestones = Milestones()
+        self._course: BlendedProfile | None = None
+        self._milestones = CommandEnds()
         self._deadline: float | None = None
 
-    def take_up(self, going: Going, before: GoingOn) -> None:
+    def take_up(self, going: MoveProgress, before: CspMove) -> None:
         """Be the first command, which goes on already: from the last target of ``before``, in its time."""
         self._lead_along(course_along(going.way))
         self.resume(before)
@@ -84,14 +92,14 @@ class BlendedMoves(Follow):
             return "it came when the one before had come to its end already"
         return ""
 
-    def join(self, part: Part) -> None:
+    def join(self, part: BlendedCommand) -> None:
         """Go on to the end of another command; nothing must speak against it (``why_not``)."""
         self._milestones.add(self._parts[-1].ticket, part.ticket)
         self._parts.append(self._within(part))
         if self._course is not None:
             self._lead_along(self._extended(self._course))
 
-    def _within(self, part: Part) -> Part:
+    def _within(self, part: BlendedCommand) -> BlendedCommand:
         """Return a command that joins such that it keeps the limits also where an override makes time run faster by now.
 
         Time cannot always be slowed down before it begins: the axis may need all of its deceleration for what is under way.
@@ -106,7 +114,7 @@ class BlendedMoves(Follow):
         )
         return part._replace(leg=slower)
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the axis has come up with the end of the last command."""
         self._check_deadline(
             image
@@ -122,7 +130,7 @@ class BlendedMoves(Follow):
             self._pass_ends(self._course)
         return False
 
-    def _go_ahead(self, image: Image) -> None:
+    def _go_ahead(self, image: AxisImage) -> None:
         """Let what is in front of the axis go on by one cycle; here nothing is."""
 
     def _legs(self) -> list[Leg]:
@@ -138,23 +146,23 @@ class BlendedMoves(Follow):
         """Seconds of the course of which the axis is at the mean."""
         return 0.0
 
-    def _extended(self, course: Course) -> Course:
+    def _extended(self, course: BlendedProfile) -> BlendedProfile:
         """Return the way on from here through all ends, with the joints that are passed here, and not yet by the axis."""
         t, before = self._along, course.joints[len(course.joints) - len(self._parts) + 1 :]
         passed = [joint for joint in before if joint.time <= t]
         longer = extended(course, t, self._legs()[len(passed) :])
         return replace(longer, joints=(*passed, *longer.joints))
 
-    def _lead_along(self, course: Course) -> None:
+    def _lead_along(self, course: BlendedProfile) -> None:
         self._course = course
         self._be_led(course)
         for part, joint in zip(self._parts, course.joints, strict=True):
             self._milestones.mark(part.ticket, course.passed_at(joint))
 
-    def _be_led(self, course: Course) -> None:
+    def _be_led(self, course: BlendedProfile) -> None:
         self.lead_on(course)
 
-    def _pass_ends(self, course: Course) -> None:
+    def _pass_ends(self, course: BlendedProfile) -> None:
         """End the commands whose ends have been passed; the course keeps the joints that were ahead when it was planned."""
         t = self.clock.t
         for joint in course.joints[len(course.joints) - len(self._parts) : -1]:
@@ -165,7 +173,7 @@ class BlendedMoves(Follow):
             self._tell(joint, self._parts[0].ticket)
         self._milestones.pass_to(t)
 
-    def _tell(self, joint: Joint, ticket: Ticket) -> None:
+    def _tell(self, joint: LegTransition, ticket: CommandStatus) -> None:
         """Note where a command has not taken over as it was asked to."""
         unit = self._units.unit
         if joint.turns:
@@ -173,7 +181,7 @@ class BlendedMoves(Follow):
         elif joint.speed < joint.asked * 0.999:
             ticket.note = passed_slower(joint.speed, joint.asked, unit)
 
-    def _check_deadline(self, image: Image) -> None:
+    def _check_deadline(self, image: AxisImage) -> None:
         part = self._parts[0]
         if part.timeout is None or self.clock.braking:
             return

@@ -2,9 +2,9 @@
 
 Theory of operation
 -------------------
-What goes along the course (``Ahead``) is as hard as the legs are, under every override, and the axis is led to the mean of its last
-places. So its velocity and its acceleration are means, too, and the acceleration changes by no more than twice that of the legs in
-the time of the mean. The course leaves room at its joints for that, so that they are passed as fast as they are to be.
+What goes along the course (``SmoothedProfile``) is as hard as the legs are, under every override, and the axis is led to the mean
+of its last places. So its velocity and its acceleration are means, too, and the acceleration changes by no more than twice that of
+the legs in the time of the mean. The course leaves room at its joints for that, so that they are passed as fast as they are to be.
 
 How many cycles the mean takes is settled by the first of the moves; another one may join that needs no more. Time never runs faster
 than it does without an override: the course would be harder by its square.
@@ -15,13 +15,13 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 
-from axisbus.motion.axis.image import Image
-from axisbus.motion.blending.blended_profile import Course, course_along
-from axisbus.motion.blending.csp_blending import BlendedMoves, Part
-from axisbus.motion.group.start_barrier import Gate
-from axisbus.motion.jerk.jerk_limited_move import SoftMove
-from axisbus.motion.jerk.online_profile import Gait, Led, Walk
-from axisbus.motion.moves.profile_from_speed import Onward
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.blending.blended_profile import BlendedProfile, course_along
+from axisbus.motion.blending.csp_blending import BlendedCommand, BlendedMoves
+from axisbus.motion.group.start_barrier import StartBarrier
+from axisbus.motion.jerk.jerk_limited_move import JerkLimitedMove
+from axisbus.motion.jerk.online_profile import JerkLimits, OnlineProfile, ReferenceState
+from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.pathclock import PathClock
 
@@ -29,12 +29,14 @@ from axisbus.motion.pathclock import PathClock
 _STRAIGHT = 0.85
 
 
-class Ahead:
+class SmoothedProfile:
     """Goes along a course, and holds its last times and places. To the axis it is its clock: ``t`` is the time of the mean."""
 
     __slots__ = ("_places", "_times", "braking", "course", "led", "ramp", "t", "time")
 
-    def __init__(self, course: Course, places: deque[float], led: Led, ramp: float, period: float) -> None:
+    def __init__(
+        self, course: BlendedProfile, places: deque[float], led: ReferenceState, ramp: float, period: float
+    ) -> None:
         """``places``: those of the last cycles, as many as the mean has, the last of them where ``course`` begins.
 
         ``led``: where the axis is led to by now; ``ramp``: by how much the speed ahead may change, in unit/s².
@@ -81,13 +83,13 @@ class Ahead:
         self.t = t if times[0] == t else sum(times) / len(times)
         place = self._places[-1] if self._rests else sum(self._places) / len(self._places)
         velocity = (place - before.place) / period
-        self.led = Led(place, velocity, (velocity - before.velocity) / period)
+        self.led = ReferenceState(place, velocity, (velocity - before.velocity) / period)
 
-    def walk(self, target: float, gait: Gait, by: float) -> Walk:
+    def walk(self, target: float, gait: JerkLimits, by: float) -> OnlineProfile:
         """Return what goes on from here to ``target``, with all places ``by`` farther on."""
         places = deque((place + by for place in self._places), maxlen=self.window)
         speed = self.course.speed(self.time.t) * self.time.rate
-        return Walk(target, gait, places, speed, self.led._replace(place=self.led.place + by))
+        return OnlineProfile(target, gait, places, speed, self.led._replace(place=self.led.place + by))
 
     @property
     def _rests(self) -> bool:
@@ -102,7 +104,7 @@ class Ahead:
 class _Softened:
     """The course as the axis is led along it, as a trajectory: it is asked for the present place alone."""
 
-    ahead: Ahead
+    ahead: SmoothedProfile
     span: tuple[float, float]
     top_speed: float
     top_acceleration: float
@@ -113,14 +115,16 @@ class _Softened:
         return self.ahead.led.place
 
 
-class SoftBlendedMoves(BlendedMoves):
+class JerkLimitedBlendedMoves(BlendedMoves):
     """Holds what goes along the course of the commands, once that is known."""
 
-    def __init__(self, part: Part, parameters: AxisParameters, gate: Gate, window: int) -> None:
+    def __init__(
+        self, part: BlendedCommand, parameters: AxisParameters, gate: StartBarrier, window: int
+    ) -> None:
         """``part``: the first command, which begins from rest (or see ``taken_up``); ``window``: of how many cycles the mean is."""
         super().__init__(part, parameters, gate)
         self._window = window
-        self.ahead: Ahead | None = None
+        self.ahead: SmoothedProfile | None = None
 
     @property
     def window(self) -> int:
@@ -134,14 +138,14 @@ class SoftBlendedMoves(BlendedMoves):
         is_led = ahead is not None and self.clock is ahead and self._addition is None
         return ahead.led.acceleration if ahead is not None and is_led else super().acceleration
 
-    def walk_to(self, target: float, gait: Gait) -> Walk | None:
+    def walk_to(self, target: float, gait: JerkLimits) -> OnlineProfile | None:
         """Return what goes on from here to ``target``, where it leads the axis; None where it does not."""
         ahead = self.ahead
         if ahead is None or self.clock is not ahead or self._addition is not None:
             return None
         return ahead.walk(target, gait, self.shifted)
 
-    def take_up_softly(self, way: Onward, before: SoftMove) -> None:
+    def take_up_softly(self, way: ProfileFromSpeed, before: JerkLimitedMove) -> None:
         """Be the first command, which goes on already: ``way`` is what ``before`` has in front."""
         walk = before.walk
         assert walk is not None
@@ -151,7 +155,7 @@ class SoftBlendedMoves(BlendedMoves):
         self.resume(before)
         self.shifted, self._deadline = before.shifted, before.deadline
 
-    def _go_ahead(self, image: Image) -> None:
+    def _go_ahead(self, image: AxisImage) -> None:
         ahead = self.ahead
         if ahead is not None and self._running and self.clock is ahead:
             if not ahead.braking:
@@ -171,20 +175,20 @@ class SoftBlendedMoves(BlendedMoves):
     def _along(self) -> float:
         return 0.0 if self.ahead is None else self.ahead.time.t
 
-    def _be_led(self, course: Course) -> None:
+    def _be_led(self, course: BlendedProfile) -> None:
         ahead = self.ahead
         if ahead is not None:
             ahead.course, ahead.ramp = course, self._least_ramp
             self.lead_on(self._softened(ahead))
             return
         here = course.position(0.0)
-        self._guide(course, deque([here] * self._window, maxlen=self._window), Led(here))
+        self._guide(course, deque([here] * self._window, maxlen=self._window), ReferenceState(here))
 
-    def _guide(self, course: Course, places: deque[float], led: Led) -> None:
-        self.ahead = ahead = Ahead(course, places, led, self._least_ramp, self._period)
+    def _guide(self, course: BlendedProfile, places: deque[float], led: ReferenceState) -> None:
+        self.ahead = ahead = SmoothedProfile(course, places, led, self._least_ramp, self._period)
         self.guide_by(ahead, self._softened(ahead))
 
-    def _softened(self, ahead: Ahead) -> _Softened:
+    def _softened(self, ahead: SmoothedProfile) -> _Softened:
         course = ahead.course
         low, high = course.span
         span = min(low, ahead.led.place), max(high, ahead.led.place)
@@ -194,6 +198,6 @@ class SoftBlendedMoves(BlendedMoves):
     def _least_ramp(self) -> float:
         return _STRAIGHT * min(min(leg.up, leg.down) for leg in self._legs())
 
-    def _pass_ends(self, course: Course) -> None:
+    def _pass_ends(self, course: BlendedProfile) -> None:
         if self.clock is self.ahead:  # else it is braked, and goes by no course
             super()._pass_ends(course)

@@ -19,13 +19,13 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-from axisbus.motion.axis.image import Image
-from axisbus.motion.blending.command_ends import Milestones
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.blending.command_ends import CommandEnds
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.blending.notes import brakes_harder, passed_slower
-from axisbus.motion.command_status import Ticket
+from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.moves.activity import present_speed
-from axisbus.motion.moves.profile import Profile, braking_distance
+from axisbus.motion.moves.profile import MoveProfile, braking_distance
 from axisbus.motion.parameters import AxisParameters
 
 _LEAD = 0.25  # seconds: what a hold has delayed is no measure
@@ -33,16 +33,16 @@ _LATE = 5.0  # scan periods beside that, in which the axis goes on as it was
 _SLOWER = 0.85  # of the velocity that was asked for: the measured one is noisy
 
 
-class Handed(NamedTuple):
+class BlendedTarget(NamedTuple):
     """A move: where it ends (unwrapped increments), its profile, how it takes over, and its ticket."""
 
     target: int
-    profile: Profile
+    profile: MoveProfile
     mode: BufferMode
-    ticket: Ticket
+    ticket: CommandStatus
 
 
-class Passing:
+class PpBlending:
     """Holds the moves whose ends are ahead, and whether the drive has been asked for the velocity of the second."""
 
     __slots__ = (
@@ -55,11 +55,11 @@ class Passing:
         "_parts",
     )
 
-    def __init__(self, first: Handed, parameters: AxisParameters) -> None:
+    def __init__(self, first: BlendedTarget, parameters: AxisParameters) -> None:
         """``first``: the move that is under way."""
         self._parts = deque([first])
         self._parameters = parameters
-        self._milestones = Milestones()
+        self._milestones = CommandEnds()
         self._number = 0
         self._is_asked = False
         self._asked_at: float | None = None
@@ -70,7 +70,7 @@ class Passing:
         """How many moves share the motion, and have not ended."""
         return len(self._parts)
 
-    def add(self, part: Handed, now: float) -> None:
+    def add(self, part: BlendedTarget, now: float) -> None:
         """Go on to the end of another move, of which the drive is given the target at once."""
         before = self._parts[-1].ticket
         self._milestones.add(before, part.ticket)
@@ -84,7 +84,7 @@ class Passing:
         if self._asked_at is not None:
             self._lead, self._asked_at = min(now - self._asked_at, _LEAD), None
 
-    def look(self, image: Image) -> Profile | None:
+    def look(self, image: AxisImage) -> MoveProfile | None:
         """Return the profile that the drive is to have from now on; None where it keeps the one that it has."""
         if image.position is None or len(self._parts) < 2:
             return None
@@ -101,7 +101,7 @@ class Passing:
             self._pass(before, after, image)
         return asked
 
-    def _distance(self, before: Handed, after: Handed, factor: float) -> float:
+    def _distance(self, before: BlendedTarget, after: BlendedTarget, factor: float) -> float:
         """Return how far before the end of a move the drive must be given the velocity of the next."""
         old, new, up, down = before.profile.speed, after.profile.speed, after.profile.up, after.profile.down
         assert old
@@ -113,7 +113,7 @@ class Passing:
             return 0.0
         return abs(new * new - old * old) / (2.0 * (up if new > old else down)) + old * self._lead
 
-    def _braking(self, before: Profile, after: Profile, image: Image) -> Profile:
+    def _braking(self, before: MoveProfile, after: MoveProfile, image: AxisImage) -> MoveProfile:
         """Return the profile of the second, with the deceleration of the first where its own comes too late for the last end.
 
         That is all that the drive brakes for: it was planned with the first until now.
@@ -131,13 +131,13 @@ class Passing:
         ramp = min(after.up or before.down, before.down)
         return after._replace(deceleration=before.deceleration, down=before.down, ramp=ramp)
 
-    def _pass(self, before: Handed, after: Handed, image: Image) -> None:
+    def _pass(self, before: BlendedTarget, after: BlendedTarget, image: AxisImage) -> None:
         self._parts.popleft()
         self._is_asked = False
         self._tell(before, after, image)
         self._milestones.pass_to(self._number - len(self._parts))
 
-    def _tell(self, before: Handed, after: Handed, image: Image) -> None:
+    def _tell(self, before: BlendedTarget, after: BlendedTarget, image: AxisImage) -> None:
         """Note on the second where it has taken over at a lower velocity than it was to."""
         speed, factor = present_speed(image, self._parameters), image.override
         assert before.profile.speed
@@ -150,6 +150,6 @@ class Passing:
             after.ticket.note = "; ".join(filter(None, (told, after.ticket.note)))
 
 
-def _is_same(one: Profile, other: Profile) -> bool:
+def _is_same(one: MoveProfile, other: MoveProfile) -> bool:
     """Whether a drive need not be told of the second; a caller's time for it has to begin anew."""
     return one[:3] == other[:3] and one.timeout is None and other.timeout is None

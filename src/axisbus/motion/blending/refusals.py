@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from axisbus.errors import StateError
-from axisbus.motion.blending.append_path import Following
-from axisbus.motion.group.path_motion import MOST, Line
+from axisbus.motion.blending.append_path import PathContinuation
+from axisbus.motion.group.path_motion import MOST, PathMotion
 from axisbus.wording import counted
 
 COMMANDS = 100  # that share one motion
@@ -28,7 +28,7 @@ def not_a_line(name: str) -> StateError:
     )
 
 
-def require_joint(line: Line, following: Following, name: str) -> None:
+def require_joint(line: PathMotion, following: PathContinuation, name: str) -> None:
     """Raise StateError where ``following`` cannot go on from the end of ``line``, or too much is ahead."""
     if line.commands >= COMMANDS or line.pieces + len(following.way.pieces) > MOST:
         raise StateError(

@@ -6,7 +6,7 @@ A joint is stepped once per cycle before the axes, as a group's line is, and lea
 (``Coupled``). What it goes by is where the master was led to in the cycle before: a slave is one cycle behind.
 
 1. It stands (or goes on as it did) until it may begin: ``AtPlace`` waits until the master comes by.
-2. It comes into step: by its acceleration up to the speed that is due (``AtSpeed``), or on a ``Blend`` while its master
+2. It comes into step: by its acceleration up to the speed that is due (``SyncAtSpeed``), or on a ``SyncInCurve`` while its master
    goes on.
 3. It is in step: where the law says, each cycle.
 
@@ -21,19 +21,19 @@ from collections.abc import Callable
 
 from axisbus.errors import AxisbusError, LimitError, StateError
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.coupling.gear_and_cam import Due
+from axisbus.motion.coupling.gear_and_cam import SlaveReference
 from axisbus.motion.coupling.master import Master
-from axisbus.motion.coupling.phase import Phase
+from axisbus.motion.coupling.phase import PhaseShift
 from axisbus.motion.coupling.slave_axis import Coupled
-from axisbus.motion.coupling.sync_in_curve import Blend
-from axisbus.motion.coupling.sync_options import AtPlace, AtSpeed, Here
+from axisbus.motion.coupling.sync_in_curve import SyncInCurve
+from axisbus.motion.coupling.sync_options import AtPlace, SyncAtSpeed, SyncInPlace
 from axisbus.motion.group.commands import Couple
 from axisbus.motion.moves.follow import Follow
 
 _FADE = 0.5  # seconds in which what a slave is off is taken back
 
 
-class Joint:
+class Engagement:
     """One slave and its master; ``place`` is where the slave is due, ``failure`` why it can be led no more."""
 
     def __init__(
@@ -47,7 +47,7 @@ class Joint:
             False  # the failure is that the slave cannot come into step, and nothing of it has moved
         )
         self.place = 0.0
-        self.phase = Phase(period)
+        self.phase = PhaseShift(period)
         self.master = Master(master, command.by, period)
         self.follow = Coupled(self, slave.parameters, before)
         self._slave = slave.parameters
@@ -56,7 +56,7 @@ class Joint:
         self._period = period
         self._speed = 0.0  # of the slave, in its unit per s
         self._base = 0.0  # where the slave is when its law says 0
-        self._fade: Blend | None = None  # what it is off, by its seconds in step
+        self._fade: SyncInCurve | None = None  # what it is off, by its seconds in step
         self._since = 0.0
         self._passed: float | None = None  # where the master was in the cycle before
         self._lead: Callable[[], float] = self._wait
@@ -94,7 +94,7 @@ class Joint:
         except AxisbusError as error:
             raise self._lost(error, "nothing has moved") from error
         entry, law, m = self._command.entry, self._command.law, master.place
-        if isinstance(entry, Here) and not entry.over and not entry.relative:
+        if isinstance(entry, SyncInPlace) and not entry.over and not entry.relative:
             self._require_near(place + velocity * self._period - law.at(m).place + law.raised(m))
         elif isinstance(entry, AtPlace) and (entry.master - m) * master.velocity > 0.0:
             self._require_far(entry, m)
@@ -115,7 +115,7 @@ class Joint:
 
     def _wait(self) -> float:
         entry, law, m = self._command.entry, self._command.law, self.master.place
-        if isinstance(entry, AtSpeed):
+        if isinstance(entry, SyncAtSpeed):
             self._lead = self._take_up_speed
             return self._lead()
         if isinstance(entry, AtPlace):
@@ -136,7 +136,7 @@ class Joint:
     def _take_up_speed(self) -> float:
         """Change the speed by the acceleration; in step once it is the one that is due."""
         entry, m = self._command.entry, self.master
-        assert isinstance(entry, AtSpeed)
+        assert isinstance(entry, SyncAtSpeed)
         due = self._command.law.at(m.place)
         wanted, change = due.slope * m.velocity, entry.acceleration * self._period
         speed = min(max(wanted, self._speed - change), self._speed + change)
@@ -151,8 +151,8 @@ class Joint:
         m = self.master
         slope = self._speed / m.velocity if m.velocity else 0.0
         goal = self._command.law.at(end)
-        start = Due(self.place + self._speed * self._period, slope, 0.0)
-        self._blend = Blend(m.place, end, start, goal._replace(place=goal.place + self._base))
+        start = SlaveReference(self.place + self._speed * self._period, slope, 0.0)
+        self._blend = SyncInCurve(m.place, end, start, goal._replace(place=goal.place + self._base))
         self._lead = self._go_along_blend
 
     def _go_along_blend(self) -> float:
@@ -170,7 +170,11 @@ class Joint:
         self._base = here - due.place if relative else -law.raised(m.place)
         off = here - due.place - self._base
         self._require_near(off)
-        self._fade = Blend(0.0, _FADE, Due(off, 0.0, 0.0), Due(0.0, 0.0, 0.0)) if off else None
+        self._fade = (
+            SyncInCurve(0.0, _FADE, SlaveReference(off, 0.0, 0.0), SlaveReference(0.0, 0.0, 0.0))
+            if off
+            else None
+        )
         self._be_in_step()
 
     def _be_in_step(self) -> None:

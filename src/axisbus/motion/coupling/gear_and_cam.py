@@ -7,10 +7,10 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from axisbus.motion.spline import Part
+from axisbus.motion.spline import SplineSegment
 
 
-class Due(NamedTuple):
+class SlaveReference(NamedTuple):
     """Where the slave is due, and how that changes with the master: its slope (unit per unit), and how the slope does."""
 
     place: float
@@ -24,9 +24,9 @@ class Gear:
 
     ratio: float
 
-    def at(self, master: float) -> Due:
+    def at(self, master: float) -> SlaveReference:
         """Return where the slave is due."""
-        return Due(self.ratio * master, self.ratio, 0.0)
+        return SlaveReference(self.ratio * master, self.ratio, 0.0)
 
     def place(self, master: float) -> float:
         """Return that place alone: what is asked for in every cycle."""
@@ -47,23 +47,23 @@ class CamLaw:
 
     first: float
     marks: tuple[float, ...]
-    parts: tuple[Part, ...]
+    parts: tuple[SplineSegment, ...]
     period: float
     lift: float | None
 
-    def at(self, master: float) -> Due:
+    def at(self, master: float) -> SlaveReference:
         """Return where the slave is due."""
         part, s, inside = self._found(master)
         if not inside:
-            return Due(part.at(s), 0.0, 0.0)
-        return Due(self.raised(master) + part.at(s), part.speed_at(s), part.bend_at(s))
+            return SlaveReference(part.at(s), 0.0, 0.0)
+        return SlaveReference(self.raised(master) + part.at(s), part.speed_at(s), part.bend_at(s))
 
     def place(self, master: float) -> float:
         """Return that place alone: what is asked for in every cycle."""
         part, s, inside = self._found(master)
         return part.at(s) + (self.raised(master) if inside else 0.0)
 
-    def _found(self, master: float) -> tuple[Part, float, bool]:
+    def _found(self, master: float) -> tuple[SplineSegment, float, bool]:
         """Return the part that is due, where on it, and whether the master is within the cam."""
         along = master - self.first
         if self.lift is not None:

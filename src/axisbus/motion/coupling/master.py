@@ -3,19 +3,19 @@
 Theory of operation
 -------------------
 What this program itself leads is known to any fraction: the path of a trajectory, the last target in csp, a virtual axis. What a
-drive tells (``Told``) comes in whole increments, and at moments of its own; so it is filtered, and carried on to where a target
-would be.
+drive tells (``MasterEstimator``) comes in whole increments, and at moments of its own; so it is filtered, and carried on to where a
+target would be.
 
 What leads the master changes from command to command, and the kinds differ by a following error or a cycle. A drive that leads
 itself goes on through cycles that this computer was too late for, and its slave, which had no targets meanwhile, is behind. Both
-are debts, taken back little by little (``Debt``): the slave never jumps, and is in step again within a second or two.
+are debts, taken back little by little (``LagCorrection``): the slave never jumps, and is in step again within a second or two.
 """
 
 from __future__ import annotations
 
 from axisbus.errors import AxisbusError, NodeError, StateError
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.coupling.master_estimator import Debt, Told
+from axisbus.motion.coupling.master_estimator import LagCorrection, MasterEstimator
 from axisbus.motion.coupling.sync_options import By
 from axisbus.motion.states import AxisState
 
@@ -36,8 +36,8 @@ class Master:
         self._origin = core.image.origin  # what is counted anew meanwhile moves no slave
         self._kind: str | None = None
         self._target: int | None = None  # the last one, in increments
-        self._debt = Debt(period)
-        self._told = Told(core, by, period)
+        self._debt = LagCorrection(period)
+        self._told = MasterEstimator(core, by, period)
 
     @property
     def name(self) -> str:

@@ -10,9 +10,9 @@ scan, which a cycle that comes late does not move; so neither it nor a lost fram
 A demand (6062h) that becomes known in motion is not taken before the master is at standstill: it is ahead of the position, and a
 slave that changed from one to the other would be jolted.
 
-Over cycles that were skipped the drive goes on, and what it made without a target of the slave is a debt of that. A ``Debt``
-is taken back as a spring with critical damping draws in: its speed never jumps, and is a tenth of the master's, as far as that is
-enough for a few seconds.
+Over cycles that were skipped the drive goes on, and what it made without a target of the slave is a debt of that. A
+``LagCorrection`` is taken back as a spring with critical damping draws in: its speed never jumps, and is a tenth of the master's,
+as far as that is enough for a few seconds.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import ValueTransport
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.coupling.sync_options import By
 
@@ -33,7 +33,7 @@ _SOON, _AT_LEAST = 3.0, 0.5  # 1/s, of a debt that is taken back
 _FASTER = 0.1  # of the master's speed, at most, by which one is
 
 
-class Debt:
+class LagCorrection:
     """What a place is off from where it is due, on its way to nothing; ``value`` in units, ``rate`` per second."""
 
     def __init__(self, period: float) -> None:
@@ -61,7 +61,7 @@ class Debt:
         return self.value
 
 
-class Told:
+class MasterEstimator:
     """Follows one master by what its drive tells; ``velocity`` in units per second."""
 
     def __init__(self, core: AxisCore, by: By, period: float) -> None:
@@ -109,7 +109,7 @@ class Told:
         # What comes with each SYNC, or is asked for, and did not come is late or lost; what comes by itself has not changed.
         if stamp != self._stamp:
             self._correct(seen - origin, self._sampled(stamp, source))
-        elif source is Source.EVENT_PDO:
+        elif source is ValueTransport.EVENT_PDO:
             self._correct(seen - origin, image.now - (_LATE - 1.0) * period)
         self._stamp = stamp
         return self.velocity * skipped * period
@@ -121,7 +121,7 @@ class Told:
         self._syncs.clear()
         self._syncs.append(now - self._period)
 
-    def _seen(self) -> tuple[int, float, Source | None]:
+    def _seen(self) -> tuple[int, float, ValueTransport | None]:
         """Return what the drive tells in increments, its stamp, and how it comes."""
         core, image = self._core, self._core.image
         inputs = core.capabilities.inputs
@@ -132,9 +132,9 @@ class Told:
         assert image.position is not None  # else it is lost
         return image.position, image.position_stamp, inputs.get("position")
 
-    def _sampled(self, stamp: float, source: Source | None) -> float:
+    def _sampled(self, stamp: float, source: ValueTransport | None) -> float:
         """Return when what came at ``stamp`` was so."""
-        if source is not Source.SYNC_PDO:
+        if source is not ValueTransport.SYNC_PDO:
             return stamp
         before = stamp + _BEFORE * self._period
         return max((sync for sync in self._syncs if sync <= before), default=stamp)

@@ -6,7 +6,7 @@ from axisbus.motion.commands import PhaseBy
 from axisbus.motion.superimposed.offset_profile import Shift
 
 
-class Phase:
+class PhaseShift:
     """Holds the shift (``value``, units of the master), and how it changes."""
 
     def __init__(self, period: float) -> None:

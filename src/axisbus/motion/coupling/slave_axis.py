@@ -7,15 +7,15 @@ from typing import Protocol
 
 from axisbus.errors import AxisbusError, LimitError, StateError
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.commands import PhaseBy
 from axisbus.motion.coupling.master import Master
-from axisbus.motion.coupling.phase import Phase
+from axisbus.motion.coupling.phase import PhaseShift
 from axisbus.motion.group.start_barrier import OPEN
 from axisbus.motion.moves.follow import Follow, Foreseen
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.path_limit_check import Step, TooMuch
+from axisbus.motion.path_limit_check import LimitExceeded, PathSample
 from axisbus.motion.position_limits import Room, leaves
 
 _ENDLESS = 1e9  # seconds
@@ -28,7 +28,7 @@ class Leader(Protocol):
     refused: bool
     in_step: bool
     master: Master
-    phase: Phase
+    phase: PhaseShift
     place: float
 
     def require_start(self, place: float, velocity: float) -> None:
@@ -68,7 +68,7 @@ class _Due:
 class _Steady:
     """On and on with the speed of a ``start``."""
 
-    start: Step
+    start: PathSample
     duration: float = _ENDLESS
 
     def position(self, t: float) -> float:
@@ -114,7 +114,7 @@ class Coupled(Follow):
         """Whether it still goes by its master."""
         return self._running and not self.clock.braking
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the axis is in step with its master, and nothing changes how it sees that."""
         if not self.clock.braking and self._leader.failure is not None:
             self._stepped, self.refused = True, self._leader.refused
@@ -157,7 +157,7 @@ class Coupled(Follow):
         """Begin to brake by itself; False where it does not run, or no deceleration is known."""
         return self.brake_alone()
 
-    def _start(self, image: Image) -> None:
+    def _start(self, image: AxisImage) -> None:
         units = self._parameters.units.position
         self._leader.take_up(units.to_units(self.reference(image) - image.origin), 0.0)
         super()._start(image)
@@ -189,7 +189,7 @@ class Coupled(Follow):
             "cell.toml; the axis was braked, to stand within them",
         )
 
-    def _too_much(self, found: TooMuch, _: float) -> LimitError:
+    def _too_much(self, found: LimitExceeded, _: float) -> LimitError:
         name = self._parameters.name
         return LimitError(
             f"{name}: what its master does would take it {found.what}",
@@ -199,7 +199,7 @@ class Coupled(Follow):
         )
 
 
-class LetGo(Follow):
+class Disengaged(Follow):
     """An axis that was led, and goes on with the speed that it had (MC_GearOut)."""
 
     goes_on = True
@@ -210,7 +210,7 @@ class LetGo(Follow):
         super().__init__(_Steady(before.last_step), parameters, OPEN)
         self.resume(before)
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True: from now on it is on its own."""
         super().step(image, order)
         return True

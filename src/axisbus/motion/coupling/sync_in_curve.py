@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from axisbus.motion.coupling.gear_and_cam import Due
+from axisbus.motion.coupling.gear_and_cam import SlaveReference
 
 
-class Blend:
+class SyncInCurve:
     """A curve of fifth degree over the master's way from ``begin`` to ``end``; neither slope nor bend jumps at its ends."""
 
     __slots__ = ("_begin", "_factors", "_length", "_slope")
 
-    def __init__(self, begin: float, end: float, start: Due, goal: Due) -> None:
+    def __init__(self, begin: float, end: float, start: SlaveReference, goal: SlaveReference) -> None:
         """``begin`` and ``end`` differ; ``end`` lies below it where the master goes backwards."""
         length = end - begin
         a, b, c = start.place, start.slope * length, 0.5 * start.bend * length**2

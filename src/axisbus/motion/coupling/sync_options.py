@@ -14,7 +14,7 @@ class By(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class AtSpeed:
+class SyncAtSpeed:
     """MC_GearIn: the slave takes up its speed with ``acceleration`` (unit/s²), and is in step from where it has it."""
 
     acceleration: float
@@ -30,7 +30,7 @@ class AtPlace:
 
 
 @dataclass(frozen=True, slots=True)
-class Here:
+class SyncInPlace:
     """MC_CamIn: from where both are, within the next ``over`` units of the master (0: the slave stands where it is due).
 
     ``relative``: the place where the slave is counts as that where it is due.
@@ -40,4 +40,4 @@ class Here:
     relative: bool = False
 
 
-Entry = AtSpeed | AtPlace | Here
+Entry = SyncAtSpeed | AtPlace | SyncInPlace

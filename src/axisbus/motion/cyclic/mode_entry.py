@@ -6,16 +6,16 @@ from collections.abc import Sequence
 
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
-from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.moves.activity import Lead, ModeSwitch
 from axisbus.motion.moves.interpolation import CyclicSetup
 from axisbus.motion.moves.prepare import RampTransfers
 from axisbus.motion.parameters import AxisParameters
 
 
-class Ready:
+class ModeEntry:
     """Brings a standing axis into a cyclic mode; holds whether it is there, and which ramps of the written ones its drive has."""
 
     __slots__ = ("_gate", "_is_ready", "_mode", "_setup", "ramps")
@@ -24,7 +24,7 @@ class Ready:
         self,
         mode: ModeOfOperation,
         parameters: AxisParameters,
-        gate: Gate,
+        gate: StartBarrier,
         writes: Sequence[tuple[int, int, int | None]] = (),
         lead: Lead | None = None,
     ) -> None:
@@ -35,7 +35,7 @@ class Ready:
         self._gate = gate
         self._is_ready = False
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True from the cycle on in which the first target may go out.
 
         Raises:
@@ -48,12 +48,12 @@ class Ready:
         return self._is_ready and self._is_released(image, order) and self._gate.pass_through(self)
 
     @staticmethod
-    def _is_released(image: Image, order: Order) -> bool:
+    def _is_released(image: AxisImage, order: CycleOutputs) -> bool:
         """Release a halt before the first target goes out: a drive that hears the word late would leave that target out."""
         order.halt = False
         return not (image.flight.word or 0) & cw.HALT
 
-    def cancel(self, order: Order) -> None:
+    def cancel(self, order: CycleOutputs) -> None:
         """Take back what is queued, and a mode that was asked for."""
         self._setup.cancel(order)
         self.ramps.cancel(order)

@@ -12,8 +12,8 @@ from __future__ import annotations
 import math
 
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
 
 
 class VelocityRamp:
@@ -55,7 +55,7 @@ class VelocityRamp:
         self._target, self._braking = 0.0, True
         return True
 
-    def step(self, _image: Image, order: Order) -> bool:
+    def step(self, _image: AxisImage, order: CycleOutputs) -> bool:
         """Ask for the velocity of this cycle; return True once it is the last one."""
         self.velocity = next_velocity(self.velocity, self._target, self._up, self._down, self._period)
         order.halt = False
@@ -99,7 +99,7 @@ class TorqueRamp:
             self._target = 0.0
         return self._lets_go
 
-    def step(self, _image: Image, order: Order) -> bool:
+    def step(self, _image: AxisImage, order: CycleOutputs) -> bool:
         """Ask for the torque of this cycle; return True once it is the last one."""
         change, off = self._slope * self._period, self._target - self.torque
         self.torque = self._target if abs(off) <= change else self.torque + math.copysign(change, off)

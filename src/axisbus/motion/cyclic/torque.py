@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.commands import CyclicTorque
-from axisbus.motion.cyclic.mode_entry import Ready
+from axisbus.motion.cyclic.mode_entry import ModeEntry
 from axisbus.motion.cyclic.ramps import TorqueRamp
-from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.continuous_motion import TORQUE_FLOOR, TORQUE_SHARE, pushed, torque_missed
 from axisbus.motion.moves.prepare import slow_ramp_writes
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.stop_deceleration import Course
+from axisbus.motion.stop_deceleration import CommandedMotion
 
 _MARGIN = 2.0  # seconds that the torque may be late, beside four times its slope
 
 
-class TorqueLed(Activity):
+class CyclicTorqueMove(Activity):
     """An axis that is pushed by a torque; ends well when 6077h shows it, and keeps it. Another one may be given to it meanwhile.
 
     It begins with the torque that the axis has when it is asked for: what holds a load, or leans on something, is not let go.
@@ -27,20 +27,20 @@ class TorqueLed(Activity):
     mode = ModeOfOperation.CYCLIC_SYNC_TORQUE
     ramp = TorqueRamp
     goes_on = True
-    course = Course(by_torque=True)
+    course = CommandedMotion(by_torque=True)
 
     def __init__(
         self,
         command: CyclicTorque,
         parameters: AxisParameters,
-        gate: Gate,
+        gate: StartBarrier,
         before: TorqueRamp | None = None,
     ) -> None:
         """``before``: what leads the axis in cst already; else it stands, and the mode comes first."""
         self._parameters = parameters
         writes = slow_ramp_writes(parameters)
         fresh = before is None
-        self._ready = Ready(self.mode, parameters, gate, writes, self._keep) if fresh else None
+        self._ready = ModeEntry(self.mode, parameters, gate, writes, self._keep) if fresh else None
         self._ramp = before
         self._held: int | None = None  # what was sent while the mode changed
         self.aim(command)
@@ -58,7 +58,7 @@ class TorqueLed(Activity):
         """The ramp on which it is led, once it is."""
         return self._ramp
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True once the torque is reached; to be stepped on afterwards, to keep it."""
         if self._ready is not None and not self._ready.step(image, order):
             self._held = self._held if order.target_torque is None else order.target_torque
@@ -68,18 +68,18 @@ class TorqueLed(Activity):
         ramp.step(image, order)
         return self.reached
 
-    def cancel(self, order: Order) -> None:
+    def cancel(self, order: CycleOutputs) -> None:
         """Take back what is queued."""
         if self._ready is not None:
             self._ready.cancel(order)
 
-    def _keep(self, image: Image, order: Order) -> None:
+    def _keep(self, image: AxisImage, order: CycleOutputs) -> None:
         """While the mode changes the torque is the one that the axis had before."""
         if self._held is None:
             self._held = image.torque
         order.target_torque = self._held or 0
 
-    def _begun(self, image: Image) -> TorqueRamp:
+    def _begun(self, image: AxisImage) -> TorqueRamp:
         ready, self._ready = self._ready, None
         if self._ramp is None:
             parameters, command = self._parameters, self._command
@@ -93,7 +93,7 @@ class TorqueLed(Activity):
             self._ramp.aim(command.torque, command.slope)
         return self._ramp
 
-    def _watch(self, image: Image, ramp: TorqueRamp) -> None:
+    def _watch(self, image: AxisImage, ramp: TorqueRamp) -> None:
         if self._deadline is None:
             self._deadline = image.now + self._allowed(ramp.torque)
         if self.reached:
@@ -102,7 +102,7 @@ class TorqueLed(Activity):
         if not self.reached and image.now > self._deadline:
             raise torque_missed(image, self._parameters, self._command.torque)
 
-    def _in_torque(self, image: Image) -> bool:
+    def _in_torque(self, image: AxisImage) -> bool:
         """The measured torque itself, more than half of it: bit 10 says nothing of it in cst."""
         if image.torque is None:
             return False

@@ -17,35 +17,35 @@ from collections import deque
 from dataclasses import replace
 
 from axisbus.errors import CommandError
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
-from axisbus.motion.commands import Answer, Control, CyclicTorque, CyclicVelocity
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.commands import ControllerCommand, ControllerOutput, CyclicTorque, CyclicVelocity
 from axisbus.motion.cyclic.ramps import TorqueRamp, VelocityRamp
-from axisbus.motion.cyclic.torque import TorqueLed
-from axisbus.motion.cyclic.velocity import VelocityLed
-from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.cyclic.torque import CyclicTorqueMove
+from axisbus.motion.cyclic.velocity import CyclicVelocityMove
+from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.parameters import AxisParameters
 from axisbus.wording import counted
 
 _FIRST = 1.0  # seconds within which the first answer is to come
 
 
-class Answers:
+class ControllerOutputBuffer:
     """Holds the newest answer of a loop, and when the last cycles began, of which the first is as old as an answer may be."""
 
-    def __init__(self, command: Control, name: str) -> None:
+    def __init__(self, command: ControllerCommand, name: str) -> None:
         """``name`` of the axis."""
         self._number, self._late, self._name = command.number, command.late, name
         self._cycles: deque[float] = deque(maxlen=command.late + 1)
         self._since: float | None = None
-        self._newest: Answer | None = None
+        self._newest: ControllerOutput | None = None
 
     @property
     def newest(self) -> int | None:
         """The newest answer, or None before the first one and after the loop has failed."""
         return None if self._newest is None or self._newest.failure else self._newest.value
 
-    def take(self, answer: Answer) -> bool:
+    def take(self, answer: ControllerOutput) -> bool:
         """Take an answer; return whether it is one of this loop."""
         if answer.number != self._number:
             return False
@@ -96,19 +96,23 @@ class Answers:
         )
 
 
-class VelocityAnswered(VelocityLed):
+class VelocityAnswered(CyclicVelocityMove):
     """An axis that goes at the velocity that a loop answers; it never ends well."""
 
     def __init__(
-        self, command: Control, parameters: AxisParameters, gate: Gate, before: VelocityRamp | None = None
+        self,
+        command: ControllerCommand,
+        parameters: AxisParameters,
+        gate: StartBarrier,
+        before: VelocityRamp | None = None,
     ) -> None:
-        """As ``VelocityLed``; one that is led already goes on at its velocity until the first answer."""
+        """As ``CyclicVelocityMove``; one that is led already goes on at its velocity until the first answer."""
         assert isinstance(command.by, CyclicVelocity)
-        self.answers = Answers(command, parameters.name)
+        self.answers = ControllerOutputBuffer(command, parameters.name)
         by = command.by if before is None else replace(command.by, velocity=round(before.velocity))
         super().__init__(by, parameters, gate, before)
 
-    def take(self, answer: Answer) -> bool:
+    def take(self, answer: ControllerOutput) -> bool:
         """Take an answer; return whether it is one of this loop."""
         if not self.answers.take(answer):
             return False
@@ -117,34 +121,38 @@ class VelocityAnswered(VelocityLed):
             self.aim(replace(self._command, velocity=velocity))
         return True
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Go on by one cycle; never True."""
         if self._ready is None:
             self.answers.due(image.now)
         super().step(image, order)
         return False
 
-    def _watch(self, image: Image, _ramp: VelocityRamp) -> None:
+    def _watch(self, image: AxisImage, _ramp: VelocityRamp) -> None:
         self._look_for_a_jam(image)
 
 
-class TorqueAnswered(TorqueLed):
+class TorqueAnswered(CyclicTorqueMove):
     """An axis that is pushed by the torque that a loop answers; it never ends well."""
 
     def __init__(
-        self, command: Control, parameters: AxisParameters, gate: Gate, before: TorqueRamp | None = None
+        self,
+        command: ControllerCommand,
+        parameters: AxisParameters,
+        gate: StartBarrier,
+        before: TorqueRamp | None = None,
     ) -> None:
-        """As ``TorqueLed``; until the first answer the torque is the one that the axis has."""
+        """As ``CyclicTorqueMove``; until the first answer the torque is the one that the axis has."""
         assert isinstance(command.by, CyclicTorque)
-        self.answers = Answers(command, parameters.name)
+        self.answers = ControllerOutputBuffer(command, parameters.name)
         by = command.by if before is None else replace(command.by, torque=round(before.torque))
         super().__init__(by, parameters, gate, before)
 
-    def take(self, answer: Answer) -> bool:
+    def take(self, answer: ControllerOutput) -> bool:
         """Take an answer; return whether it is one of this loop."""
         return self.answers.take(answer)
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Go on by one cycle; never True."""
         if self._ready is None:
             torque = self.answers.due(image.now)
@@ -153,12 +161,12 @@ class TorqueAnswered(TorqueLed):
         super().step(image, order)
         return False
 
-    def _begun(self, image: Image) -> TorqueRamp:
+    def _begun(self, image: AxisImage) -> TorqueRamp:
         is_first = self._ramp is None
         ramp = super()._begun(image)
         if is_first:
             self.aim(replace(self._command, torque=round(ramp.torque)))
         return ramp
 
-    def _watch(self, _image: Image, _ramp: TorqueRamp) -> None:
+    def _watch(self, _image: AxisImage, _ramp: TorqueRamp) -> None:
         """Nothing: no torque is to be reached."""

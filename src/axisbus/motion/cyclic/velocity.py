@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.commands import CyclicVelocity
-from axisbus.motion.cyclic.mode_entry import Ready
+from axisbus.motion.cyclic.mode_entry import ModeEntry
 from axisbus.motion.cyclic.ramps import VelocityRamp
-from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.continuous_motion import (
     VELOCITY_FLOOR,
@@ -21,13 +21,13 @@ from axisbus.motion.moves.continuous_motion import (
 from axisbus.motion.override.factor import scaled
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.velocity_following import led_way
-from axisbus.motion.stop_deceleration import Course
+from axisbus.motion.stop_deceleration import CommandedMotion
 
 _FILTER = 0.2  # share of a new sample in the mean of a noisy velocity
 _MARGIN = 2.0  # seconds that the axis may be late, beside four times its ramp
 
 
-class VelocityLed(Activity):
+class CyclicVelocityMove(Activity):
     """An axis that is led at a velocity; ends well when it is reached, and goes on. Another one may be given to it meanwhile.
 
     In csv the drive has no word for *reached* (bit 10 is none of it): only what is measured counts.
@@ -41,12 +41,12 @@ class VelocityLed(Activity):
         self,
         command: CyclicVelocity,
         parameters: AxisParameters,
-        gate: Gate,
+        gate: StartBarrier,
         before: VelocityRamp | None = None,
     ) -> None:
         """``before``: what leads the axis in csv already; else it stands, and the mode comes first."""
         self._parameters = parameters
-        self._ready = None if before is not None else Ready(self.mode, parameters, gate)
+        self._ready = None if before is not None else ModeEntry(self.mode, parameters, gate)
         self._ramp = before
         self._way = led_way(parameters)
         self._mean: float | None = None
@@ -63,7 +63,7 @@ class VelocityLed(Activity):
         command, scale = self._command, self._parameters.units.per_velocity
         up, down = abs(command.acceleration * scale), abs(command.deceleration * scale)
         self._target = scaled(command.velocity, self._factor, self._parameters)
-        self.course = Course(self._target * scale, up, down, by_core=True)
+        self.course = CommandedMotion(self._target * scale, up, down, by_core=True)
         self._deadline: float | None = None
         self.reached = False
         if self._ramp is not None:
@@ -74,7 +74,7 @@ class VelocityLed(Activity):
         """The ramp on which it is led, once it is."""
         return self._ramp
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True once the velocity is reached, and not while an override holds it; to be stepped on afterwards, to keep it."""
         self.override(image)
         if self._ready is not None and not self._ready.step(image, order):
@@ -85,13 +85,13 @@ class VelocityLed(Activity):
         self._follow(image, ramp)
         return self.reached and self._factor > 0.0
 
-    def override(self, image: Image) -> None:
+    def override(self, image: AxisImage) -> None:
         """Go to the velocity under another override from the next step on."""
         if image.override != self._factor:
             self._factor = image.override
             self._aim()
 
-    def cancel(self, order: Order) -> None:
+    def cancel(self, order: CycleOutputs) -> None:
         """Take back what is queued."""
         if self._ready is not None:
             self._ready.cancel(order)
@@ -106,7 +106,7 @@ class VelocityLed(Activity):
             self._ramp.aim(self._target, command.acceleration, command.deceleration)
         return self._ramp
 
-    def _watch(self, image: Image, ramp: VelocityRamp) -> None:
+    def _watch(self, image: AxisImage, ramp: VelocityRamp) -> None:
         if self._deadline is None:
             self._deadline = image.now + self._allowed(ramp.velocity)
         if not self.reached:
@@ -115,11 +115,11 @@ class VelocityLed(Activity):
                 raise velocity_missed(image, self._parameters, self._target)
         self._look_for_a_jam(image)
 
-    def _look_for_a_jam(self, image: Image) -> None:
+    def _look_for_a_jam(self, image: AxisImage) -> None:
         resisted = is_resisted(image, self._target)
         self.resisted_since = min(self.resisted_since, image.now) if resisted else math.inf
 
-    def _follow(self, image: Image, ramp: VelocityRamp) -> None:
+    def _follow(self, image: AxisImage, ramp: VelocityRamp) -> None:
         """Hold the way that was made against that of the velocities that were sent."""
         if self._way is not None:
             self._way.aim(ramp.velocity)
@@ -127,7 +127,7 @@ class VelocityLed(Activity):
             self.behind, self.led_speed = self._way.behind, abs(self._way.speed)
             self.lag = self._way.lag
 
-    def _in_velocity(self, image: Image) -> bool:
+    def _in_velocity(self, image: AxisImage) -> bool:
         """The measured velocity, or its mean where it is noisy; more than half of what was asked for must be there in any case."""
         target, velocity = self._target, image.velocity
         if velocity is None:

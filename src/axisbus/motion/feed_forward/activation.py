@@ -5,22 +5,22 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.state import ENERGISED, State
+from axisbus.cia402.state import ENERGISED, PowerState
 from axisbus.motion.cyclic.ramps import VelocityRamp
 from axisbus.motion.feed_forward.offsets import Forward, Offsets
-from axisbus.motion.moves.enable import Enable
+from axisbus.motion.moves.enable import EnableActivity
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.active_stop import StopKind
-from axisbus.motion.stop.stop_sequence import Rung
+from axisbus.motion.stop.stop_sequence import StopLevel
 
 if TYPE_CHECKING:
     from axisbus.motion.axis.core import AxisCore
 
-_ENABLED = State.OPERATION_ENABLED
+_ENABLED = PowerState.OPERATION_ENABLED
 _CSP, _CSV = int(ModeOfOperation.CYCLIC_SYNC_POSITION), int(ModeOfOperation.CYCLIC_SYNC_VELOCITY)
-_MAY_BE_ENERGISED = ENERGISED | {State.UNKNOWN}
+_MAY_BE_ENERGISED = ENERGISED | {PowerState.UNKNOWN}
 # In these the constant torque acts: in the others the axis is being stopped, or was.
 _HELD = frozenset(
     {
@@ -52,7 +52,7 @@ def _is_as_found(core: AxisCore) -> bool:
     """A drive found enabled may live on offsets of somebody else's: the enable that takes it over sees to them."""
     if not core.touched:
         return True
-    enables = isinstance(core.activity, Enable) and core.ladder is None and not core.powered
+    enables = isinstance(core.activity, EnableActivity) and core.ladder is None and not core.powered
     return enables and core.image.state in _MAY_BE_ENERGISED
 
 
@@ -65,7 +65,7 @@ def _is_led(core: AxisCore) -> bool:
         and image.mode in (_CSP, _CSV)
         and order.goal is _ENABLED
         and order.word is None
-        and (ladder is None or ladder.rung is Rung.HALT)
+        and (ladder is None or ladder.rung is StopLevel.HALT)
     )
 
 

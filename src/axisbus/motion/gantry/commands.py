@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from axisbus.motion.commands import Reference
+from axisbus.motion.commands import TargetReference
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,7 @@ class GantryMove:
     """
 
     axes: tuple[str, str]
-    reference: Reference
+    reference: TargetReference
     value: float
     velocity: float
     acceleration: float

@@ -25,17 +25,17 @@ from axisbus.errors import AxisbusError, StateError
 from axisbus.motion import commands as c
 from axisbus.motion.axis.accept_motion import require_count, require_within_limits
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.command_status import Status, Ticket
+from axisbus.motion.command_status import CommandStatus, Status
 from axisbus.motion.gantry import commands as g
-from axisbus.motion.gantry.homing import Homing
+from axisbus.motion.gantry.homing import GantryHoming
 from axisbus.motion.gantry.parameters import GantryParameters
-from axisbus.motion.gantry.skew import Watch, led_place_of
-from axisbus.motion.gantry.skew_stop import Bent
+from axisbus.motion.gantry.skew import SkewMonitor, led_place_of
+from axisbus.motion.gantry.skew_stop import SkewStop
 from axisbus.motion.gantry.targets import end_of_move, ends_of_squaring, far_end
-from axisbus.motion.gantry.velocity import Turning
+from axisbus.motion.gantry.velocity import GantryVelocityMove
 from axisbus.motion.group.commands import ForEach, GroupCommand, GroupContinue, MoveLinear
-from axisbus.motion.group.core import Ended, GroupCore
-from axisbus.motion.group.path_motion import Line
+from axisbus.motion.group.core import EndedGroupCommand, GroupCore
+from axisbus.motion.group.path_motion import PathMotion
 from axisbus.motion.position_limits import NOISE
 from axisbus.motion.states import MOVING, AxisState
 
@@ -55,14 +55,14 @@ class GantryCore(GroupCore):
         self._groups = groups
         self.parameters = parameters
         self._first, self._second = (axes[name] for name in parameters.axes)
-        self.watch = Watch(parameters, self._first, self._second)
-        self._homing: Homing | None = None
-        self._turning: Turning | None = None
-        self._squaring: Ticket | None = None
-        self._bent = Bent(axes, self.watch)
+        self.watch = SkewMonitor(parameters, self._first, self._second)
+        self._homing: GantryHoming | None = None
+        self._turning: GantryVelocityMove | None = None
+        self._squaring: CommandStatus | None = None
+        self._bent = SkewStop(axes, self.watch)
         self._ends_at: float | None = None  # the last place that the beam was told to go to
 
-    def accept(self, command: GroupCommand, ticket: Ticket) -> None:
+    def accept(self, command: GroupCommand, ticket: CommandStatus) -> None:
         """As ``GroupCore.accept``."""
         self._end_squaring()
         own = _OWN.get(type(command))
@@ -136,13 +136,13 @@ class GantryCore(GroupCore):
             self._turning = None if self._turning.over else self._turning
         self._end_squaring()
 
-    def _look_at_homing(self, homing: Homing) -> None:
+    def _look_at_homing(self, homing: GantryHoming) -> None:
         """Where it has ended, go on with what waits behind it, as behind any other command."""
         if not homing.busy:
             self._ended, self._homing = True, None
             self._go_on_after(homing)
 
-    def _go_on_after(self, ended: Ended) -> None:
+    def _go_on_after(self, ended: EndedGroupCommand) -> None:
         """As ``GroupCore``; what a homing has told its axes is no command that anything waits for."""
         if self._homing is None:
             super()._go_on_after(ended)
@@ -159,19 +159,23 @@ class GantryCore(GroupCore):
 
     # -- power ---------------------------------------------------------------------------------------------------------
 
-    def _require_ours(self, command: GroupCommand, ticket: Ticket) -> None:
+    def _require_ours(self, command: GroupCommand, ticket: CommandStatus) -> None:
         """Raise where what is for groups is not for this one now."""
         singles = command.commands.values() if isinstance(command, ForEach) else ()
         if isinstance(command, GroupContinue) and self.watch.wide:
             self._require_fit(ticket)
         out_of_square = self.watch.skew is None or abs(self.watch.skew) > self.watch.bound
-        if any(isinstance(each, c.Reset) for each in singles) and out_of_square and self.watch.energised:
+        if (
+            any(isinstance(each, c.ResetCommand) for each in singles)
+            and out_of_square
+            and self.watch.energised
+        ):
             raise self.watch.error(f"{ticket.name}: not reset")
 
-    def _enable(self, command: g.GantryEnable, ticket: Ticket) -> None:
+    def _enable(self, command: g.GantryEnable, ticket: CommandStatus) -> None:
         watch, bound = self.watch, self.parameters.max_skew
         watch.look()
-        enables = ForEach({name: c.Enable() for name in self.axes}, together=True)
+        enables = ForEach({name: c.EnableCommand() for name in self.axes}, together=True)
         self._require_each(enables, ticket)
         before = watch.bound
         if watch.energised and command.skew is None:
@@ -185,7 +189,7 @@ class GantryCore(GroupCore):
 
     # -- motion --------------------------------------------------------------------------------------------------------
 
-    def _move(self, command: g.GantryMove, ticket: Ticket) -> None:
+    def _move(self, command: g.GantryMove, ticket: CommandStatus) -> None:
         if command.buffer and self._is_busy:
             self._require_no_stop(command.axes, ticket)
             self._queue.add(ticket, partial(self.accept, replace(command, buffer=False), ticket))
@@ -201,24 +205,24 @@ class GantryCore(GroupCore):
     def _both(self, end: float) -> dict[str, float]:
         return {self.parameters.first: end, self.parameters.second: end + self.watch.square}
 
-    def _turn(self, command: g.GantryVelocity, ticket: Ticket) -> None:
+    def _turn(self, command: g.GantryVelocity, ticket: CommandStatus) -> None:
         turning = self._turning
         if turning is not None and turning.change(command.velocity, ticket):
             return
         self._require_fit(ticket)
         end = far_end(command.velocity, self._first, self._second, self.watch.square, ticket.name)
-        inner = Ticket(f"{ticket.name} [line]")
+        inner = CommandStatus(f"{ticket.name} [line]")
         self._lead_to(self._both(end), abs(command.velocity), command.acceleration, None, inner)
         self._ends_at = None
         if turning is not None:
             turning.make_way(ticket.name)
-        self._turning = Turning(command.velocity, ticket, inner, self._line_of(inner))
+        self._turning = GantryVelocityMove(command.velocity, ticket, inner, self._line_of(inner))
 
-    def _line_of(self, ticket: Ticket) -> Line | None:
+    def _line_of(self, ticket: CommandStatus) -> PathMotion | None:
         lines = (each.line for each in self._under_way if each.name == ticket.name and each.busy)
-        return next((line for line in lines if isinstance(line, Line)), None)
+        return next((line for line in lines if isinstance(line, PathMotion)), None)
 
-    def _square(self, command: g.GantrySquare, ticket: Ticket) -> None:
+    def _square(self, command: g.GantrySquare, ticket: CommandStatus) -> None:
         self._require_rest(command.axes, ticket)
         ends = ends_of_squaring(command, self.parameters, self.axes, self.watch, ticket.name)
         self._require_limits({command.axis: ends[command.axis]}, ticket)
@@ -226,7 +230,7 @@ class GantryCore(GroupCore):
         self._lead_to(ends, command.velocity, command.acceleration, None, ticket)
         self._ends_at = None
 
-    def _home(self, command: g.GantryHome, ticket: Ticket) -> None:
+    def _home(self, command: g.GantryHome, ticket: CommandStatus) -> None:
         plan = self.parameters.homing
         if plan is None:
             raise StateError(
@@ -239,17 +243,17 @@ class GantryCore(GroupCore):
         for core in self.axes.values():
             core.forget_position()
         self.watch.look()
-        homing = Homing(self.parameters, plan, command, self.axes, self.watch, ticket)
+        homing = GantryHoming(self.parameters, plan, command, self.axes, self.watch, ticket)
         homing.begin(partial(self._lead_home, command))
         self._homing = homing
 
     def _lead_home(
-        self, command: g.GantryHome, ends: Mapping[str, float], velocity: float, ticket: Ticket
+        self, command: g.GantryHome, ends: Mapping[str, float], velocity: float, ticket: CommandStatus
     ) -> None:
         self._require_limits(ends, ticket)
         self._lead_to(ends, velocity, command.acceleration, None, ticket)
 
-    def _set_position(self, command: g.GantrySetPosition, ticket: Ticket) -> None:
+    def _set_position(self, command: g.GantrySetPosition, ticket: CommandStatus) -> None:
         skew = self.watch.skew
         here = [core.image.position for core in self.axes.values()]
         still = all(core.image.standstill and core.state not in MOVING for core in self.axes.values())
@@ -269,7 +273,7 @@ class GantryCore(GroupCore):
         velocity: float,
         acceleration: float,
         jerk: float | None,
-        ticket: Ticket,
+        ticket: CommandStatus,
     ) -> None:
         """Lead both along one line; velocity and so on are those of the axis that goes farther."""
         ways = [end - (led_place_of(self.axes[name]) or 0.0) for name, end in ends.items()]
@@ -280,7 +284,7 @@ class GantryCore(GroupCore):
 
     # -- what is refused -----------------------------------------------------------------------------------------------
 
-    def _require_fit(self, ticket: Ticket) -> None:
+    def _require_fit(self, ticket: CommandStatus) -> None:
         """Raise StateError where the beam cannot be moved as one: not at rest, not known, or out of square."""
         self._require_rest(self.parameters.axes, ticket)
         if self.watch.skew is None:
@@ -288,11 +292,11 @@ class GantryCore(GroupCore):
         if self.watch.wide:
             raise self._too_wide(ticket.name)
 
-    def _require_limits(self, ends: Mapping[str, float], ticket: Ticket) -> None:
+    def _require_limits(self, ends: Mapping[str, float], ticket: CommandStatus) -> None:
         for name, end in ends.items():
             self._allowed(name, end, ticket)
 
-    def _allowed(self, name: str, end: float, ticket: Ticket) -> float:
+    def _allowed(self, name: str, end: float, ticket: CommandStatus) -> float:
         """Return where an axis that is to go to ``end`` may go to (``allowed_end``); raise LimitError where it may not."""
         core, image = self.axes[name], self.axes[name].image
         units, start = core.parameters.units.position, led_place_of(core)
@@ -314,7 +318,7 @@ def set_place(core: AxisCore, place: float) -> None:
     core.confirm_position(here - core.parameters.units.position.to_increments(place))
 
 
-_OWN: dict[type, Callable[[GantryCore, Any, Ticket], None]] = {
+_OWN: dict[type, Callable[[GantryCore, Any, CommandStatus], None]] = {
     g.GantryEnable: GantryCore._enable,
     g.GantryMove: GantryCore._move,
     g.GantryVelocity: GantryCore._turn,

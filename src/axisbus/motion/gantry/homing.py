@@ -26,18 +26,18 @@ from axisbus.errors import AxisbusError, HomingError, SkewError, StateError, Sto
 from axisbus.motion import commands as c
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.command_status import Status, Ticket, end_as, unattended
+from axisbus.motion.command_status import CommandStatus, Status, end_as, unattended
 from axisbus.motion.gantry.commands import GantryHome
 from axisbus.motion.gantry.parameters import GantryParameters, SwitchSearch
-from axisbus.motion.gantry.skew import Watch, led_place_of, place_of
+from axisbus.motion.gantry.skew import SkewMonitor, led_place_of, place_of
 from axisbus.motion.states import AxisState
 from axisbus.motion.user_code_errors import broken
 
-Lead = Callable[[Mapping[str, float], float, Ticket], None]
+Lead = Callable[[Mapping[str, float], float, CommandStatus], None]
 _LATE = 0.05  # seconds in which an edge may have been latched and is not seen yet
 
 
-class Homing:
+class GantryHoming:
     """Holds the tickets of what the axes are told, and at which increment each has seen its edge."""
 
     def __init__(
@@ -46,17 +46,17 @@ class Homing:
         plan: SwitchSearch,
         command: GantryHome,
         axes: Mapping[str, AxisCore],
-        watch: Watch,
-        ticket: Ticket,
+        watch: SkewMonitor,
+        ticket: CommandStatus,
     ) -> None:
         self._parameters, self._plan, self._command = parameters, plan, command
         self._axes, self._watch, self._ticket = axes, watch, ticket
         self._edges: dict[str, int] = {}  # unwrapped increments
         names = parameters.axes if plan.each else parameters.axes[:1]
         self._probes = {
-            name: Ticket(f"{ticket.name} [{name}: probe]", partial(self._hear, name)) for name in names
+            name: CommandStatus(f"{ticket.name} [{name}: probe]", partial(self._hear, name)) for name in names
         }
-        self._line = Ticket(f"{ticket.name} [search]")
+        self._line = CommandStatus(f"{ticket.name} [search]")
         self._lead: Lead
         self._do: Callable[[], None] = self._arm
         self._arrived_at = math.inf
@@ -128,7 +128,7 @@ class Homing:
         if self._line.error is not None:
             self._end(self._line.error)
         elif len(self._edges) == len(self._probes):
-            self._line = Ticket(f"{self.name} [halt]")
+            self._line = CommandStatus(f"{self.name} [halt]")
             self._halt(self._line)
             self._do = self._rest
         else:
@@ -137,8 +137,8 @@ class Homing:
             if not self._line.busy:
                 self._look_once_more()
 
-    def _halt(self, ticket: Ticket) -> None:
-        children = [Ticket(ticket.name) for _ in self._axes]
+    def _halt(self, ticket: CommandStatus) -> None:
+        children = [CommandStatus(ticket.name) for _ in self._axes]
         for core, child in zip(self._axes.values(), children, strict=True):
             child.then(partial(_gather, children, ticket))
             accept(core, c.Halt(), child)
@@ -159,7 +159,7 @@ class Homing:
         if not self._plan.each:
             self._end(None)
             return
-        self._line = Ticket(f"{self.name} [square]")
+        self._line = CommandStatus(f"{self.name} [square]")
         first, second = self._parameters.axes
         here = self._within_limits(self._led(first))
         self._lead({first: here, second: here + self._parameters.offset}, self._plan.velocity, self._line)
@@ -180,7 +180,7 @@ class Homing:
 
     # -- what is known -------------------------------------------------------------------------------------------------
 
-    def _hear(self, name: str, probe: Ticket) -> None:
+    def _hear(self, name: str, probe: CommandStatus) -> None:
         if probe.capture is not None:
             self._edges.setdefault(name, probe.capture.position)
 
@@ -280,12 +280,12 @@ class Homing:
         for name, probe in self._probes.items():
             if probe.busy:
                 abort = c.ProbeAbort(self._plan.input, self._command.key)
-                accept(self._axes[name], abort, Ticket(f"{self.name} [abort]"))
+                accept(self._axes[name], abort, CommandStatus(f"{self.name} [abort]"))
         self._watch.narrow()
         self._ticket.finish(Status.DONE if error is None else end_as(error), error)
 
 
-def _gather(children: list[Ticket], ticket: Ticket) -> None:
+def _gather(children: list[CommandStatus], ticket: CommandStatus) -> None:
     """End ``ticket`` when all have ended."""
     if any(child.busy for child in children):
         return

@@ -11,7 +11,15 @@ from axisbus.motion.group.commands import ForEach, GroupContinue, MoveLinear, Mo
 
 _STOPS = (c.Halt, c.Stop, c.QuickStop, c.Disable)
 # They move and energise nothing.
-_HARMLESS = (c.Reset, c.Release, c.SetOverride, c.Probe, c.ProbeAbort, c.Answer, c.HaltSuperimposed)
+_HARMLESS = (
+    c.ResetCommand,
+    c.Release,
+    c.SetOverride,
+    c.Probe,
+    c.ProbeAbort,
+    c.ControllerOutput,
+    c.HaltSuperimposed,
+)
 
 _WAYS = (MoveLinear, MovePath, GroupContinue)
 _NEAR = 1e-6  # units

@@ -38,7 +38,7 @@ def led_place_of(core: AxisCore) -> float | None:
     return None if place is None else core.parameters.units.position.to_units(place - image.origin)
 
 
-class Watch:
+class SkewMonitor:
     """Looks at both axes in each cycle; holds the ``bound`` that counts now, and the ``skew`` (None: it is not known)."""
 
     def __init__(self, parameters: GantryParameters, first: AxisCore, second: AxisCore) -> None:

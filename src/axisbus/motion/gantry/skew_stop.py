@@ -7,15 +7,15 @@ from copy import copy
 
 from axisbus.errors import SkewError
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.gantry.skew import Watch
+from axisbus.motion.gantry.skew import SkewMonitor
 from axisbus.motion.stop.active_stop import StopKind
-from axisbus.motion.stop.stop_sequence import Rung, Then
+from axisbus.motion.stop.stop_sequence import AfterStop, StopLevel
 
 
-class Bent:
+class SkewStop:
     """Holds whether both are being stopped because of it."""
 
-    def __init__(self, axes: Mapping[str, AxisCore], watch: Watch) -> None:
+    def __init__(self, axes: Mapping[str, AxisCore], watch: SkewMonitor) -> None:
         self._axes, self._watch = axes, watch
         self._stopping = False
 
@@ -34,7 +34,9 @@ class Bent:
         if not self._stopping:
             return
         halting = [
-            core for core in self._axes.values() if core.ladder is not None and core.ladder.rung is Rung.HALT
+            core
+            for core in self._axes.values()
+            if core.ladder is not None and core.ladder.rung is StopLevel.HALT
         ]
         if halting and any(core.leading_path is not None for core in self._axes.values()):
             return
@@ -42,5 +44,9 @@ class Bent:
         if self._watch.skew is not None and abs(self._watch.skew) > self._watch.bound:
             for core in halting:
                 core.stop_because(
-                    StopKind.ERROR, Then.HOLD, Rung.QUICK_STOP, "the beam is out of square still", None
+                    StopKind.ERROR,
+                    AfterStop.HOLD,
+                    StopLevel.QUICK_STOP,
+                    "the beam is out of square still",
+                    None,
                 )

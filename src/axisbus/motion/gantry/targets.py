@@ -7,10 +7,10 @@ from collections.abc import Mapping
 
 from axisbus.errors import LimitError
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.commands import Reference
+from axisbus.motion.commands import TargetReference
 from axisbus.motion.gantry import commands as g
 from axisbus.motion.gantry.parameters import GantryParameters
-from axisbus.motion.gantry.skew import Watch, led_place_of, place_of
+from axisbus.motion.gantry.skew import SkewMonitor, led_place_of, place_of
 from axisbus.motion.position_limits import room_of_count
 from axisbus.units import INT32_HALF
 
@@ -19,10 +19,10 @@ _FAR = 0.25  # of the half of INTEGER32: how far a beam without position limits 
 
 def end_of_move(command: g.GantryMove, first: AxisCore, last: float | None) -> float:
     """Return the place of the beam at the end of a move; ``last``: where it was told to go last, None: nowhere yet."""
-    if command.reference is Reference.ABSOLUTE:
+    if command.reference is TargetReference.ABSOLUTE:
         return command.value
     base = place_of(first)
-    if command.reference is Reference.ADDITIVE and last is not None:
+    if command.reference is TargetReference.ADDITIVE and last is not None:
         base = last
     assert base is not None  # the skew is known
     return base + command.value
@@ -59,7 +59,11 @@ def far_end(velocity: float, first: AxisCore, second: AxisCore, square: float, n
 
 
 def ends_of_squaring(
-    command: g.GantrySquare, pair: GantryParameters, axes: Mapping[str, AxisCore], watch: Watch, name: str
+    command: g.GantrySquare,
+    pair: GantryParameters,
+    axes: Mapping[str, AxisCore],
+    watch: SkewMonitor,
+    name: str,
 ) -> dict[str, float]:
     """Return where both axes are when one of them has gone by its distance, or until the beam is square.
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from axisbus.errors import AxisbusError, LimitError, Replaced
-from axisbus.motion.command_status import Status, Ticket, end_as
-from axisbus.motion.group.path_motion import Line
+from axisbus.motion.command_status import CommandStatus, Status, end_as
+from axisbus.motion.group.path_motion import PathMotion
 
 _REACHED = 1e-6  # of the velocity
 
 
-class Turning:
+class GantryVelocityMove:
     """Holds the ticket of the velocity, which is done when that is reached, and that of the line below it, which goes on."""
 
-    def __init__(self, velocity: float, ticket: Ticket, inner: Ticket, line: Line | None) -> None:
+    def __init__(
+        self, velocity: float, ticket: CommandStatus, inner: CommandStatus, line: PathMotion | None
+    ) -> None:
         """``velocity`` signed, in unit/s; ``inner``: the ticket of ``line`` (None where it has not begun)."""
         self._velocity, self._begun_with = velocity, abs(velocity)
         self._ticket, self._inner, self._line = ticket, inner, line
@@ -32,7 +34,7 @@ class Turning:
         """End the ticket with ``error``."""
         self._ticket.finish(Status.ERROR, error)
 
-    def change(self, velocity: float, ticket: Ticket) -> bool:
+    def change(self, velocity: float, ticket: CommandStatus) -> bool:
         """Go on with another velocity in the same direction, by the same acceleration; False where that cannot be."""
         line = self._line
         if (
@@ -71,7 +73,7 @@ class Turning:
     def _end_for(self, name: str) -> None:
         self._ticket.finish(Status.ABORTED, Replaced(f"{self.name} was replaced by {name}"))
 
-    def _as_fast_as_it_may(self, line: Line, wanted: float) -> bool:
+    def _as_fast_as_it_may(self, line: PathMotion, wanted: float) -> bool:
         return wanted > line.top >= line.travel.speed >= (1.0 - _REACHED) * line.top
 
     def _too_short(self) -> LimitError:

@@ -10,7 +10,7 @@ from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.coupling.gear_and_cam import Law
 from axisbus.motion.coupling.sync_options import By, Entry
 from axisbus.motion.gantry.commands import GantryCommand
-from axisbus.motion.group.path import Way
+from axisbus.motion.group.path import Path
 from axisbus.motion.point_stream.commands import AddPoints, FollowPoints
 
 
@@ -47,7 +47,7 @@ class MoveLinear:
 
 
 @dataclass(frozen=True, slots=True)
-class Takeover:
+class PathTransition:
     """How a path takes over from the one that is under way, without a stop: the corner stays within ``blend`` (units) of the joint.
 
     ``extends``: its points belong to that path, and are refused when it has ended.
@@ -67,11 +67,11 @@ class MovePath:
     """
 
     axes: tuple[str, ...]
-    way: Way
+    way: Path
     velocity: float
     window: int = 1
     buffer: bool = False
-    takeover: Takeover | None = None
+    takeover: PathTransition | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,12 +13,12 @@ from axisbus.motion.axis.accept import accept, require
 from axisbus.motion.axis.accept_motion import begin_coupled, begin_follow, path_of
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.axis.queue import Queue
-from axisbus.motion.blending.append_path import Following
+from axisbus.motion.blending.append_path import PathContinuation
 from axisbus.motion.blending.notes import began_from_rest
 from axisbus.motion.blending.refusals import no_path_to_extend, not_a_line, require_joint
-from axisbus.motion.command_status import Status, Ticket
+from axisbus.motion.command_status import CommandStatus, Status
 from axisbus.motion.coupling.cycle_check import require_no_ring
-from axisbus.motion.coupling.engagement import Joint
+from axisbus.motion.coupling.engagement import Engagement
 from axisbus.motion.group.commands import (
     Couple,
     ForEach,
@@ -27,25 +27,25 @@ from axisbus.motion.group.commands import (
     GroupSetOverride,
     MoveLinear,
     MovePath,
+    PathTransition,
     ProbeMove,
-    Takeover,
 )
-from axisbus.motion.group.group_command import Undertaking
-from axisbus.motion.group.path_motion import Line
-from axisbus.motion.group.start_barrier import OPEN, Gate
+from axisbus.motion.group.group_command import ActiveGroupCommand
+from axisbus.motion.group.path_motion import PathMotion
+from axisbus.motion.group.start_barrier import OPEN, StartBarrier
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.override.factor import FASTER, require_factor
 from axisbus.motion.point_stream.commands import AddPoints, FollowPoints
-from axisbus.motion.point_stream.stream import Stream
-from axisbus.motion.probing.probe_move import Search
+from axisbus.motion.point_stream.stream import PointStreamMotion
+from axisbus.motion.probing.probe_move import ProbeSearch
 from axisbus.motion.states import AxisState
 from axisbus.motion.user_code_errors import broken
 
 _ENDS_ALL = (c.Halt, c.Stop, c.QuickStop, c.Disable)  # what waits, too
-Begin = Callable[[AxisCore, Follow, Ticket], None]
+Begin = Callable[[AxisCore, Follow, CommandStatus], None]
 
 
-class Ended(Protocol):
+class EndedGroupCommand(Protocol):
     """A command of a group that has ended."""
 
     @property
@@ -62,13 +62,13 @@ class GroupCore:
         """``axes`` by name; ``period`` of the scan in seconds."""
         self.axes = axes
         self._period = period
-        self._under_way: list[Undertaking | Search] = []
-        self._line: Line | Stream | None = None  # the last one, also when it was left
+        self._under_way: list[ActiveGroupCommand | ProbeSearch] = []
+        self._line: PathMotion | PointStreamMotion | None = None  # the last one, also when it was left
         self._factor = 1.0
         self._queue = Queue()
         self._ended = False
 
-    def accept(self, command: GroupCommand, ticket: Ticket) -> None:
+    def accept(self, command: GroupCommand, ticket: CommandStatus) -> None:
         """Let a command take effect. What is under way ends where its axes are told something else."""
         try:
             _ACCEPT[type(command)](self, command, ticket)
@@ -80,12 +80,12 @@ class GroupCore:
         """Once per cycle, before the axes."""
         for undertaking in list(self._under_way):  # what waits may begin meanwhile
             was_busy = undertaking.busy
-            if isinstance(undertaking.line, (Line, Stream)):
+            if isinstance(undertaking.line, (PathMotion, PointStreamMotion)):
                 undertaking.line.travel.factor = self._factor_of(undertaking.line)
             undertaking.step(self._period)
-            if isinstance(undertaking.line, Stream):
+            if isinstance(undertaking.line, PointStreamMotion):
                 self._look_at_stream(undertaking.line, undertaking.busy)
-            elif isinstance(undertaking.line, Line):
+            elif isinstance(undertaking.line, PathMotion):
                 self._ended = undertaking.line.take_news() or self._ended
             if undertaking.busy is not was_busy:
                 self._ended = True
@@ -102,7 +102,7 @@ class GroupCore:
         """End what is under way, with the error that ``ended`` makes for its name: the scan has ended."""
         self._queue.drop("what was before it", None)
         for undertaking in self._under_way:
-            if isinstance(undertaking.line, Stream):
+            if isinstance(undertaking.line, PointStreamMotion):
                 undertaking.line.close()
             undertaking.abandon(ended(undertaking.name))
 
@@ -110,27 +110,27 @@ class GroupCore:
         """Let the lines that lead any of ``names`` brake, where they do, as hard as all of their axes may."""
         for undertaking in self._under_way:
             line = undertaking.line
-            if isinstance(line, Line) and not set(names).isdisjoint(line.names):
+            if isinstance(line, PathMotion) and not set(names).isdisjoint(line.names):
                 line.brake_hard()
 
-    def _for_each(self, command: ForEach, ticket: Ticket) -> None:
+    def _for_each(self, command: ForEach, ticket: CommandStatus) -> None:
         if any(isinstance(each, _ENDS_ALL) for each in command.commands.values()):
             self._queue.drop("what was before it", Stopped(f"{ticket.name} was asked for"))
         if command.together:
             self._require_each(command, ticket)
-        undertaking = Undertaking(ticket, self.axes, Gate() if command.together else OPEN)
+        undertaking = ActiveGroupCommand(ticket, self.axes, StartBarrier() if command.together else OPEN)
         self._undertake(undertaking, lambda: self._tell_each(command, undertaking))
 
-    def _require_each(self, command: ForEach, ticket: Ticket) -> None:
+    def _require_each(self, command: ForEach, ticket: CommandStatus) -> None:
         """Raise what one axis refuses the command with, before another one has begun it."""
         for name, each in command.commands.items():
-            require(self.axes[name], each, Ticket(f"{ticket.name} [{name}]"))
+            require(self.axes[name], each, CommandStatus(f"{ticket.name} [{name}]"))
 
-    def _tell_each(self, command: ForEach, undertaking: Undertaking) -> None:
+    def _tell_each(self, command: ForEach, undertaking: ActiveGroupCommand) -> None:
         for name, axis_command in command.commands.items():
             accept(self.axes[name], axis_command, undertaking.child(name), undertaking.gate)
 
-    def _go_on_after(self, ended: Ended) -> None:
+    def _go_on_after(self, ended: EndedGroupCommand) -> None:
         """Begin what waits first, when nothing is under way any more; what has ended badly ends all that waits."""
         if ended.error is not None:
             self._queue.drop(ended.name, ended.error)
@@ -141,7 +141,7 @@ class GroupCore:
     def _is_busy(self) -> bool:
         return any(undertaking.busy for undertaking in self._under_way)
 
-    def _move_along(self, command: MoveLinear | MovePath, ticket: Ticket) -> None:
+    def _move_along(self, command: MoveLinear | MovePath, ticket: CommandStatus) -> None:
         if isinstance(command, MovePath) and command.takeover is not None:
             self._take_over(command, command.takeover, ticket)
             return
@@ -150,10 +150,10 @@ class GroupCore:
             self._queue.add(ticket, partial(self.accept, replace(command, buffer=False), ticket))
             return
         self._require_rest(command.axes, ticket)
-        gate = Gate()
-        self._go_along(Line(command, self.axes, gate), gate, ticket)
+        gate = StartBarrier()
+        self._go_along(PathMotion(command, self.axes, gate), gate, ticket)
 
-    def _take_over(self, command: MovePath, takeover: Takeover, ticket: Ticket) -> None:
+    def _take_over(self, command: MovePath, takeover: PathTransition, ticket: CommandStatus) -> None:
         """Let a path go on with what is under way, without a stop; where nothing is, it begins."""
         self._require_no_stop(command.axes, ticket)
         plain = replace(command, takeover=None)
@@ -164,32 +164,34 @@ class GroupCore:
             return
         undertaking = self._to_join(command, takeover, ticket)
         line = undertaking.line
-        assert isinstance(line, Line)
+        assert isinstance(line, PathMotion)
         if (
             line.is_at_its_end or not undertaking.leads_all()
         ):  # it is coming to rest there, and nothing is kept
             ticket.note = began_from_rest("it came when the one before had come to its end already")
             self._move_along(replace(plain, buffer=True), ticket)
             return
-        following = Following(command.way, command.velocity, takeover.mode, takeover.blend)
+        following = PathContinuation(command.way, command.velocity, takeover.mode, takeover.blend)
         require_joint(line, following, ticket.name)
         try:
             line.join(following, undertaking.pass_on(ticket), ticket)
         except Exception as error:  # noqa: BLE001  # whatever it is, it ends this motion
             undertaking.break_off(broken(error, ticket.name))
 
-    def _to_join(self, command: MovePath, takeover: Takeover, ticket: Ticket) -> Undertaking:
+    def _to_join(
+        self, command: MovePath, takeover: PathTransition, ticket: CommandStatus
+    ) -> ActiveGroupCommand:
         """Return what is under way, where it is one line that the command can go on with (StateError)."""
         busy = [each for each in self._under_way if each.busy]
-        if len(busy) == 1 and not self._queue and isinstance(busy[0], Undertaking):
+        if len(busy) == 1 and not self._queue and isinstance(busy[0], ActiveGroupCommand):
             line = busy[0].line
-            if isinstance(line, Line) and line.names == command.axes:
+            if isinstance(line, PathMotion) and line.names == command.axes:
                 return busy[0]
         if takeover.extends:
             raise no_path_to_extend(ticket.name)
         raise not_a_line(ticket.name)
 
-    def _continue(self, command: GroupContinue, ticket: Ticket) -> None:
+    def _continue(self, command: GroupContinue, ticket: CommandStatus) -> None:
         left = self._line
         if left is None:
             raise StateError(
@@ -204,54 +206,56 @@ class GroupCore:
         if any(undertaking.line is left and undertaking.busy for undertaking in self._under_way):
             raise StateError(f"{ticket.name}: the line is under way, so there is nothing to go on with")
         fed = command.stream is not None
-        if left.is_at_its_end and not (fed and isinstance(left, Stream) and left.goes_on):
+        if left.is_at_its_end and not (fed and isinstance(left, PointStreamMotion) and left.goes_on):
             raise StateError(
                 f"{ticket.name}: the line has come to its end, so there is nothing to go on with"
             )
         self._require_rest(left.names, ticket)
-        if isinstance(left, Stream):
+        if isinstance(left, PointStreamMotion):
             stream = left.again(self.axes, ticket.name, fed=fed)
             self._go_along(stream, stream.gate, ticket)
             return
-        gate = Gate()
+        gate = StartBarrier()
         self._go_along(left.again(gate, self.axes, ticket.name), gate, ticket)
 
-    def _follow_points(self, command: FollowPoints, ticket: Ticket) -> None:
+    def _follow_points(self, command: FollowPoints, ticket: CommandStatus) -> None:
         self._require_rest(command.axes, ticket)
-        stream = Stream(command, self.axes, ticket.name)
+        stream = PointStreamMotion(command, self.axes, ticket.name)
         self._go_along(stream, stream.gate, ticket)
 
-    def _add_points(self, command: AddPoints, ticket: Ticket) -> None:
+    def _add_points(self, command: AddPoints, ticket: CommandStatus) -> None:
         """Let a stream go on; what comes for one that is over is let go of, as its own ticket has told why."""
         for undertaking in self._under_way:
             stream = undertaking.line
-            if undertaking.busy and isinstance(stream, Stream) and stream.number == command.stream:
+            if undertaking.busy and isinstance(stream, PointStreamMotion) and stream.number == command.stream:
                 stream.add(command, ticket)
                 return
         ticket.finish(Status.ABORTED)
 
-    def _look_at_stream(self, stream: Stream, busy: bool) -> None:
+    def _look_at_stream(self, stream: PointStreamMotion, busy: bool) -> None:
         if not busy:
             stream.close()
         self._ended = stream.take_news() or self._ended
 
-    def _set_override(self, command: GroupSetOverride, ticket: Ticket) -> None:
+    def _set_override(self, command: GroupSetOverride, ticket: CommandStatus) -> None:
         require_factor(command.factor, ticket.name)
         self._factor = command.factor
         ticket.finish(Status.DONE)
 
-    def _go_along(self, line: Line | Stream, gate: Gate, ticket: Ticket) -> None:
+    def _go_along(
+        self, line: PathMotion | PointStreamMotion, gate: StartBarrier, ticket: CommandStatus
+    ) -> None:
         line.travel.factor = self._factor_of(line)
-        undertaking = Undertaking(ticket, self.axes, gate, line)
+        undertaking = ActiveGroupCommand(ticket, self.axes, gate, line)
         self._line = line
         self._undertake(undertaking, lambda: self._lead(line.follows, begin_follow, undertaking))
 
-    def _factor_of(self, line: Line | Stream) -> float:
+    def _factor_of(self, line: PathMotion | PointStreamMotion) -> float:
         """The override of a way: of the group, times the lowest of the axes that it leads: no axis alone is slowed."""
         lowest = min(self.axes[name].override.factor for name in line.follows)
         return min(self._factor * lowest, FASTER)
 
-    def _lead(self, follows: Mapping[str, Follow], begin: Begin, undertaking: Undertaking) -> None:
+    def _lead(self, follows: Mapping[str, Follow], begin: Begin, undertaking: ActiveGroupCommand) -> None:
         for name, follow in follows.items():
             core, child = self.axes[name], undertaking.child(name)
             try:
@@ -259,26 +263,26 @@ class GroupCore:
             except AxisbusError as error:
                 core.finish(child, error)
 
-    def _couple(self, command: Couple, ticket: Ticket) -> None:
+    def _couple(self, command: Couple, ticket: CommandStatus) -> None:
         master, slave = self.axes[command.master], self.axes[command.slave]
         require_no_ring(master, slave, ticket.name)
-        joint = Joint(command, master, slave, self._period, path_of(slave))
-        undertaking = Undertaking(ticket, self.axes, OPEN, joint)
+        joint = Engagement(command, master, slave, self._period, path_of(slave))
+        undertaking = ActiveGroupCommand(ticket, self.axes, OPEN, joint)
         self._undertake(undertaking, lambda: self._begin_coupled(slave, joint, undertaking))
 
-    def _begin_coupled(self, slave: AxisCore, joint: Joint, undertaking: Undertaking) -> None:
+    def _begin_coupled(self, slave: AxisCore, joint: Engagement, undertaking: ActiveGroupCommand) -> None:
         child = undertaking.child(slave.parameters.name)
         try:
             begin_coupled(slave, joint.follow, child)
         except AxisbusError as error:
             slave.finish(child, error)
 
-    def _search(self, command: ProbeMove, ticket: Ticket) -> None:
-        search = Search(ticket, self.axes[command.axis], command)
+    def _search(self, command: ProbeMove, ticket: CommandStatus) -> None:
+        search = ProbeSearch(ticket, self.axes[command.axis], command)
         search.begin()
         self._under_way.append(search)
 
-    def _undertake(self, undertaking: Undertaking, begin: Callable[[], None]) -> None:
+    def _undertake(self, undertaking: ActiveGroupCommand, begin: Callable[[], None]) -> None:
         """Let it begin; whatever breaks meanwhile leaves no axis with its part alone."""
         self._under_way.append(undertaking)
         try:
@@ -287,13 +291,13 @@ class GroupCore:
             undertaking.break_off(broken(error, undertaking.name))
         undertaking.gather()
 
-    def _require_no_stop(self, names: Sequence[str], ticket: Ticket) -> None:
+    def _require_no_stop(self, names: Sequence[str], ticket: CommandStatus) -> None:
         """Raise StateError where an axis is being stopped: nothing begins by itself after a halt."""
         for name in names:
             if self.axes[name].ladder is not None:
                 raise StateError(f"{ticket.name}: {name} is being halted", remedy="wait until it stands")
 
-    def _require_rest(self, names: Sequence[str], ticket: Ticket) -> None:
+    def _require_rest(self, names: Sequence[str], ticket: CommandStatus) -> None:
         for name in names:
             state = self.axes[name].state
             if state is not AxisState.STANDSTILL:
@@ -303,7 +307,7 @@ class GroupCore:
                 )
 
 
-_ACCEPT: dict[type, Callable[[GroupCore, Any, Ticket], None]] = {
+_ACCEPT: dict[type, Callable[[GroupCore, Any, CommandStatus], None]] = {
     ForEach: GroupCore._for_each,
     MoveLinear: GroupCore._move_along,
     MovePath: GroupCore._move_along,

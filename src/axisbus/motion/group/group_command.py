@@ -23,16 +23,16 @@ from axisbus.errors import AxisbusError, Interrupted, Replaced, Stopped
 from axisbus.motion import commands as c
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.command_status import Status, Ticket, end_as, unattended
-from axisbus.motion.group.start_barrier import OPEN, Gate
-from axisbus.motion.moves.enable import Enable
+from axisbus.motion.command_status import CommandStatus, Status, end_as, unattended
+from axisbus.motion.group.start_barrier import OPEN, StartBarrier
+from axisbus.motion.moves.enable import EnableActivity
 from axisbus.motion.states import AxisState
 from axisbus.motion.user_code_errors import broken
 
 _TOGETHER = "nobody of a group starts alone, or goes on along a line that another has left: ask for it again when all can go"
 
 
-class Leads(Protocol):
+class GroupSetPointSource(Protocol):
     """What leads axes together: a line, or the joint of a slave and its master."""
 
     @property
@@ -50,25 +50,29 @@ class Leads(Protocol):
         """Whether any axis was led since this was asked last."""
 
 
-class Undertaking:
+class ActiveGroupCommand:
     """Holds the command's ticket, its children by axis, the gate, and the line where it is one."""
 
     def __init__(
-        self, ticket: Ticket, axes: Mapping[str, AxisCore], gate: Gate = OPEN, line: Leads | None = None
+        self,
+        ticket: CommandStatus,
+        axes: Mapping[str, AxisCore],
+        gate: StartBarrier = OPEN,
+        line: GroupSetPointSource | None = None,
     ) -> None:
         """``axes``: those of the group, by name."""
         self.gate = gate
         self._ticket = ticket
         self._axes = axes
         self._line = line
-        self._children: dict[str, Ticket] = {}
+        self._children: dict[str, CommandStatus] = {}
         self._goes_on: set[str] = set()  # axes with a command that waited for the end of their part
         self._called_off = False
         self._reason: AxisbusError | None = None  # why, where no axis's own error says it
         ticket.begin()
 
     @property
-    def ticket(self) -> Ticket:
+    def ticket(self) -> CommandStatus:
         """That of its command."""
         return self._ticket
 
@@ -77,14 +81,14 @@ class Undertaking:
         under_way = all(child.busy for child in self._children.values())
         return self.busy and under_way and not self._called_off and self._dropped_out() is None
 
-    def pass_on(self, ticket: Ticket) -> Ticket:
+    def pass_on(self, ticket: CommandStatus) -> CommandStatus:
         """Be the motion of another command from now on, which has joined it; return the ticket of the one before."""
         before, self._ticket = self._ticket, ticket
         return before
 
-    def child(self, axis: str) -> Ticket:
+    def child(self, axis: str) -> CommandStatus:
         """Return the ticket of what ``axis`` is told for this command."""
-        child = Ticket(f"{self._ticket.name} [{axis}]")
+        child = CommandStatus(f"{self._ticket.name} [{axis}]")
         self._children[axis] = child
         child.then(lambda: self._note_next(axis))
         return child
@@ -137,7 +141,7 @@ class Undertaking:
                 self._stop(axis, error.message)
 
     @property
-    def line(self) -> Leads | None:
+    def line(self) -> GroupSetPointSource | None:
         """The way that its axes are led along, if there is one."""
         return self._line
 
@@ -198,7 +202,7 @@ class Undertaking:
             if core.ladder is not None or core.state is AxisState.DISABLED:
                 return Stopped(f"{name}: {axis} was stopped before the other axes had come to their end")
             other = core.running.ticket
-            if other not in (None, child) and not isinstance(core.activity, Enable):
+            if other not in (None, child) and not isinstance(core.activity, EnableActivity):
                 return Replaced(
                     f"{name}: {axis} was given another command before the other axes had come to their end"
                 )

@@ -19,7 +19,7 @@ from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 from axisbus.motion.group.segments import Corner
-from axisbus.motion.group.speed_zone import Stretch
+from axisbus.motion.group.speed_zone import SpeedZone
 
 # Of the acceleration, in corners: more would leave too little of the jerk for the turn, less would make a halt there long.
 _SHARE = 0.3
@@ -40,7 +40,7 @@ class Soft(NamedTuple):
     fastest: float = math.inf
 
 
-def softened(corner: Corner, parts: Sequence[Stretch], soft: Soft) -> list[Stretch]:
+def softened(corner: Corner, parts: Sequence[SpeedZone], soft: Soft) -> list[SpeedZone]:
     """Return the stretches of a corner with what the jerk leaves of speed and acceleration; as one where they are the same."""
     ramp = min(_SHARE * soft.hardest, *(part.ramp for part in parts))
     fastest = _fastest(corner, ramp, soft)
@@ -66,7 +66,7 @@ def _fastest(corner: Corner, ramp: float, soft: Soft) -> float:
     return slow
 
 
-def reaching(stretches: Sequence[Stretch], corners: Sequence[int], soft: Soft) -> Iterator[Stretch]:
+def reaching(stretches: Sequence[SpeedZone], corners: Sequence[int], soft: Soft) -> Iterator[SpeedZone]:
     """Divide stretches so that what corners allow holds for as far as the mean reaches; ``corners``: the numbers of theirs.
 
     Stretches of a workspace are as corners here: what they allow is another from each to the next.
@@ -88,7 +88,7 @@ def reaching(stretches: Sequence[Stretch], corners: Sequence[int], soft: Soft) -
         here = stretches[number]
         top = min([here.top, *(other.top for _, _, other in near)])
         ramp = min([here.ramp, *(other.ramp for _, _, other in near)])
-        yield Stretch(here.piece, b - a, top, ramp)
+        yield SpeedZone(here.piece, b - a, top, ramp)
 
 
 def _edges(marks: Sequence[float], others: Sequence[float]) -> list[float]:

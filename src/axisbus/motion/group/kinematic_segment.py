@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 from axisbus.motion.group.kinematics import Kinematics
 from axisbus.motion.group.segments import SPEEDS, Arc, Corner, Place, Straight, turning
-from axisbus.motion.parameters import Limits
+from axisbus.motion.parameters import AxisLimits
 
 _FINE = 24  # stretches in a piece as long as the machine is large
 _CORNER = 12  # of a corner, whose curvature changes
@@ -47,7 +47,7 @@ class Surveyed(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Bent:
+class KinematicSegment:
     """``base`` in the workspace, gone along by the axes of ``kinematics``."""
 
     base: Straight | Arc | Corner
@@ -84,7 +84,7 @@ class Bent:
         return tuple(map(min, zip(*lows, strict=True))), tuple(map(max, zip(*highs, strict=True)))
 
 
-class Held(NamedTuple):
+class SegmentLimits(NamedTuple):
     """A stretch as the axes' limits leave it: its length, highest speed and acceleration."""
 
     length: float
@@ -92,7 +92,9 @@ class Held(NamedTuple):
     ramp: float
 
 
-def held(parts: Iterable[Surveyed], limits: Sequence[Limits], acceleration: float) -> Iterator[Held]:
+def held(
+    parts: Iterable[Surveyed], limits: Sequence[AxisLimits], acceleration: float
+) -> Iterator[SegmentLimits]:
     """Return the stretches of a piece, of which ``acceleration`` is what may be along it, and across it."""
     for part in parts:
         ramp, top = acceleration, math.inf
@@ -105,11 +107,11 @@ def held(parts: Iterable[Surveyed], limits: Sequence[Limits], acceleration: floa
                 top = min(top, math.sqrt(_HALF * limit.acceleration / bend))
         if part.curvature:
             ramp, top = min(ramp, SPEEDS * acceleration), min(top, turning(part.curvature, acceleration))
-        yield Held(part.length, top, ramp)
+        yield SegmentLimits(part.length, top, ramp)
 
 
 @lru_cache(maxsize=4096)
-def survey(piece: Bent) -> tuple[Surveyed, ...]:
+def survey(piece: KinematicSegment) -> tuple[Surveyed, ...]:
     """Return the stretches of a piece, as they were found.
 
     Raises:
@@ -129,7 +131,9 @@ def survey(piece: Bent) -> tuple[Surveyed, ...]:
     )
 
 
-def _stretch(piece: Bent, places: Sequence[Place], number: int, step: float, curvature: float) -> Surveyed:
+def _stretch(
+    piece: KinematicSegment, places: Sequence[Place], number: int, step: float, curvature: float
+) -> Surveyed:
     first = max(number * _STEPS - 1, 0)
     near = places[first : (number + 1) * _STEPS + 2]  # and one on either side
     columns = list(zip(*near, strict=True))
@@ -156,7 +160,9 @@ def _stretch(piece: Bent, places: Sequence[Place], number: int, step: float, cur
     return Surveyed(length, shares, curves, curvature, low, high)
 
 
-def _steepest(piece: Bent, axis: int, start: float, step: float, a: Place, b: Place) -> tuple[float, float]:
+def _steepest(
+    piece: KinematicSegment, axis: int, start: float, step: float, a: Place, b: Place
+) -> tuple[float, float]:
     """Return the highest slope of an axis within an interval from ``a`` to ``b``, and the highest change of it that was found.
 
     Raises:

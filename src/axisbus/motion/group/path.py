@@ -18,21 +18,25 @@ from itertools import accumulate, groupby, pairwise
 from typing import NamedTuple
 
 from axisbus.motion.group.jerk_limits import Soft, reaching, softened
-from axisbus.motion.group.kinematic_segment import Bent, held, survey
+from axisbus.motion.group.kinematic_segment import KinematicSegment, held, survey
 from axisbus.motion.group.segments import SPEEDS, Corner, Piece, Place, Straight, turning
-from axisbus.motion.group.speed_zone import Stretch
+from axisbus.motion.group.speed_zone import SpeedZone
 from axisbus.motion.moves.profile import duration
-from axisbus.motion.parameters import Limits
-from axisbus.motion.sampled_path.segment import Tabled, surveyed
+from axisbus.motion.parameters import AxisLimits
+from axisbus.motion.sampled_path.segment import SampledSegment, surveyed
 
 _AT_ONCE = 8  # stretches in a cycle: each takes some of its time
 _FINE, _LEAST = 1 << 30, 1e-290
-Part = Piece | Bent | Tabled  # of a way
-_CHANGING = (Corner, Bent, Tabled)  # along which what is allowed changes from place to place
+Part = Piece | KinematicSegment | SampledSegment  # of a way
+_CHANGING = (
+    Corner,
+    KinematicSegment,
+    SampledSegment,
+)  # along which what is allowed changes from place to place
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class Path:
     """The pieces of a way, begun at ``starts``, and its stretches, begun at ``marks``; a place is ``s``, 0 to ``length``.
 
     Each stretch has its highest speed (``tops``) and acceleration (``ramps``), and ``leaves``: the speed at its end; in the unit of
@@ -83,7 +87,7 @@ class Way:
             for length, top, ramp in zip(lengths, self.tops, self.ramps, strict=True)
         )
 
-    def larger(self, by: float) -> Way:
+    def larger(self, by: float) -> Path:
         """Return the same way with places that are ``by`` times as large, for pieces that are straight lines."""
         rows = (self.starts, self.marks, self.tops, self.ramps, self.leaves)
         starts, marks, tops, ramps, leaves = (tuple(by * one for one in each) for each in rows)
@@ -94,16 +98,16 @@ class Way:
         way = replace(self, pieces=pieces, starts=starts, marks=marks, tops=tops, ramps=ramps)
         return replace(way, leaves=leaves, shares=shares)
 
-    def slower(self, share: float) -> Way:
+    def slower(self, share: float) -> Path:
         """Return the same way with ``share`` (above 0, at most 1) of its speeds and accelerations: it can be gone along as well."""
         tops, ramps, leaves = ([share * one for one in each] for each in (self.tops, self.ramps, self.leaves))
         return replace(self, tops=tuple(tops), ramps=tuple(ramps), leaves=tuple(leaves))
 
 
-NOWHERE = Way((), (), (0.0,), (), (), (), (), (), (), (), ())
+NOWHERE = Path((), (), (0.0,), (), (), (), (), (), (), (), ())
 
 
-class Cycle(NamedTuple):
+class CycleVelocity(NamedTuple):
     """The velocity that is asked for, and the period of a cycle in s."""
 
     velocity: float
@@ -112,12 +116,12 @@ class Cycle(NamedTuple):
 
 def way_of(
     pieces: Sequence[Part],
-    limits: Sequence[Limits],
+    limits: Sequence[AxisLimits],
     acceleration: float,
     stops: Collection[int] = (),
-    cycle: Cycle | None = None,
+    cycle: CycleVelocity | None = None,
     soft: Soft | None = None,
-) -> Way:
+) -> Path:
     """Return the way of ``pieces`` for axes with these limits (in the order of a ``Place``).
 
     ``acceleration`` is that of the path, in its unit per s². ``stops``: the numbers of the pieces at whose end it stands still.
@@ -127,14 +131,14 @@ def way_of(
     shares, bends, boxes = zip(*((piece.shares, piece.bends, piece.box) for piece in pieces), strict=True)
     hardest = [min(acceleration, least([limit.acceleration for limit in limits], parts)) for parts in bends]
     fastest = [least([limit.velocity for limit in limits], parts) for parts in shares]
-    stretches: list[Stretch] = []
+    stretches: list[SpeedZone] = []
     for number, piece in enumerate(pieces):
-        if isinstance(piece, (Bent, Tabled)):
-            found = survey(piece) if isinstance(piece, Bent) else surveyed(piece)
-            parts = [Stretch(number, *part) for part in held(found, limits, acceleration)]
+        if isinstance(piece, (KinematicSegment, SampledSegment)):
+            found = survey(piece) if isinstance(piece, KinematicSegment) else surveyed(piece)
+            parts = [SpeedZone(number, *part) for part in held(found, limits, acceleration)]
         else:
             parts = list(_stretches(number, piece, fastest[number], hardest[number], cycle))
-        base = piece.base if isinstance(piece, Bent) else piece
+        base = piece.base if isinstance(piece, KinematicSegment) else piece
         if soft is not None and isinstance(base, Corner):
             parts = softened(base, parts, soft)
         stretches += parts
@@ -145,7 +149,7 @@ def way_of(
         stretches = _not_too_many(stretches, cycle.period)
     ramps = tuple(each.ramp for each in stretches)
     tops = [max(each.top for each in group) for _, group in groupby(stretches, key=lambda each: each.piece)]
-    return Way(
+    return Path(
         pieces=tuple(pieces),
         starts=tuple(accumulate((piece.length for piece in pieces[:-1]), initial=0.0)),
         marks=tuple(accumulate((each.length for each in stretches), initial=0.0)),
@@ -161,8 +165,8 @@ def way_of(
 
 
 def _stretches(
-    number: int, piece: Piece, fastest: float, ramp: float, cycle: Cycle | None
-) -> Iterator[Stretch]:
+    number: int, piece: Piece, fastest: float, ramp: float, cycle: CycleVelocity | None
+) -> Iterator[SpeedZone]:
     """Divide a piece into stretches, each of which takes a cycle at least."""
     count = _FINE
     if cycle is not None:
@@ -172,10 +176,10 @@ def _stretches(
     slower = ramp if isinstance(piece, Straight) else SPEEDS * ramp
     for curvature in curvatures:
         top = min(fastest, turning(curvature, ramp))
-        yield Stretch(number, piece.length / len(curvatures), top, slower)
+        yield SpeedZone(number, piece.length / len(curvatures), top, slower)
 
 
-def _not_too_many(stretches: Sequence[Stretch], period: float) -> list[Stretch]:
+def _not_too_many(stretches: Sequence[SpeedZone], period: float) -> list[SpeedZone]:
     """Slow down where a cycle would have to go through more stretches than it has the time for."""
     marks = list(accumulate((each.length for each in stretches), initial=0.0))
     last = len(stretches) - _AT_ONCE
@@ -201,7 +205,7 @@ def least(limits: Sequence[float | None], parts: Place) -> float:
 
 
 def _leaves(
-    stretches: Sequence[Stretch], ramps: Sequence[float], stops: Collection[int]
+    stretches: Sequence[SpeedZone], ramps: Sequence[float], stops: Collection[int]
 ) -> tuple[float, ...]:
     """From the end on backwards: what each stretch may be left with."""
     found, after = [0.0] * len(stretches), None

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 from axisbus.errors import LimitError
-from axisbus.motion.group.path import Way, way_of
+from axisbus.motion.group.path import Path, way_of
 from axisbus.motion.group.segments import Arc, Corner, Piece, Place, Straight, corner, direction
 from axisbus.motion.parameters import AxisParameters
 
@@ -26,7 +26,7 @@ def plan_line(
     velocity: float,
     acceleration: float,
     name: str = "move_linear",
-) -> tuple[Way, float]:
+) -> tuple[Path, float]:
     """Plan a straight line from rest to rest; return the way, of which 1 is the whole, and the velocity along it.
 
     ``velocity`` and ``acceleration`` are those of the path (the Euclidean length over all axes, in the axes' units per s and s²).
@@ -49,7 +49,7 @@ def plan_line(
     return way, speed
 
 
-def require_end(way: Way, velocity: float, name: str, unit: float = 1.0) -> None:
+def require_end(way: Path, velocity: float, name: str, unit: float = 1.0) -> None:
     """Raise LimitError where a way takes more than a year: a number that is a thousand powers of ten too small leads nowhere.
 
     ``unit``: what 1 of the way is in the axes' units.

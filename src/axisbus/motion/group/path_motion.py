@@ -9,16 +9,16 @@ from typing import NamedTuple
 
 from axisbus.errors import AxisbusError, StateError
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.blending.append_path import Following, Going, going_of, joined
-from axisbus.motion.blending.command_ends import Milestones
-from axisbus.motion.command_status import Ticket
+from axisbus.motion.blending.append_path import ActivePath, PathContinuation, going_of, joined
+from axisbus.motion.blending.command_ends import CommandEnds
+from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.group.commands import MoveLinear, MovePath
-from axisbus.motion.group.path import NOWHERE, Way
+from axisbus.motion.group.path import NOWHERE, Path
 from axisbus.motion.group.path_builder import plan_line, window
-from axisbus.motion.group.path_position import Along, Share
-from axisbus.motion.group.path_speed import Travel
+from axisbus.motion.group.path_position import AxisPathShare, PathPosition
+from axisbus.motion.group.path_speed import PathSpeed
 from axisbus.motion.group.segments import Place, Straight
-from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.override.factor import FASTER
 from axisbus.motion.parameters import AxisParameters
@@ -30,34 +30,34 @@ MOST = 2000  # pieces (lines and corners) that are ahead, before more are refuse
 class _Coming(NamedTuple):
     """A way that is to go on with this one, the ticket that ends where it takes over, and its own."""
 
-    following: Following
-    ticket: Ticket
-    next_ticket: Ticket
+    following: PathContinuation
+    ticket: CommandStatus
+    next_ticket: CommandStatus
 
 
-class Line:
+class PathMotion:
     """Holds the travel, which goes on for as long as any axis is led along the way, whatever has become of the command."""
 
     def __init__(
         self,
         command: MoveLinear | MovePath,
         axes: Mapping[str, AxisCore],
-        gate: Gate,
-        left: Line | None = None,
+        gate: StartBarrier,
+        left: PathMotion | None = None,
     ) -> None:
         """``axes``: those of the group, by name; ``left``: the same one, gone on with from where it was left."""
         self._command = command
         self._axes = {name: axes[name] for name in command.axes}
         self._left = left if left is not None and left.planned else None
         self._way, self._velocity, self._window = NOWHERE, 0.0, 1
-        self._going: Going | None = None  # once another command has joined it
-        self._along: Along | None = None
+        self._going: ActivePath | None = None  # once another command has joined it
+        self._along: PathPosition | None = None
         self._unit = 1.0  # what 1 of the way is in units
         self._period = 0.0
         self._coming: list[_Coming] = []  # what has joined before it was planned
-        self._milestones = Milestones()
+        self._milestones = CommandEnds()
         self._news = False
-        self.travel = Travel()
+        self.travel = PathSpeed()
         self.planned: bool = False
         self.follows = {
             name: Follow(None, _bounds_of(core), gate, self.travel) for name, core in self._axes.items()
@@ -125,7 +125,7 @@ class Line:
         """How many lines and corners are ahead, at most."""
         return len(self._way.pieces) + sum(len(following.way.pieces) for following, *_ in self._coming)
 
-    def why_not(self, following: Following) -> str:
+    def why_not(self, following: PathContinuation) -> str:
         """Return why another way cannot go on from this one without a stop; "" where it can."""
         if self._is_soft:
             return "what is under way has a limit of jerk, with which no corner is passed"
@@ -142,7 +142,7 @@ class Line:
         return command.window > 1 if isinstance(command, MovePath) else command.jerk is not None
 
     @property
-    def _last_way(self) -> Way | None:
+    def _last_way(self) -> Path | None:
         """The way that ends where all ends; None where that is not known yet."""
         if self._coming:
             return self._coming[-1].following.way
@@ -161,7 +161,7 @@ class Line:
         assert isinstance(self._command, MoveLinear)
         return tuple(self._command.ends.values())
 
-    def join(self, following: Following, ticket: Ticket, next_ticket: Ticket) -> None:
+    def join(self, following: PathContinuation, ticket: CommandStatus, next_ticket: CommandStatus) -> None:
         """Go on with another way, from the end of this one; ``ticket`` ends there, and ``next_ticket`` takes over."""
         self._milestones.add(ticket, next_ticket)
         if self.planned:
@@ -174,7 +174,7 @@ class Line:
         news, self._news = self._news, False
         return news
 
-    def _join(self, following: Following, ticket: Ticket, next_ticket: Ticket) -> None:
+    def _join(self, following: PathContinuation, ticket: CommandStatus, next_ticket: CommandStatus) -> None:
         going, along = self._going or self._in_units(), self._along
         assert along is not None
         limits = [core.parameters.limits for core in self._axes.values()]
@@ -187,7 +187,7 @@ class Line:
         self._milestones.mark(ticket, found.mark)
         next_ticket.note = found.told
 
-    def _in_units(self) -> Going:
+    def _in_units(self) -> ActivePath:
         """Count places in units from now on, as what joins it does."""
         along, by = self._along, self._unit
         assert along is not None
@@ -197,19 +197,19 @@ class Line:
             along.scale(self._way, by)
         return going_of(self._way, self._velocity)
 
-    def _follow_along(self, along: Along) -> None:
+    def _follow_along(self, along: PathPosition) -> None:
         """Let the axes that are still on it have their shares of it."""
         for number, follow in enumerate(self.follows.values()):
             if follow.clock is self.travel:
-                follow.begin(Share(along, number, FASTER * self._velocity))
+                follow.begin(AxisPathShare(along, number, FASTER * self._velocity))
 
-    def again(self, gate: Gate, group: Mapping[str, AxisCore], name: str) -> Line:
+    def again(self, gate: StartBarrier, group: Mapping[str, AxisCore], name: str) -> PathMotion:
         """Return what goes on with it from where it was left.
 
         Raises:
             StateError: an axis is no longer there; ``name`` says in its text what was asked for.
         """
-        line = Line(self._command, group, gate, self)
+        line = PathMotion(self._command, group, gate, self)
         if self.planned:
             line.require_near(self._way.at(self.travel.t), name, "is no longer where the way was left")
         return line
@@ -230,7 +230,7 @@ class Line:
     def _plan(self, name: str, period: float) -> None:
         begin = self._take_way(name, period)
         here = tuple(self._start(axis) for axis in self._axes)
-        self._along = along = Along(self._way, begin, here)
+        self._along = along = PathPosition(self._way, begin, here)
         self._follow_along(along)
         limits = [core.parameters.limits for core in self._axes.values()]
         self._period, along.way = period, along.eased(limits, FASTER * self._velocity)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from axisbus.motion.group.path import Way, least
+from axisbus.motion.group.path import Path, least
 from axisbus.motion.group.segments import Place
-from axisbus.motion.parameters import Limits
+from axisbus.motion.parameters import AxisLimits
 
 _SLOPE = 100.0  # units of way for one of what the beginning is off
 
 
-class Along:
+class PathPosition:
     """A way as it is gone along from ``begin`` on; holds the place that was asked for last.
 
     Axes stand where they stand, within a window of where the way has them: what they are off is taken back little by little.
@@ -20,7 +20,7 @@ class Along:
 
     __slots__ = ("_begin", "_fade", "_last", "_off", "_place", "way")
 
-    def __init__(self, way: Way, begin: float, here: Place) -> None:
+    def __init__(self, way: Path, begin: float, here: Place) -> None:
         """``here``: where the axes stand."""
         self.way = way
         self._begin = begin
@@ -32,7 +32,7 @@ class Along:
         self._last = math.nan
         self._place: Place = here
 
-    def eased(self, limits: Sequence[Limits], velocity: float) -> Way:
+    def eased(self, limits: Sequence[AxisLimits], velocity: float) -> Path:
         """Return the way, so slow (at ``velocity`` at most) that what is taken back leads no axis beyond its limits."""
         if not self._fade or not any(self._off):
             return self.way
@@ -42,7 +42,7 @@ class Along:
         more_ramp = hardest / least([limit.acceleration for limit in limits], slopes)
         return self.way.slower(1.0 / (1.0 + max(more_speed, more_ramp)))
 
-    def scale(self, way: Way, by: float) -> None:
+    def scale(self, way: Path, by: float) -> None:
         """Go on along ``way``, which is the same with places ``by`` times as large."""
         self.way, self._begin, self._fade, self._last = way, self._begin * by, self._fade * by, math.nan
 
@@ -58,10 +58,10 @@ class Along:
         return place
 
 
-class Share:
-    """One axis's share of a way, as the trajectory that it follows: what goes on is the place on the way (``Travel``)."""
+class AxisPathShare:
+    """One axis's share of a way, as the trajectory that it follows: what goes on is the place on the way (``PathSpeed``)."""
 
-    def __init__(self, along: Along, number: int, fastest: float) -> None:
+    def __init__(self, along: PathPosition, number: int, fastest: float) -> None:
         """``number``: which axis of a place it is; ``fastest``: the highest velocity along the way that can be asked for."""
         self._along = along
         self._number = number

@@ -30,7 +30,7 @@ _LEAST = 1e-9  # of the change within a cycle: what is slower stands
 _Row = Sequence[float] | Mapping[int, float]
 
 
-class Goes(Protocol):
+class PathGeometry(Protocol):
     """What is gone along: a ``Way``, or what grows meanwhile; its stretches by their numbers."""
 
     @property
@@ -60,14 +60,14 @@ class Goes(Protocol):
         """Whether nothing follows it."""
 
 
-class Asked(NamedTuple):
+class SpeedRequest(NamedTuple):
     """What is asked for on each stretch of a way: its velocity, and that at its end."""
 
     velocities: Sequence[float]
     exits: Sequence[float]
 
 
-class Travel:
+class PathSpeed:
     """Goes along a way; holds the place ``t``, the speed, and whether it brakes. To the axes it is their clock (``Follow``)."""
 
     __slots__ = (
@@ -87,8 +87,8 @@ class Travel:
     )
 
     def __init__(self) -> None:
-        self._way: Goes = NOWHERE
-        self._asked: Asked | None = None  # where it is not the same velocity everywhere
+        self._way: PathGeometry = NOWHERE
+        self._asked: SpeedRequest | None = None  # where it is not the same velocity everywhere
         self.velocity = 0.0
         self.factor = 1.0  # the override
         self.hard = 0.0  # the least deceleration with which it is braked, along the way
@@ -100,7 +100,7 @@ class Travel:
         self._number = 0
         self._near = 0.0
 
-    def begin(self, way: Goes, velocity: float, at: float = 0.0, window: int = 1) -> None:
+    def begin(self, way: PathGeometry, velocity: float, at: float = 0.0, window: int = 1) -> None:
         """Take the way, with the ``velocity`` that is asked for (above 0), and the place to begin at, at rest.
 
         ``window``: of how many cycles the mean is taken; more than one only where the way is one stretch.
@@ -116,20 +116,20 @@ class Travel:
         """Where it would be without a limit of jerk."""
         return self._ahead
 
-    def take(self, way: Goes, asked: Asked) -> None:
+    def take(self, way: PathGeometry, asked: SpeedRequest) -> None:
         """Go on along ``way``, which is the same up to where this is, and has the same numbers for places."""
         self._way, self._asked = way, asked
         self._number = way.number(self._ahead)
         self._near = _NEXT * way.length
 
-    def scale(self, way: Goes, by: float) -> None:
+    def scale(self, way: PathGeometry, by: float) -> None:
         """Go on along ``way``, which is the same with places ``by`` times as large."""
         self._way, self.velocity, self.speed = way, self.velocity * by, self.speed * by
         self.t, self._ahead, self._gone = self.t * by, self._ahead * by, self._gone * by
         self._places = deque([place * by for place in self._places], maxlen=self._places.maxlen)
         self._near = _NEXT * way.length
 
-    def fits(self, way: Goes, period: float) -> bool:
+    def fits(self, way: PathGeometry, period: float) -> bool:
         """Whether ``way`` can be gone on along from here with the present speed, within what its stretch allows.
 
         Where the stretch ends within this cycle, what the speed is at its end tells, not what it is after the cycle.
@@ -210,7 +210,7 @@ class Travel:
         left = way.marks[number + 1] - self._ahead
         return slow_enough(self.speed, way.leaves[number], way.ramps[number], left, period)
 
-    def _ask(self, asked: Asked, period: float) -> None:
+    def _ask(self, asked: SpeedRequest, period: float) -> None:
         """Find the velocity that is asked for now, so that the stretch is left with what is asked for there."""
         number, factor = self._number, self.factor
         ramp, left = self._way.ramps[number], self._way.marks[number + 1] - self._ahead

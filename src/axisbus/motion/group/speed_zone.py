@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 
-class Stretch(NamedTuple):
+class SpeedZone(NamedTuple):
     """A part of a piece, by its number, with its length, its highest speed and its acceleration."""
 
     piece: int

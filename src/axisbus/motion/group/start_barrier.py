@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 
-class Gate:
+class StartBarrier:
     """Opens, in the next cycle, once all who are to come stand before it; holds who does in the present one.
 
     A comer asks in every cycle, and counts in that cycle alone: one that has gone away meanwhile is not there any more. All that
@@ -42,4 +42,4 @@ class Gate:
         return self._open
 
 
-OPEN = Gate(is_open=True)
+OPEN = StartBarrier(is_open=True)

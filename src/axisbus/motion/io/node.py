@@ -19,12 +19,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from axisbus.cia401.port import MAY_HEAR, IoInputs, IoPort, Known
-from axisbus.cia401.signal import Point
+from axisbus.cia401.port import MAY_HEAR, IoInputs, IoPort, SignalValidity
+from axisbus.cia401.signal import IoPoint
 from axisbus.cia402.port import Sample
 from axisbus.errors import AxisbusError, NodeError
-from axisbus.motion.command_status import Status, Ticket
-from axisbus.motion.io.reading import Reading
+from axisbus.motion.command_status import CommandStatus, Status
+from axisbus.motion.io.reading import IoReading
 
 _REMEDY = "look at its supply and cable; when it is back its outputs get their safe values, until they are set again"
 
@@ -32,7 +32,7 @@ _REMEDY = "look at its supply and cable; when it is back its outputs get their s
 class NodeIo:
     """Holds what its outputs are to be, which were set, and the commands that wait for their frame to leave."""
 
-    def __init__(self, node_id: int, points: Sequence[Point], port: IoPort) -> None:
+    def __init__(self, node_id: int, points: Sequence[IoPoint], port: IoPort) -> None:
         """``port`` has the objects of all ``points``, and what its outputs had at boot."""
         self.points = {point.name: point for point in points}
         self._node_id = node_id
@@ -43,11 +43,11 @@ class NodeIo:
         self._alone = self._with_safe(list(port.alone))
         self._set: set[str] = set()
         self._used: set[int] = set()  # outputs, by place, of which something was set
-        self._known = Known.NOT_YET
+        self._known = SignalValidity.NOT_YET
         self._unknown_until = -math.inf  # when it was last not operational
-        self._given: list[Ticket] = []
-        self._under_way: list[Ticket] = []
-        self._acting: list[tuple[float, Ticket]] = []  # in effect since when at the latest
+        self._given: list[CommandStatus] = []
+        self._under_way: list[CommandStatus] = []
+        self._acting: list[tuple[float, CommandStatus]] = []  # in effect since when at the latest
         self._new = False  # whether what the outputs are to be now has not been sent yet
         self._leaves = False  # whether it was sent in the cycle before, and waits for SYNC
         self._begun = math.inf  # when the first cycle was
@@ -58,7 +58,7 @@ class NodeIo:
 
     def refusal(self, name: str, what: str) -> AxisbusError | None:
         """Return why an output cannot be set now; None where it can."""
-        if self._known is Known.YES:
+        if self._known is SignalValidity.YES:
             return None
         return NodeError(
             f"{what} was not sent: {name} is out of reach",
@@ -67,7 +67,7 @@ class NodeIo:
             remedy=_REMEDY,
         )
 
-    def set(self, values: Mapping[str, int], ticket: Ticket) -> None:
+    def set(self, values: Mapping[str, int], ticket: CommandStatus) -> None:
         """Take raw values for outputs of this node; ``ticket`` ends once they act, and the node has been heard since."""
         for name, raw in values.items():
             self._put(self.points[name], raw)
@@ -80,14 +80,14 @@ class NodeIo:
             self._put(self.points[name], self.points[name].safe)
 
     @property
-    def ours(self) -> list[Point]:
+    def ours(self) -> list[IoPoint]:
         """The outputs that were set."""
         return [self.points[name] for name in sorted(self._set)]
 
     @property
     def rests(self) -> bool:
         """Whether nothing is on its way: all has been sent, or cannot be now."""
-        return self._known is not Known.YES or not (self._new or self._leaves)
+        return self._known is not SignalValidity.YES or not (self._new or self._leaves)
 
     def abandon(self, error: AxisbusError) -> None:
         """End every command: no cycle will come."""
@@ -110,7 +110,7 @@ class NodeIo:
         self.changed = False
         self._known = inputs.known
         self._begun = min(self._begun, now)
-        if inputs.known is not Known.YES:
+        if inputs.known is not SignalValidity.YES:
             self._lose(now)
             return self._to_send() if inputs.known in MAY_HEAR else (None,) * len(self._words)
         self._acting += [(now, ticket) for ticket in self._under_way]  # it has left, and SYNC after it
@@ -120,7 +120,7 @@ class NodeIo:
         self._sent = now
         return self._to_send()
 
-    def readings(self, now: float, inputs: IoInputs) -> dict[str, Reading]:
+    def readings(self, now: float, inputs: IoInputs) -> dict[str, IoReading]:
         """Return what is known of every point, after ``step``."""
         return {
             name: self._output(point, now) if point.output else self._input(point, now, inputs)
@@ -135,7 +135,7 @@ class NodeIo:
             self._acting.pop(0)[1].finish(Status.DONE)
             self.changed = True
 
-    def _take_sent(self) -> list[Ticket]:
+    def _take_sent(self) -> list[CommandStatus]:
         """Return the commands that were sent and have not ended, which are nobody's any more."""
         sent = [*(ticket for _, ticket in self._acting), *self._under_way]
         self._acting, self._under_way = [], []
@@ -159,34 +159,34 @@ class NodeIo:
             words[place] = point.into(words[place], point.safe)
         return words
 
-    def _put(self, point: Point, raw: int) -> None:
+    def _put(self, point: IoPoint, raw: int) -> None:
         place = self._outputs[point.address]
         self._words[place] = point.into(self._words[place], raw)
         self._used.add(place)
         self._new = True
 
-    def _of(self, point: Point) -> int:
+    def _of(self, point: IoPoint) -> int:
         return point.of(self._words[self._outputs[point.address]])
 
-    def _output(self, point: Point, now: float) -> Reading:
+    def _output(self, point: IoPoint, now: float) -> IoReading:
         """Of one that was never sent, what it had at boot is known as long as its node was there ever since."""
         is_set, sent, known = point.name in self._set, self._outputs[point.address] in self._used, self._known
         stamp = self._sent if sent else self._begun
-        if known is Known.YES and not sent and self._unknown_until > -math.inf:
-            known = Known.UNSET
-        return Reading(now, known, self._of(point) if known is Known.YES else None, stamp, is_set)
+        if known is SignalValidity.YES and not sent and self._unknown_until > -math.inf:
+            known = SignalValidity.UNSET
+        return IoReading(now, known, self._of(point) if known is SignalValidity.YES else None, stamp, is_set)
 
-    def _input(self, point: Point, now: float, inputs: IoInputs) -> Reading:
+    def _input(self, point: IoPoint, now: float, inputs: IoInputs) -> IoReading:
         place = self._inputs[point.address]
         sample = inputs.samples[place]
         known = self._freshness(sample, self._max_age[place], now)
         stamp = -math.inf if sample is None else sample.stamp
-        value = point.of(sample.value) if known is Known.YES and sample is not None else None
-        return Reading(now, known, value, stamp)
+        value = point.of(sample.value) if known is SignalValidity.YES and sample is not None else None
+        return IoReading(now, known, value, stamp)
 
-    def _freshness(self, sample: Sample | None, age: float, now: float) -> Known:
-        if self._known is not Known.YES:
+    def _freshness(self, sample: Sample | None, age: float, now: float) -> SignalValidity:
+        if self._known is not SignalValidity.YES:
             return self._known
         if sample is None or sample.stamp <= self._unknown_until:
-            return Known.NOT_YET
-        return Known.YES if now - sample.stamp <= age else Known.OLD
+            return SignalValidity.NOT_YET
+        return SignalValidity.YES if now - sample.stamp <= age else SignalValidity.OLD

@@ -12,9 +12,9 @@ from __future__ import annotations
 from axisbus.cia301 import abort
 from axisbus.cia402 import objects
 from axisbus.errors import DriveError
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
-from axisbus.motion.moves.activity import Transfers, object_text
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.moves.activity import SdoTransfers, object_text
 from axisbus.motion.parameters import AxisParameters
 
 NEEDED = (objects.PROFILE_JERK, objects.MOTION_PROFILE_TYPE)
@@ -37,7 +37,7 @@ def has_shape(parameters: AxisParameters) -> bool:
     return all(parameters.has(index) for index in NEEDED)
 
 
-class _Ask(Transfers):
+class _Ask(SdoTransfers):
     """One transfer, whose refusal is an answer."""
 
     __slots__ = ("refused",)
@@ -49,7 +49,7 @@ class _Ask(Transfers):
     def _differs(self, at: tuple[int, int], found: int, wanted: int) -> None:  # noqa: ARG002  # its shape
         self.refused = abort.READ_ONLY
 
-    def _take(self, image: Image, request: int) -> None:
+    def _take(self, image: AxisImage, request: int) -> None:
         code = image.replies[request].abort
         if code is None or code == abort.TIMED_OUT:
             super()._take(image, request)
@@ -58,13 +58,13 @@ class _Ask(Transfers):
         self.refused = code
 
 
-class Shaped(Transfers):
+class JerkProfileWritten(SdoTransfers):
     """The transfers of a profile, and then those of its shape, one after the other; ``jerk`` None: on ramps."""
 
     __slots__ = ("_asking", "_jerk", "_left", "_parameters", "_plain", "_type")
 
     def __init__(
-        self, plain: Transfers, jerk: int | None, kept: ProfileType, parameters: AxisParameters
+        self, plain: SdoTransfers, jerk: int | None, kept: ProfileType, parameters: AxisParameters
     ) -> None:
         """``jerk`` as 60A4h:01 holds it; ``kept``: of the axis."""
         super().__init__([], parameters)
@@ -75,7 +75,7 @@ class Shaped(Transfers):
         self._asking: tuple[str, tuple[int, int, int | None], _Ask] | None = None
         self._left = self._steps()
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when all have succeeded.
 
         Raises:
@@ -93,7 +93,7 @@ class Shaped(Transfers):
             self._take_answer(*answered)
         return True
 
-    def cancel(self, order: Order) -> None:
+    def cancel(self, order: CycleOutputs) -> None:
         """Take back what is still queued."""
         self._plain.cancel(order)
         if self._asking is not None:

@@ -2,10 +2,10 @@
 
 Theory of operation
 -------------------
-The axis is led by a ``Walk``, from rest or from what leads it already: from the last places of what is in front of another one,
-where as many of them make the mean. All else lets its acceleration go before, as far as that is known: a velocity with a limit of
-jerk by itself, the others by being led to one (``SoftVelocity``). A halt does not wait for that: it brakes with the axis's own
-deceleration, as hard as it would without.
+The axis is led by a ``OnlineProfile``, from rest or from what leads it already: from the last places of what is in front of another
+one, where as many of them make the mean. All else lets its acceleration go before, as far as that is known: a velocity with a limit
+of jerk by itself, the others by being led to one (``JerkLimitedVelocity``). A halt does not wait for that: it brakes with the
+axis's own deceleration, as hard as it would without.
 """
 
 from __future__ import annotations
@@ -13,16 +13,22 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.group.path_builder import window
-from axisbus.motion.group.start_barrier import OPEN, Gate
-from axisbus.motion.jerk.online_profile import Gait, Led, Walk, Walking, walk_from
-from axisbus.motion.jerk.ramp import Ramps
-from axisbus.motion.jerk.velocity import SoftVelocity, ramps_of, settled_from
-from axisbus.motion.moves.csp_move import GoingOn
+from axisbus.motion.group.start_barrier import OPEN, StartBarrier
+from axisbus.motion.jerk.online_profile import (
+    JerkLimits,
+    OnlineProfile,
+    ProfileState,
+    ReferenceState,
+    walk_from,
+)
+from axisbus.motion.jerk.ramp import VelocityRamps
+from axisbus.motion.jerk.velocity import JerkLimitedVelocity, ramps_of, settled_from
+from axisbus.motion.moves.csp_move import CspMove
 from axisbus.motion.moves.follow import Follow
-from axisbus.motion.moves.profile import Profile, braking_distance
-from axisbus.motion.moves.profile_from_speed import Onward, Start
+from axisbus.motion.moves.profile import MoveProfile, braking_distance
+from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
 from axisbus.motion.override.factor import FASTER
 from axisbus.motion.parameters import AxisParameters
 
@@ -31,7 +37,7 @@ from axisbus.motion.parameters import AxisParameters
 class _Walked:
     """Where a walk leads an axis, as a trajectory: it is asked for the present place alone."""
 
-    walk: Walk
+    walk: OnlineProfile
     span: tuple[float, float]
     top_speed: float
     top_acceleration: float
@@ -42,15 +48,15 @@ class _Walked:
         return self.walk.led.place
 
 
-class SoftMove(GoingOn):
+class JerkLimitedMove(CspMove):
     """One axis on its way to a position in csp; holds its walk, once it has begun."""
 
     def __init__(
         self,
         target: int,
-        profile: Profile,
+        profile: MoveProfile,
         parameters: AxisParameters,
-        gate: Gate,
+        gate: StartBarrier,
         name: str,
         before: Follow | None = None,
     ) -> None:
@@ -66,12 +72,12 @@ class SoftMove(GoingOn):
         assert profile.speed
         assert profile.ramp
         speed, limit = profile.speed / unit, parameters.limits.velocity or math.inf
-        self._gait = Gait(speed, profile.ramp / unit, min(FASTER * speed, limit))
+        self._gait = JerkLimits(speed, profile.ramp / unit, min(FASTER * speed, limit))
         self._ramps = ramps_of(profile, parameters)
         self._window = window(self._gait.ramp, profile.softness, parameters.scan_period, name)
-        self.walk: Walk | None = None
+        self.walk: OnlineProfile | None = None
 
-    def _go_ahead(self, image: Image) -> None:
+    def _go_ahead(self, image: AxisImage) -> None:
         walk = self.walk
         if walk is not None:
             walk.factor = image.override
@@ -79,7 +85,7 @@ class SoftMove(GoingOn):
                 walk.advance(self._period)
         elif self._before is None and self._prepared:
             here = self._units.to_units(self.reference(image) - image.origin)
-            self._walk_from(Led(here), image.origin)
+            self._walk_from(ReferenceState(here), image.origin)
 
     @property
     def ramp(self) -> float:
@@ -107,14 +113,14 @@ class SoftMove(GoingOn):
             return True
         return super().begin_braking()
 
-    def walk_to(self, target: float, gait: Gait) -> Walk | None:
+    def walk_to(self, target: float, gait: JerkLimits) -> OnlineProfile | None:
         """Return the walk that leads the axis now, on to another target; the places are those where the axis is led to."""
         walk = self.walk
         if walk is None or self.clock is not walk or self._addition is not None:
             return None
         return walk.turned(target, gait, self.shifted)
 
-    def going_softly(self) -> Onward | None:
+    def going_softly(self) -> ProfileFromSpeed | None:
         """Return how what is in front goes straight on to its end; None where it does not, or is not led so."""
         walk, gait = self.walk, self._gait
         is_led = walk is not None and self.clock is walk and self._before is None and self._running
@@ -123,15 +129,19 @@ class SoftMove(GoingOn):
         left, way = walk.target - walk.ahead, braking_distance(walk.speed, gait.ramp)
         if left * walk.speed < 0.0 or way > abs(left) * (1.0 + 1e-9):
             return None
-        return Onward(Start(walk.ahead, walk.speed), walk.target, gait.velocity, gait.ramp, gait.ramp)
+        return ProfileFromSpeed(
+            Start(walk.ahead, walk.speed), walk.target, gait.velocity, gait.ramp, gait.ramp
+        )
 
-    def plan(self, origin: int) -> Onward:
+    def plan(self, origin: int) -> ProfileFromSpeed:
         """Return how what is in front goes to the target without a limit of jerk; it needs room, and the axis no more."""
         gait, walk = self._gait, self.walk
         if walk is None:
             assert self._before is not None
             walk = self._walk_out_of(self._before, origin)
-        return Onward(Start(walk.ahead, walk.speed), self._end(origin), gait.velocity, gait.ramp, gait.ramp)
+        return ProfileFromSpeed(
+            Start(walk.ahead, walk.speed), self._end(origin), gait.velocity, gait.ramp, gait.ramp
+        )
 
     @property
     def acceleration(self) -> float:
@@ -143,7 +153,7 @@ class SoftMove(GoingOn):
     def _end(self, origin: int) -> float:
         return self._units.to_units(self._goal - origin)
 
-    def _walk_out_of(self, before: Follow, origin: int) -> Walk:
+    def _walk_out_of(self, before: Follow, origin: int) -> OnlineProfile:
         """Return how it goes on from what leads the axis now."""
         walk = self._same_walk(before, origin)
         if walk is not None:
@@ -151,22 +161,22 @@ class SoftMove(GoingOn):
         led = _settled(before, self._ramps, self._period)
         return walk_from(led, self._end(origin), self._gait, self._window, self._period)
 
-    def _same_walk(self, before: Follow, origin: int) -> Walk | None:
+    def _same_walk(self, before: Follow, origin: int) -> OnlineProfile | None:
         """Return what goes on from the last places of what is in front now, where as many cycles of them make the mean."""
-        walk = before.walk_to(self._end(origin), self._gait) if isinstance(before, Walking) else None
+        walk = before.walk_to(self._end(origin), self._gait) if isinstance(before, ProfileState) else None
         return walk if walk is not None and walk.window == self._window else None
 
-    def _may_follow(self, before: Follow, image: Image) -> bool:
+    def _may_follow(self, before: Follow, image: AxisImage) -> bool:
         """Whether it can take over: nothing has an acceleration that would be lost by it; what has one lets it go."""
-        if isinstance(before, SoftVelocity):
+        if isinstance(before, JerkLimitedVelocity):
             return before.settle()
         if not before.acceleration or self._same_walk(before, image.origin) is not None:
             return True
-        settling = SoftVelocity(self._profile, self._parameters, OPEN, before)
+        settling = JerkLimitedVelocity(self._profile, self._parameters, OPEN, before)
         self._before = settling
         return settling.settle()
 
-    def _take_over(self, before: Follow, image: Image) -> None:
+    def _take_over(self, before: Follow, image: AxisImage) -> None:
         self._take(self._walk_out_of(before, image.origin), image.origin)
         self.resume(before)
         self._before = None
@@ -174,10 +184,10 @@ class SoftMove(GoingOn):
         self.walk.factor = image.override
         self.walk.advance(self._period)
 
-    def _walk_from(self, led: Led, origin: int) -> None:
+    def _walk_from(self, led: ReferenceState, origin: int) -> None:
         self._take(walk_from(led, self._end(origin), self._gait, self._window, self._period), origin)
 
-    def _take(self, walk: Walk, origin: int) -> None:
+    def _take(self, walk: OnlineProfile, origin: int) -> None:
         """Be led by a walk from now on."""
         self.walk = walk
         path = self.plan(origin)
@@ -186,6 +196,6 @@ class SoftMove(GoingOn):
         self.guide_by(walk, _Walked(walk, (min(places), max(places)), speed, self._gait.ramp))
 
 
-def _settled(before: Follow, ramps: Ramps, period: float) -> Led:
+def _settled(before: Follow, ramps: VelocityRamps, period: float) -> ReferenceState:
     """Return where an axis is when what leads it now has let its acceleration go."""
-    return before.settled if isinstance(before, SoftVelocity) else settled_from(before, ramps, period)
+    return before.settled if isinstance(before, JerkLimitedVelocity) else settled_from(before, ramps, period)

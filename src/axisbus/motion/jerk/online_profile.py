@@ -21,7 +21,7 @@ _NEXT = 1e-12  # of the place: as near as numbers come
 _LEAST = 1e-9  # of the change within a cycle: what is slower stands
 
 
-class Led(NamedTuple):
+class ReferenceState(NamedTuple):
     """Where an axis is led to, how fast (signed) and with which acceleration; unit, per s and per s²."""
 
     place: float
@@ -29,7 +29,7 @@ class Led(NamedTuple):
     acceleration: float = 0.0
 
 
-class Gait(NamedTuple):
+class JerkLimits(NamedTuple):
     """How fast (unit/s) and how hard (unit/s²) it goes, and the highest speed under an override."""
 
     velocity: float
@@ -38,19 +38,21 @@ class Gait(NamedTuple):
 
 
 @runtime_checkable
-class Walking(Protocol):
-    """What leads an axis at the mean of the last places of something in front, and may be gone on with by a ``Walk``."""
+class ProfileState(Protocol):
+    """What leads an axis at the mean of the last places of something in front, and may be gone on with by a ``OnlineProfile``."""
 
-    def walk_to(self, target: float, gait: Gait) -> Walk | None:
+    def walk_to(self, target: float, gait: JerkLimits) -> OnlineProfile | None:
         """Return what goes on to ``target`` from where the axis is led to; None where it is not led so (any more)."""
 
 
-class Walk:
+class OnlineProfile:
     """Goes to a target. To the axis it is its clock (``Follow``): ``t`` is 0 on the way, and 1 at its end."""
 
     __slots__ = ("_gait", "_places", "_rests", "ahead", "braking", "factor", "led", "speed", "t", "target")
 
-    def __init__(self, target: float, gait: Gait, places: deque[float], speed: float, led: Led) -> None:
+    def __init__(
+        self, target: float, gait: JerkLimits, places: deque[float], speed: float, led: ReferenceState
+    ) -> None:
         """``places``: those in front of the last cycles, as many as the mean has; ``speed``: that of the last one, signed."""
         self.target = target
         self._gait = gait
@@ -93,14 +95,14 @@ class Walk:
         places.append(ahead)
         place = ahead if self._rests >= len(places) - 1 else sum(places) / len(places)
         velocity = (place - before.place) / period
-        self.led = Led(place, velocity, (velocity - before.velocity) / period)
+        self.led = ReferenceState(place, velocity, (velocity - before.velocity) / period)
         if place == self.target and ahead == place:
             self.t = 1.0
 
-    def turned(self, target: float, gait: Gait, by: float) -> Walk:
+    def turned(self, target: float, gait: JerkLimits, by: float) -> OnlineProfile:
         """Return what goes on from here to another target, with all places ``by`` farther on."""
         places = deque((place + by for place in self._places), maxlen=len(self._places))
-        return Walk(target, gait, places, self.speed, self.led._replace(place=self.led.place + by))
+        return OnlineProfile(target, gait, places, self.speed, self.led._replace(place=self.led.place + by))
 
     def _go(self, period: float) -> None:
         """Let the place in front go on."""
@@ -120,7 +122,9 @@ class Walk:
         return 0.0 if self.braking else min(self._gait.velocity * self.factor, self._gait.top)
 
 
-def walk_from(led: Led, target: float, gait: Gait, window: int, period: float) -> Walk:
+def walk_from(
+    led: ReferenceState, target: float, gait: JerkLimits, window: int, period: float
+) -> OnlineProfile:
     """Return what goes on from ``led``, as if its acceleration had been the same for all of the mean.
 
     Where that would lead the axis beyond the highest speed, the acceleration is less.
@@ -135,4 +139,4 @@ def walk_from(led: Led, target: float, gait: Gait, window: int, period: float) -
     gone = [-n * period for n in range(window - 1, -1, -1)]
     shape = [speed * t + 0.5 * rate * t * t for t in gone]
     off = led.place - sum(shape) / window
-    return Walk(target, gait, deque((off + place for place in shape), maxlen=window), speed, led)
+    return OnlineProfile(target, gait, deque((off + place for place in shape), maxlen=window), speed, led)

@@ -17,13 +17,13 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from axisbus.motion.jerk.online_profile import Led
+from axisbus.motion.jerk.online_profile import ReferenceState
 
 LONGEST = 0.25  # seconds in which any acceleration is let go of
 _SAME = 1e-9  # as a share: what arithmetic may be off
 
 
-class Ramps(NamedTuple):
+class VelocityRamps(NamedTuple):
     """How a velocity changes: away from 0 by ``up``, towards it by ``down`` (unit/s²), both by ``jerk`` (unit/s³); all above 0.
 
     ``top``: the highest speed of the axis (unit/s), which may be infinite.
@@ -45,7 +45,7 @@ class SoftRamp:
 
     __slots__ = ("_jerk", "_ramps", "braking", "goal", "led", "t")
 
-    def __init__(self, led: Led, ramps: Ramps) -> None:
+    def __init__(self, led: ReferenceState, ramps: VelocityRamps) -> None:
         """``led``: where the axis was led to in the last cycle, how fast, and with which acceleration; it keeps that velocity."""
         self.led = led
         self.goal = led.velocity  # unit/s, signed
@@ -76,7 +76,7 @@ class SoftRamp:
         """Let the acceleration go at once, and keep the velocity that is left then."""
         self.goal = self.settled(period).velocity
 
-    def settled(self, period: float) -> Led:
+    def settled(self, period: float) -> ReferenceState:
         """Return where it is when it has let its acceleration go, from now on; nothing changes by this."""
         led, change = self.led, self._change(self.led, period)
         place = led.place
@@ -84,10 +84,10 @@ class SoftRamp:
             rate = math.copysign(max(abs(led.acceleration) - change, 0.0), led.acceleration)
             velocity = led.velocity + rate * period
             place += velocity * period
-            led = Led(place, velocity, rate)
+            led = ReferenceState(place, velocity, rate)
         return led
 
-    def next(self, period: float) -> Led:
+    def next(self, period: float) -> ReferenceState:
         """Return what ``advance`` comes to; nothing changes by this."""
         led, goal = self.led, 0.0 if self.braking else self.goal
         change, limit, off = self._change(led, period), self._limit(led.velocity, goal), goal - led.velocity
@@ -96,7 +96,7 @@ class SoftRamp:
         velocity = led.velocity + rate * period
         if abs(velocity - goal) <= _SAME * change * period:
             velocity = goal
-        return Led(led.place + velocity * period, velocity, rate)
+        return ReferenceState(led.place + velocity * period, velocity, rate)
 
     def advance(self, period: float) -> None:
         """Go on by one cycle of ``period`` seconds."""
@@ -111,7 +111,7 @@ class SoftRamp:
             return min(up, down)
         return up if abs(velocity) < abs(goal) else down
 
-    def _change(self, led: Led, period: float) -> float:
+    def _change(self, led: ReferenceState, period: float) -> float:
         """Return by how much the acceleration may change in this cycle; more only where the axis would be too fast otherwise."""
         change, rate = self._jerk * period, abs(led.acceleration)
         if led.velocity * led.acceleration <= 0.0:
@@ -122,7 +122,7 @@ class SoftRamp:
         return 0.5 * rate * rate / room * period if room > _SAME * top else rate
 
 
-def rest_way(led: Led, ramps: Ramps) -> float:
+def rest_way(led: ReferenceState, ramps: VelocityRamps) -> float:
     """Return how far (unit, above 0) an axis goes on at most in its direction, where it is braked on its ramps from now on."""
     speed, rate = abs(led.velocity), math.copysign(1.0, led.velocity) * led.acceleration
     more = max(rate, 0.0)

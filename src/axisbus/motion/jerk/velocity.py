@@ -17,18 +17,18 @@ import math
 from dataclasses import dataclass
 
 from axisbus.errors import LimitError
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
-from axisbus.motion.group.start_barrier import Gate
-from axisbus.motion.jerk.online_profile import Led
-from axisbus.motion.jerk.ramp import Ramps, SoftRamp, rest_way
-from axisbus.motion.jerk.velocity_reached import Reached
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.group.start_barrier import StartBarrier
+from axisbus.motion.jerk.online_profile import ReferenceState
+from axisbus.motion.jerk.ramp import SoftRamp, VelocityRamps, rest_way
+from axisbus.motion.jerk.velocity_reached import VelocityReached
 from axisbus.motion.moves.follow import Follow
-from axisbus.motion.moves.profile import Profile, braking_distance
+from axisbus.motion.moves.profile import MoveProfile, braking_distance
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.path_handover import Successor
+from axisbus.motion.path_handover import PathHandover
 from axisbus.motion.position_limits import widened
-from axisbus.motion.stop_deceleration import Course
+from axisbus.motion.stop_deceleration import CommandedMotion
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,22 +44,24 @@ class _Ramped:
         return self.ramp.led.place
 
 
-def ramps_of(profile: Profile, parameters: AxisParameters) -> Ramps:
+def ramps_of(profile: MoveProfile, parameters: AxisParameters) -> VelocityRamps:
     """Return the ramps of a profile that has all of its ratios, and a jerk."""
     assert profile.up
     assert profile.down
     assert profile.softness
     unit, top = abs(parameters.units.position.factor), parameters.limits.velocity
-    return Ramps(profile.up / unit, profile.down / unit, profile.softness, math.inf if top is None else top)
+    return VelocityRamps(
+        profile.up / unit, profile.down / unit, profile.softness, math.inf if top is None else top
+    )
 
 
-def settled_from(before: Follow, ramps: Ramps, period: float) -> Led:
+def settled_from(before: Follow, ramps: VelocityRamps, period: float) -> ReferenceState:
     """Return where an axis is when it has let its acceleration go, from what leads it now."""
     step = before.last_step
-    return SoftRamp(Led(step.position, step.velocity, before.acceleration), ramps).settled(period)
+    return SoftRamp(ReferenceState(step.position, step.velocity, before.acceleration), ramps).settled(period)
 
 
-class SoftVelocity(Successor):
+class JerkLimitedVelocity(PathHandover):
     """One axis at a velocity; ends well when it is reached, and goes on. Holds its ramp, once it has begun."""
 
     goes_on = True
@@ -68,9 +70,9 @@ class SoftVelocity(Successor):
 
     def __init__(
         self,
-        profile: Profile,
+        profile: MoveProfile,
         parameters: AxisParameters,
-        gate: Gate,
+        gate: StartBarrier,
         before: Follow | None = None,
         *,
         bounded: bool | None = None,
@@ -83,13 +85,13 @@ class SoftVelocity(Successor):
         self._ramps = ramps_of(profile, parameters)
         self._bounded = bounded
         self._settles = False
-        self._reached = Reached(profile, parameters)
+        self._reached = VelocityReached(profile, parameters)
         self._factor = 1.0  # the override of the velocity that is asked for
         self.ramp: SoftRamp | None = None
         self.brakes_softly = False
         self.course = self._course()
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True once the velocity is reached, and not while an override holds it; to be stepped on afterwards, to keep it."""
         self._override(image.override)
         before = self._before
@@ -101,7 +103,7 @@ class SoftVelocity(Successor):
         ramp, reached = self.ramp, False
         if ramp is None and self._prepared:
             here = self._units.to_units(self.reference(image) - image.origin)
-            self._be_led(Led(here))
+            self._be_led(ReferenceState(here))
         elif ramp is not None and self._is_on(ramp):
             reached = self._go_on(ramp, image)
         super().step(image, order)
@@ -116,7 +118,7 @@ class SoftVelocity(Successor):
     def brake_softly(self) -> None:
         """Let the halt that comes next be as soft as the velocity is led."""
         leads = self.leads_now
-        if isinstance(leads, SoftVelocity):
+        if isinstance(leads, JerkLimitedVelocity):
             leads.brakes_softly = True
 
     def brake_hard(self) -> None:
@@ -140,13 +142,13 @@ class SoftVelocity(Successor):
         return ramp.at_goal
 
     @property
-    def settled(self) -> Led:
+    def settled(self) -> ReferenceState:
         """Where it is led to when that is done, with what is laid over it."""
         ramp = self.ramp
         if self._before is not None:
             return settled_from(self._before, self._ramps, self._period)
         if ramp is None or not self._is_on(ramp):
-            return Led(*self.last_step)
+            return ReferenceState(*self.last_step)
         off, led = self.last_step.position - ramp.led.place, ramp.settled(self._period)
         return led._replace(place=led.place + off)
 
@@ -161,7 +163,7 @@ class SoftVelocity(Successor):
         if limits is None or before is None or not self._bounded:
             return
         step, unit = before.last_step, self._units
-        led = Led(step.position, step.velocity, before.acceleration)
+        led = ReferenceState(step.position, step.velocity, before.acceleration)
         turns = self._reached.goal * led.velocity <= 0.0
         way = rest_way(led, self._ramps) if turns else self._hard_way(led.velocity)
         stop = led.place + math.copysign(way, led.velocity)
@@ -187,7 +189,7 @@ class SoftVelocity(Successor):
         super().resume(before)
         self._bind_again(before.last_step.position)
 
-    def _start(self, image: Image) -> None:
+    def _start(self, image: AxisImage) -> None:
         super()._start(image)
         self._bind_again(self._units.to_units(self.reference(image) - image.origin))
 
@@ -212,18 +214,18 @@ class SoftVelocity(Successor):
 
     def _take_over(self, before: Follow) -> None:
         step = before.last_step
-        self._be_led(Led(step.position, step.velocity, before.acceleration))
+        self._be_led(ReferenceState(step.position, step.velocity, before.acceleration))
         self.resume(before)
         self._before = None
 
-    def _be_led(self, led: Led) -> None:
+    def _be_led(self, led: ReferenceState) -> None:
         self.ramp = ramp = SoftRamp(led, self._ramps)
         ramp.goal = self._reached.goal
         if self._settles:
             ramp.settle(self._period)
         self.guide_by(ramp, _Ramped(ramp, self._ramps.hardest))
 
-    def _go_on(self, ramp: SoftRamp, image: Image) -> bool:
+    def _go_on(self, ramp: SoftRamp, image: AxisImage) -> bool:
         """Go on by one cycle; return whether the velocity is reached. What fails is braked in this cycle, from where it was."""
         reached, self.brakes_along = False, True
         if not ramp.braking and not self._settles:
@@ -234,18 +236,20 @@ class SoftVelocity(Successor):
             ramp.advance(self._period)
         return reached
 
-    def _course(self) -> Course:
+    def _course(self) -> CommandedMotion:
         """Return where it leads, for the watch over the limits: a stop brakes with the axis's own deceleration."""
         unit, hard = abs(self._units.factor), self._parameters.path_deceleration
         down = hard or self._ramps.down
         soft = 0.0 if hard else 2.0 * self._ramps.hardest / self._ramps.jerk
         goal = self._reached.goal * self._units.factor
-        return Course(goal, self._ramps.up * unit, down * unit, by_core=True, soft=soft)
+        return CommandedMotion(goal, self._ramps.up * unit, down * unit, by_core=True, soft=soft)
 
     def _hard_way(self, velocity: float) -> float:
         """Return how far it is to rest for any stop but a soft halt."""
         hard = self._parameters.path_deceleration
-        return braking_distance(velocity, hard) if hard else rest_way(Led(0.0, velocity), self._ramps)
+        return (
+            braking_distance(velocity, hard) if hard else rest_way(ReferenceState(0.0, velocity), self._ramps)
+        )
 
     def _look_for_room(self, ramp: SoftRamp) -> None:
         """Raise LimitError, or brake a soft halt harder, where the axis could not be kept within its limits after this cycle.
@@ -266,7 +270,7 @@ class SoftVelocity(Successor):
         self.brakes_softly = False
         self.brake_alone()
 
-    def _leads_out(self, led: Led, stop: float) -> LimitError:
+    def _leads_out(self, led: ReferenceState, stop: float) -> LimitError:
         name, unit, limits = self._parameters.name, self._units.unit, self._edges
         seen = f"at {led.place:g} {unit}, with {led.velocity:g} {unit}/s, it would stop at {stop:g} {unit}"
         if limits is None:

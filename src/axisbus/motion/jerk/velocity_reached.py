@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import math
 
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.moves.continuous_motion import VELOCITY_FLOOR, VELOCITY_SHARE, velocity_missed
-from axisbus.motion.moves.profile import Profile
+from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.override.factor import scaled
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.velocity_estimator import Track
+from axisbus.motion.velocity_estimator import VelocityEstimator
 
 _FILTER = 0.2  # share of a new sample in the mean of a noisy velocity
 _MARGIN = 2.0  # seconds that the axis may be late, beside four times its ramp
 
 
-class Reached:
+class VelocityReached:
     """Holds the velocity that is asked for under the override, what was measured of it, and the time that is left for it."""
 
-    def __init__(self, profile: Profile, parameters: AxisParameters) -> None:
+    def __init__(self, profile: MoveProfile, parameters: AxisParameters) -> None:
         """``profile`` with a signed velocity, all of its ratios, and a jerk."""
         assert profile.speed is not None
         units, velocity = parameters.units, profile.velocity
@@ -26,7 +26,7 @@ class Reached:
         self._asked = sign * profile.speed / abs(units.position.factor)  # unit/s
         self._profile = profile
         self._parameters = parameters
-        self._track = Track()  # of the positions, for a drive whose 606Ch does not travel
+        self._track = VelocityEstimator()  # of the positions, for a drive whose 606Ch does not travel
         self._mean: float | None = None
         self.override(1.0)
 
@@ -40,7 +40,7 @@ class Reached:
         self._deadline: float | None = None
         self._is_there = False
 
-    def step(self, image: Image, *, at_goal: bool) -> bool:
+    def step(self, image: AxisImage, *, at_goal: bool) -> bool:
         """Return whether it is reached, or was; ``at_goal``: nothing else is sent any more.
 
         Raises:
@@ -56,14 +56,14 @@ class Reached:
             raise velocity_missed(image, self._parameters, self._target)
         return self._is_there
 
-    def _measured(self, image: Image) -> float | None:
+    def _measured(self, image: AxisImage) -> float | None:
         """Return the velocity in unit/s, by 606Ch, else by the positions; None where neither tells it yet."""
         units = self._parameters.units
         if image.velocity is not None:
             return units.velocity.to_units(image.velocity)
         return units.position.to_units(self._track.motion[0]) if self._track.is_known else None
 
-    def _in_velocity(self, image: Image) -> bool:
+    def _in_velocity(self, image: AxisImage) -> bool:
         """More than half of what was asked for must be there in any case; a noisy velocity may be there by its mean."""
         goal, velocity = self.goal, self._measured(image)
         if velocity is None:

@@ -12,11 +12,11 @@ from axisbus.cia402 import dictionary, modes, objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import DriveError, ModeError, MotionTimeout, StaleError
 from axisbus.motion.active_trajectory import Leading
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.modes import WITHOUT_POSITION_DEMAND
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
-from axisbus.motion.stop_deceleration import Course
+from axisbus.motion.stop_deceleration import CommandedMotion
 
 # What a drive answers that has an object only on paper, or for reading.
 _DOES_WITHOUT = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING, abort.READ_ONLY})
@@ -42,7 +42,7 @@ class Activity(ABC):
     ends_at_rest: ClassVar[bool] = False
     stops_at_limit: ClassVar[bool] = False
     refused: bool = False  # it has failed before it moved anything
-    course: Course | None = None
+    course: CommandedMotion | None = None
     behind: float | None = None
     led_speed: float = 0.0
     lag: float | None = None
@@ -61,17 +61,17 @@ class Activity(ABC):
         return None
 
     @abstractmethod
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Do one cycle's work; return True when the command has ended well."""
 
-    def override(self, image: Image) -> None:  # noqa: B027  # most take it up in their step
+    def override(self, image: AxisImage) -> None:  # noqa: B027  # most take it up in their step
         """Update ``course`` for a new override, because the supervision reads it before the next step."""
 
-    def cancel(self, order: Order) -> None:  # noqa: B027  # most have nothing to take back
+    def cancel(self, order: CycleOutputs) -> None:  # noqa: B027  # most have nothing to take back
         """Take back what is queued: the command has been interrupted."""
 
 
-class Transfers:
+class SdoTransfers:
     """SDO transfers of one command, asked for together and awaited together; holds the outstanding request ids.
 
     An entry that the EDS does not let be written is read instead, and has to hold the value.
@@ -107,7 +107,7 @@ class Transfers:
         self._started = False
         self.values: dict[tuple[int, int], int] = {}
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when all have succeeded.
 
         Raises:
@@ -128,12 +128,12 @@ class Transfers:
             )
         return not self._pending
 
-    def cancel(self, order: Order) -> None:
+    def cancel(self, order: CycleOutputs) -> None:
         """Take back what is still queued."""
         order.cancel.extend(self._pending)
         self._pending.clear()
 
-    def _start(self, image: Image, order: Order) -> None:
+    def _start(self, image: AxisImage, order: CycleOutputs) -> None:
         self._started = True
         self._deadline += image.now
         for index, subindex, value in self._items:
@@ -143,7 +143,7 @@ class Transfers:
                 asked = None
             self._pending[order.request(index, subindex, asked)] = (index, subindex)
 
-    def _take(self, image: Image, request: int) -> None:
+    def _take(self, image: AxisImage, request: int) -> None:
         index, subindex = self._pending.pop(request)
         reply = image.replies[request]
         if reply.abort in _DOES_WITHOUT and index in self._optional:
@@ -177,7 +177,7 @@ class Transfers:
         )
 
 
-Lead = Callable[[Image, Order], object]
+Lead = Callable[[AxisImage, CycleOutputs], object]
 
 
 class ModeSwitch:
@@ -214,7 +214,7 @@ class ModeSwitch:
         """Whether the mode has been asked for and is not shown yet."""
         return self._left is not None
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the drive shows the mode.
 
         Raises:
@@ -238,17 +238,17 @@ class ModeSwitch:
             raise self._refused(image)
         return False
 
-    def lead(self, image: Image, order: Order) -> None:
+    def lead(self, image: AxisImage, order: CycleOutputs) -> None:
         """Let what moves the axis go on, before the mode is asked for and as long as it changes."""
         if self._lead is not None:
             self._lead(image, order)
 
-    def cancel(self, order: Order) -> None:
+    def cancel(self, order: CycleOutputs) -> None:
         """Take back a mode that the drive has not taken yet: later, nobody would expect it."""
         if self._left is not None:
             order.mode = self._left
 
-    def _is_shown(self, image: Image, order: Order) -> bool:
+    def _is_shown(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Whether 6061h shows the mode, and no other one that was asked for before is still on its way."""
         if not self._parameters.has(objects.MODES_OF_OPERATION_DISPLAY):
             return True  # a drive without 6061h has one mode, and is in it
@@ -258,7 +258,7 @@ class ModeSwitch:
             return False  # it is on its way, and must be called back first
         return image.flight.mode_answered(image.now)
 
-    def _refused(self, image: Image) -> ModeError:
+    def _refused(self, image: AxisImage) -> ModeError:
         asked = f"{int(self._mode)} ({modes.short(self._mode)})"
         name = self._parameters.name
         shown = (
@@ -290,14 +290,14 @@ def shown_modes(parameters: AxisParameters) -> str:
     return f"{shown} (by modes in cell.toml, else by 6502h, else by its objects)"
 
 
-def preload(order: Order, reference: int | None) -> None:
+def preload(order: CycleOutputs, reference: int | None) -> None:
     """Set targets that move nothing: the reference position, velocity 0, torque 0."""
     order.target_position = reference
     order.target_velocity = 0
     order.target_torque = 0
 
 
-def present_speed(image: Image, parameters: AxisParameters) -> float:
+def present_speed(image: AxisImage, parameters: AxisParameters) -> float:
     """Return the speed in position increments per second; 0 where it is not known."""
     units = parameters.units
     speed = image.speed(units.per_velocity) if units.ratio_known else None
@@ -316,7 +316,7 @@ def age_text(age: float) -> str:
     return f"the last one is {age:.3g} s old" if math.isfinite(age) else "it was never received"
 
 
-def where_text(image: Image, parameters: AxisParameters) -> str:
+def where_text(image: AxisImage, parameters: AxisParameters) -> str:
     """Return where the axis is, for a person, such as ``12.5 deg``."""
     units = parameters.units.position
     if image.position is None:
@@ -324,7 +324,7 @@ def where_text(image: Image, parameters: AxisParameters) -> str:
     return f"{units.to_units(image.position - image.origin):g} {units.unit}"
 
 
-def timed_out(target: int, timeout: float, image: Image, parameters: AxisParameters) -> MotionTimeout:
+def timed_out(target: int, timeout: float, image: AxisImage, parameters: AxisParameters) -> MotionTimeout:
     """Return how a move that the master leads ends where its ``timeout`` (s) has passed; ``target`` in unwrapped increments."""
     units = parameters.units.position
     return MotionTimeout(
@@ -335,7 +335,7 @@ def timed_out(target: int, timeout: float, image: Image, parameters: AxisParamet
     )
 
 
-def require_position(image: Image, name: str, why: str) -> int:
+def require_position(image: AxisImage, name: str, why: str) -> int:
     """Return the unwrapped actual position.
 
     Raises:

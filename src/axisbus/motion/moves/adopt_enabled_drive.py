@@ -16,10 +16,10 @@ from collections.abc import Sequence
 from axisbus.cia402 import modes, objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import StateError
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.modes import ON_RAMPS, TORQUE_MODES
-from axisbus.motion.moves.activity import Transfers
+from axisbus.motion.moves.activity import SdoTransfers
 from axisbus.motion.moves.interpolation import OFFSETS
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
 
@@ -32,7 +32,7 @@ _TARGETS = (objects.TARGET_POSITION, objects.TARGET_VELOCITY, objects.TARGET_TOR
 _SAME = 20  # increments between a target and what the drive says that it follows
 
 
-class Takeover:
+class DriveAdoption:
     """What a drive was found doing in ``mode``; holds the targets and offsets that were read."""
 
     def __init__(self, mode: ModeOfOperation, parameters: AxisParameters) -> None:
@@ -40,10 +40,10 @@ class Takeover:
         self.mode = mode
         self._parameters = parameters
         wanted = [index for index in (*_TARGETS, *sorted(OFFSETS)) if parameters.has(index)]
-        self._read = Transfers([(index, 0, None) for index in wanted], parameters, frozenset(wanted))
+        self._read = SdoTransfers([(index, 0, None) for index in wanted], parameters, frozenset(wanted))
         self._position: int | None = None
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True once targets and offsets are known; nothing else is sent to the drive before.
 
         Raises:
@@ -51,11 +51,11 @@ class Takeover:
         """
         return self._read.step(image, order)
 
-    def cancel(self, order: Order) -> None:
+    def cancel(self, order: CycleOutputs) -> None:
         """Take back what is queued."""
         self._read.cancel(order)
 
-    def choose(self, image: Image, candidates: Sequence[ModeOfOperation]) -> list[ModeOfOperation]:
+    def choose(self, image: AxisImage, candidates: Sequence[ModeOfOperation]) -> list[ModeOfOperation]:
         """Return those of ``candidates`` (resting modes, best first) that the drive can be brought into without a jump.
 
         Raises:
@@ -87,7 +87,7 @@ class Takeover:
         loaded = self._parameters.holds_load is not HoldsLoad.NO and self.mode in TORQUE_MODES
         return mode is not self.mode or mode is _M.CYCLIC_SYNC_POSITION or loaded
 
-    def hold(self, image: Image, order: Order) -> None:
+    def hold(self, image: AxisImage, order: CycleOutputs) -> None:
         """Wish for targets that leave the drive doing what it does, in the mode that it was found in."""
         order.target_position, order.target_velocity, order.target_torque = image.reference, 0, 0
         if self.mode is _M.CYCLIC_SYNC_POSITION:
@@ -100,7 +100,7 @@ class Takeover:
     def _value(self, index: int) -> int:
         return self._read.values.get((index, 0), 0)
 
-    def _held_position(self, image: Image) -> int | None:
+    def _held_position(self, image: AxisImage) -> int | None:
         """Return the target to be sent again in each cycle; found out once, so that it does not wander with the feedback."""
         if self._position is None:
             self._position = resting_target(
@@ -110,12 +110,12 @@ class Takeover:
             )
         return self._position
 
-    def _held_velocity(self, image: Image) -> int:
+    def _held_velocity(self, image: AxisImage) -> int:
         """Standing, it is 0 with the offset: the target that was left may be one that a halt keeps back."""
         offset = self._value(objects.VELOCITY_OFFSET)
         return -offset if image.standstill else self._value(objects.TARGET_VELOCITY)
 
-    def _held_torque(self, image: Image) -> int:
+    def _held_torque(self, image: AxisImage) -> int:
         """Return the torque that acts now, without the offset."""
         offset = self._value(objects.TORQUE_OFFSET) if self.mode is _M.CYCLIC_SYNC_TORQUE else 0
         return self._value(objects.TARGET_TORQUE) if image.torque is None else image.torque - offset
@@ -131,7 +131,7 @@ class Takeover:
         )
 
 
-def resting_target(image: Image, found: int | None, offset: int) -> int | None:
+def resting_target(image: AxisImage, found: int | None, offset: int) -> int | None:
     """Return the csp target with which a drive that adds ``offset`` stays where it is; ``found`` is 607Ah as it was read.
 
     The target that was found stays where the drive says that it follows it: some count the offset into the demand (6062h), others
@@ -145,7 +145,7 @@ def resting_target(image: Image, found: int | None, offset: int) -> int | None:
     return image.position - offset
 
 
-def _follows(image: Image, target: int, offset: int) -> bool:
+def _follows(image: AxisImage, target: int, offset: int) -> bool:
     summed = target + offset
     if any(seen is not None and abs(seen - summed) <= _SAME for seen in (image.position, image.demand)):
         return True

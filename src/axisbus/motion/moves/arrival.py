@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import MotionTimeout
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.stop.standstill import Standing
+from axisbus.motion.stop.standstill import StandstillCheck
 
 _PASSED = 0.5  # seconds without it after which an end that was reported was none: a target that is run over is passed twice
 
 
-class Arrival:
+class ArrivalCheck:
     """Holds the look for standstill of the running command, and until when it may take after the command's own end."""
 
     __slots__ = ("_deadline", "_parameters", "_reported", "_since", "_standing")
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
-        self._standing: Standing | None = None
+        self._standing: StandstillCheck | None = None
         self._since = 0.0
         self._reported = 0.0  # when the end was reported the last time
         self._deadline: float | None = None
@@ -30,9 +30,9 @@ class Arrival:
         if activity.ends_at_rest:
             self._since = now
             homing = activity.mode is ModeOfOperation.HOMING
-            self._standing = Standing(self._parameters, now, homing=homing)
+            self._standing = StandstillCheck(self._parameters, now, homing=homing)
 
-    def complete(self, activity: Activity, done: bool, image: Image) -> bool:
+    def complete(self, activity: Activity, done: bool, image: AxisImage) -> bool:
         """Return whether a command has ended that is ``done`` by its own rule.
 
         Raises:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from axisbus.cia402 import controlword as cw
-from axisbus.cia402.state import ENERGISED, State
+from axisbus.cia402.state import ENERGISED, PowerState
 from axisbus.errors import DriveError, StaleError, TransitionError
 from axisbus.motion.active_trajectory import Leading
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.moves.activity import Activity, ModeSwitch
 from axisbus.motion.moves.power_transition import StateWalk, word_text
 from axisbus.motion.parameters import AxisParameters
@@ -37,19 +37,19 @@ class Coast(Activity):
         """The change of mode that was under way, as long as nothing was sent."""
         return self._leaving
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the power stage is off (a drive in fault counts as off)."""
         self._before = self._leaving = None
-        if image.state is State.FAULT:
-            order.goal = State.SWITCH_ON_DISABLED
+        if image.state is PowerState.FAULT:
+            order.goal = PowerState.SWITCH_ON_DISABLED
             return True
-        done = self._walk.step(image, order, State.SWITCH_ON_DISABLED)
+        done = self._walk.step(image, order, PowerState.SWITCH_ON_DISABLED)
         if image.state in ENERGISED:
-            order.word = order.stopping(cw.Command.DISABLE_VOLTAGE, image.state)
+            order.word = order.stopping(cw.PowerCommand.DISABLE_VOLTAGE, image.state)
         return done
 
 
-class Reset(Activity):
+class ResetActivity(Activity):
     """MC_Reset: a rising edge of bit 7 and nothing else; never enables. Harmless where there is no fault."""
 
     clears_error = True
@@ -63,7 +63,7 @@ class Reset(Activity):
         self._deadline: float | None = None
         self._reacts_until: float | None = None
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the drive has left *fault* (at once where it is in none).
 
         While the drive brakes because of its fault (605Eh), its time to do so counts first.
@@ -71,22 +71,22 @@ class Reset(Activity):
         if self._reacts_until is None:
             times = self._parameters.stop_times
             self._reacts_until = image.now + times.quick_stop + times.disable
-        reacts = image.state is State.FAULT_REACTION_ACTIVE and image.now < self._reacts_until
+        reacts = image.state is PowerState.FAULT_REACTION_ACTIVE and image.now < self._reacts_until
         if self._deadline is None or reacts:
             self._deadline = image.now + self._parameters.timing.transition
-        if image.state not in (State.FAULT, State.FAULT_REACTION_ACTIVE, State.UNKNOWN):
+        if image.state not in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE, PowerState.UNKNOWN):
             if self._edge_sent:
-                order.goal = State.SWITCH_ON_DISABLED
+                order.goal = PowerState.SWITCH_ON_DISABLED
             return True
         if image.now > self._deadline:
             raise self._failed(image)
-        if image.state is State.FAULT:
+        if image.state is PowerState.FAULT:
             self._edge(image, order)
         return False
 
-    def _edge(self, image: Image, order: Order) -> None:
+    def _edge(self, image: AxisImage, order: CycleOutputs) -> None:
         """Bit 7 low until the drive has surely seen it, then high until the fault is gone, then (once) again."""
-        order.goal = State.SWITCH_ON_DISABLED
+        order.goal = PowerState.SWITCH_ON_DISABLED
         period = self._parameters.scan_period
         if self._low_since is None:
             self._low_since = image.now
@@ -95,13 +95,13 @@ class Reset(Activity):
             order.word = 0
         elif image.now < high_from + max(0.5 * self._parameters.timing.transition, 4 * period):
             self._edge_sent = True
-            order.word = cw.Command.FAULT_RESET.word
+            order.word = cw.PowerCommand.FAULT_RESET.word
         else:
             self._low_since = None
 
-    def _failed(self, image: Image) -> DriveError:
+    def _failed(self, image: AxisImage) -> DriveError:
         name = self._parameters.name
-        if image.state is State.UNKNOWN:
+        if image.state is PowerState.UNKNOWN:
             return StaleError(
                 f"{name}: cannot be reset, its statusword is unknown",
                 axis=name,

@@ -7,15 +7,15 @@ import math
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import MotionTimeout
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.moves.activity import present_speed
 from axisbus.motion.moves.prepare import Prepare, Prepared, RampTransfers, require_ramps
-from axisbus.motion.moves.profile import Profile
+from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.override.factor import scaled
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.velocity_following import RampedWay, ramped_way
-from axisbus.motion.stop_deceleration import Course
+from axisbus.motion.stop_deceleration import CommandedMotion
 
 VELOCITY_FLOOR = 2  # velocity increments
 VELOCITY_SHARE = 0.05  # of the velocity asked for
@@ -33,10 +33,10 @@ class VelocityMove(Prepared):
 
     def __init__(
         self,
-        profile: Profile,
+        profile: MoveProfile,
         parameters: AxisParameters,
         prepare: Prepare,
-        before: Course | None = None,
+        before: CommandedMotion | None = None,
         ramped: RampedWay | None = None,
     ) -> None:
         """``profile.velocity`` is signed here: the direction. ``before``: where the axis was led until now.
@@ -58,7 +58,7 @@ class VelocityMove(Prepared):
         self._target = profile.velocity  # under it
         self.reached = False
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True once the velocity is reached, and not while an override holds it; to be stepped on afterwards, to keep it."""
         if self._ramped_before is not None:
             self._ramped_before.step(image)
@@ -111,7 +111,7 @@ class VelocityMove(Prepared):
         """Return the lag without the delay of the jerk limit (half of its time), which the look-ahead adds separately."""
         return lag if lag is None else max(0.0, lag - 0.5 * self._soft)
 
-    def override(self, image: Image) -> None:
+    def override(self, image: AxisImage) -> None:
         """Command the velocity under a new override from the next step on, and restart the check that the axis reaches it."""
         factor = image.override
         if not self._begun or factor == self._factor:
@@ -124,14 +124,14 @@ class VelocityMove(Prepared):
         self.course = _course(self._overridden, self._soft)
 
     @property
-    def _overridden(self) -> Profile:
+    def _overridden(self) -> MoveProfile:
         profile, asked = self._profile, self._profile.velocity
         share = self._target / asked if asked else 1.0
         return profile._replace(
             velocity=self._target, speed=None if profile.speed is None else profile.speed * share
         )
 
-    def _in_velocity(self, image: Image) -> bool:
+    def _in_velocity(self, image: AxisImage) -> bool:
         """The measured velocity itself; where it is noisy, or does not travel, the drive's word for it.
 
         More than half of the velocity must be there in any case: in coarse units (rpm) a standing axis may be two increments off,
@@ -146,7 +146,7 @@ class VelocityMove(Prepared):
         close = max(VELOCITY_FLOOR, abs(target) * VELOCITY_SHARE)
         return off < abs(target) / 2 and (off <= close or self._says_reached(image))
 
-    def _says_reached(self, image: Image) -> bool:
+    def _says_reached(self, image: AxisImage) -> bool:
         return _says_reached(image, self._commanded_at, self._parameters)
 
     def _allowed(self, speed: float) -> float:
@@ -158,7 +158,7 @@ class VelocityMove(Prepared):
             return 4.0 * (speed + profile.speed) / profile.ramp + 2.0 * self._soft + 2.0
         return 10.0
 
-    def _watch(self, image: Image) -> None:
+    def _watch(self, image: AxisImage) -> None:
         assert self._deadline is not None
         if self.reached or image.now <= self._deadline:
             return
@@ -170,7 +170,7 @@ class TorqueMove(Prepared):
 
     mode = ModeOfOperation.PROFILE_TORQUE
     goes_on = True
-    course = Course(by_torque=True)
+    course = CommandedMotion(by_torque=True)
 
     def __init__(
         self,
@@ -189,7 +189,7 @@ class TorqueMove(Prepared):
         self._commanded_at: float | None = None
         self.reached = False
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True once the torque is reached; to be stepped on afterwards, to keep it."""
         if not self._prepare.step(image, order):
             return False
@@ -208,7 +208,7 @@ class TorqueMove(Prepared):
         """Four times the slope from the present ``torque`` to the new one, and a margin."""
         return 4.0 * (abs(torque) + abs(self._torque)) / self._slope + 2.0 if self._slope else _UNKNOWN_SLOPE
 
-    def _in_torque(self, image: Image) -> bool:
+    def _in_torque(self, image: AxisImage) -> bool:
         """The measured torque itself, more than half of it; a small one is lost in noise, and the drive's word counts."""
         assert self._commanded_at is not None
         says = _says_reached(image, self._commanded_at, self._parameters)
@@ -220,7 +220,7 @@ class TorqueMove(Prepared):
         close = off <= max(TORQUE_FLOOR, target * TORQUE_SHARE)
         return close and (says or off < target / 2 or not target)
 
-    def _watch(self, image: Image) -> None:
+    def _watch(self, image: AxisImage) -> None:
         assert self._commanded_at is not None
         if self.reached or self._timeout is None or image.now <= self._commanded_at + self._timeout:
             return
@@ -231,13 +231,13 @@ class TorqueMove(Prepared):
         raise torque_missed(image, self._parameters, self._torque, by_slope)
 
 
-def pushed(ramps: RampTransfers) -> Course:
+def pushed(ramps: RampTransfers) -> CommandedMotion:
     """Return the course of an axis under torque, with the deceleration that its drive has (6084h), where that was written."""
     down = ramps.parameters.acceleration_increments(ramps.deceleration)
-    return Course(by_torque=True, down=down, unknown=ramps.was_asked and down is None)
+    return CommandedMotion(by_torque=True, down=down, unknown=ramps.was_asked and down is None)
 
 
-def is_resisted(image: Image, velocity: int) -> bool:
+def is_resisted(image: AxisImage, velocity: int) -> bool:
     """Whether an axis that is to turn with ``velocity`` (increments) stands, and nobody sees by what its drive is led."""
     if image.pull is not None or abs(velocity) <= VELOCITY_FLOOR:
         return False
@@ -246,7 +246,7 @@ def is_resisted(image: Image, velocity: int) -> bool:
     return image.velocity is not None and abs(image.velocity) <= VELOCITY_FLOOR
 
 
-def velocity_missed(image: Image, parameters: AxisParameters, target: int) -> MotionTimeout:
+def velocity_missed(image: AxisImage, parameters: AxisParameters, target: int) -> MotionTimeout:
     """Return the error of a velocity (increments) that the axis has not come to in time."""
     name, velocity = parameters.name, parameters.units.velocity
     shown = "unknown" if image.velocity is None else f"{velocity.to_units(image.velocity):g} {velocity.unit}"
@@ -259,7 +259,7 @@ def velocity_missed(image: Image, parameters: AxisParameters, target: int) -> Mo
 
 
 def torque_missed(
-    image: Image,
+    image: AxisImage,
     parameters: AxisParameters,
     target: int,
     remedy: str = "look at max torque (6072h) of the drive, and at its limits (60E0h, 60E1h)",
@@ -274,7 +274,7 @@ def torque_missed(
     )
 
 
-def _course(profile: Profile, soft: float, before: Course | None = None) -> Course:
+def _course(profile: MoveProfile, soft: float, before: CommandedMotion | None = None) -> CommandedMotion:
     """Return where a velocity move leads; as long as its ramp is not written, the weaker of it and of the one ``before`` counts.
 
     ``soft``: seconds by which a limit of jerk may prolong its ramps.
@@ -282,10 +282,10 @@ def _course(profile: Profile, soft: float, before: Course | None = None) -> Cour
     speed = None if profile.speed is None else math.copysign(profile.speed, profile.velocity)
     ramps = [ramp for ramp in (profile.down, None if before is None else before.down) if ramp is not None]
     unknown = profile.down is None
-    return Course(speed, profile.up, None if unknown else min(ramps), soft=soft, unknown=unknown)
+    return CommandedMotion(speed, profile.up, None if unknown else min(ramps), soft=soft, unknown=unknown)
 
 
-def _says_reached(image: Image, commanded_at: float | None, parameters: AxisParameters) -> bool:
+def _says_reached(image: AxisImage, commanded_at: float | None, parameters: AxisParameters) -> bool:
     """Return bit 10, in a word received well after the new target went out: before, it speaks of the target before."""
     if image.statusword is None or commanded_at is None:
         return False

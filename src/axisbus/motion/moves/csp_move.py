@@ -17,44 +17,49 @@ import math
 from typing import NamedTuple
 
 from axisbus.errors import LimitError
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
-from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.moves.activity import timed_out
 from axisbus.motion.moves.follow import Follow
-from axisbus.motion.moves.profile import Profile, braking_distance
-from axisbus.motion.moves.profile_from_speed import Onward, Start
+from axisbus.motion.moves.profile import MoveProfile, braking_distance
+from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
 from axisbus.motion.override.factor import spared
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.path_handover import Successor
+from axisbus.motion.path_handover import PathHandover
 from axisbus.motion.pathclock import PathClock
 from axisbus.motion.position_limits import widened
 
 
-class Going(NamedTuple):
+class MoveProgress(NamedTuple):
     """The way of a move that goes on as it was planned, and the time along it."""
 
-    way: Onward
+    way: ProfileFromSpeed
     clock: PathClock
 
 
-class GoingOn(Successor):
+class CspMove(PathHandover):
     """The rest of a move in cyclic synchronous position mode; holds its deadline."""
 
     foresees = False
 
     def __init__(
-        self, target: int, profile: Profile, parameters: AxisParameters, gate: Gate, before: Follow | None
+        self,
+        target: int,
+        profile: MoveProfile,
+        parameters: AxisParameters,
+        gate: StartBarrier,
+        before: Follow | None,
     ) -> None:
         """``target`` in unwrapped increments; ``profile`` with ``speed``, ``up`` and ``down`` known."""
         # One that has not begun itself is led by what leads it.
-        super().__init__(parameters, gate, (isinstance(before, GoingOn) and before._before) or before)
+        super().__init__(parameters, gate, (isinstance(before, CspMove) and before._before) or before)
         self._goal = target
         self._profile = profile
         self._deadline: float | None = None
         self._factor = 1.0  # the override of the plan; at 0 it leads to rest, and the axis is held there
 
-    def plan(self, origin: int) -> Onward:
+    def plan(self, origin: int) -> ProfileFromSpeed:
         """Return the way from what the axis was given last; ``origin``: the position that the user calls 0."""
         units, profile, last = self._parameters.units.position, self._profile, self.path_step
         unit = abs(units.factor)
@@ -69,7 +74,7 @@ class GoingOn(Successor):
             limit = self._parameters.limits.velocity
             speed *= self._factor
             speed = speed if limit is None else min(speed, max(limit, speed / self._factor))
-        return Onward(start, end, speed, up, down)
+        return ProfileFromSpeed(start, end, speed, up, down)
 
     def require_room(self, origin: int) -> None:
         """Raise LimitError where the axis could not brake within its position limits."""
@@ -93,7 +98,7 @@ class GoingOn(Successor):
         return self._goal
 
     @property
-    def profile(self) -> Profile:
+    def profile(self) -> MoveProfile:
         """Its profile, as it was asked for."""
         return self._profile
 
@@ -102,18 +107,18 @@ class GoingOn(Successor):
         """Until when it must have arrived (s, monotonic), where the caller said so."""
         return self._deadline
 
-    def going(self) -> Going | None:
+    def going(self) -> MoveProgress | None:
         """Return its way and its time on it, where that goes on as it was planned, straight to its end; None where it does not."""
         way, t = self._told, self.clock.t
-        if not isinstance(way, Onward) or self._addition is not None or self._before is not None:
+        if not isinstance(way, ProfileFromSpeed) or self._addition is not None or self._before is not None:
             return None
         if self._factor != 1.0 or not self._time.is_even or t >= way.duration:
             return None
         left, speed = way.end - way.position(t), way.speed(t)
         straight = left * speed >= 0.0 and braking_distance(speed, way.down) <= abs(left) * (1.0 + 1e-9)
-        return Going(way, self._time) if straight else None
+        return MoveProgress(way, self._time) if straight else None
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the axis has come up with its target."""
         if self._deadline is None and self._profile.timeout is not None:
             self._deadline = image.now + self._profile.timeout
@@ -134,10 +139,10 @@ class GoingOn(Successor):
             self._take_over(self._before, image)
         return super().step(image, order)
 
-    def _go_ahead(self, image: Image) -> None:
+    def _go_ahead(self, image: AxisImage) -> None:
         """Let what is in front of the axis go on by one cycle; here nothing is."""
 
-    def _may_follow(self, _before: Follow, _image: Image) -> bool:
+    def _may_follow(self, _before: Follow, _image: AxisImage) -> bool:
         """Whether it can take over from what leads the axis now."""
         return True
 
@@ -150,19 +155,19 @@ class GoingOn(Successor):
         self.clock = self._time = PathClock()
         self._arrive_by = None
 
-    def _arrived(self, image: Image) -> bool:
+    def _arrived(self, image: AxisImage) -> bool:
         if self._factor:
             return super()._arrived(image)
         self.rests_from = image.now
         return False
 
-    def _take_over(self, before: Follow, image: Image) -> None:
+    def _take_over(self, before: Follow, image: AxisImage) -> None:
         self._factor = image.override
         self.begin(self.plan(image.origin))
         self.resume(before)
         self._before = None
 
-    def _check_deadline(self, image: Image) -> None:
+    def _check_deadline(self, image: AxisImage) -> None:
         if self._deadline is None or image.now <= self._deadline or self._is_given_up or self.clock.braking:
             return
         assert self._profile.timeout is not None

@@ -7,14 +7,14 @@ from enum import Enum
 
 from axisbus.cia402 import modes, objects
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.state import ENERGISED, TARGETS, State
+from axisbus.cia402.state import ENERGISED, TARGETS, PowerState
 from axisbus.errors import DriveError, ModeError, StateError
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
-from axisbus.motion.group.start_barrier import OPEN, Gate
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.group.start_barrier import OPEN, StartBarrier
 from axisbus.motion.modes import ADDS_OFFSETS, WAITS_FOR_COMMAND
 from axisbus.motion.moves.activity import Activity, preload, require_position
-from axisbus.motion.moves.adopt_enabled_drive import Takeover
+from axisbus.motion.moves.adopt_enabled_drive import DriveAdoption
 from axisbus.motion.moves.enable_standstill import EnableRest
 from axisbus.motion.moves.interpolation import no_offsets
 from axisbus.motion.moves.power_transition import StateWalk, word_text
@@ -27,7 +27,7 @@ class _EnableStep(Enum):
     ENABLE = 3
 
 
-class Enable(Activity):
+class EnableActivity(Activity):
     """MC_Power(TRUE): choose a resting mode, preload every target, walk to *operation enabled*.
 
     The targets follow the actual position until the drive is enabled, so that nothing jumps in whatever mode it wakes up.
@@ -37,8 +37,8 @@ class Enable(Activity):
         self,
         parameters: AxisParameters,
         candidates: Sequence[ModeOfOperation],
-        gate: Gate = OPEN,
-        takeover: Takeover | None = None,
+        gate: StartBarrier = OPEN,
+        takeover: DriveAdoption | None = None,
         *,
         moving: bool = False,
     ) -> None:
@@ -68,7 +68,7 @@ class Enable(Activity):
         self._mode = self._others.pop(0) if candidates else None
         self._tried = list(candidates[:1])
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the drive is enabled, in the resting mode."""
         self._refuse(image)
         if not self._taken_over and not self._found_out(image, order):
@@ -77,7 +77,7 @@ class Enable(Activity):
             return False
         self._preload(image, order)
         if self._found_enabled is None:
-            self._found_enabled = image.state is State.OPERATION_ENABLED
+            self._found_enabled = image.state is PowerState.OPERATION_ENABLED
         if (
             self._step is _EnableStep.MODE
             and self._mode_settled(image)
@@ -90,14 +90,14 @@ class Enable(Activity):
         if self._step is _EnableStep.SWITCH_ON and not self._switched_on(image, order):
             return False
         self._step = _EnableStep.ENABLE
-        if not self._walk.step(image, order, State.OPERATION_ENABLED):
+        if not self._walk.step(image, order, PowerState.OPERATION_ENABLED):
             self._check_kept(image)
             return False
         self._enabled = True
         rests = self._rest.after(image, found=self._found_enabled)
         return self._confirmed(image) and self._braked(image, order) and rests
 
-    def _braked(self, image: Image, order: Order) -> bool:
+    def _braked(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Whether a drive that was found moving has come to rest: its halt brakes it on its own ramp, whatever moved it."""
         if not self._found_enabled or image.standstill or image.position is None:
             return True
@@ -113,28 +113,28 @@ class Enable(Activity):
             )
         return False
 
-    def _refuse(self, image: Image) -> None:
-        if image.state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+    def _refuse(self, image: AxisImage) -> None:
+        if image.state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE):
             raise StateError(
                 f"{self._parameters.name}: cannot be enabled, the drive is in state {image.state.value!r}",
                 observed=word_text(image),
                 remedy="reset first: axis.reset()",
             )
 
-    def _found_out(self, image: Image, order: Order) -> bool:
+    def _found_out(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Whether it is known what the drive was found doing; until then nothing is sent to it."""
         assert self._takeover is not None
-        if image.state is State.OPERATION_ENABLED and not self._takeover.step(image, order):
+        if image.state is PowerState.OPERATION_ENABLED and not self._takeover.step(image, order):
             return False
         self._taken_over = True
-        if image.state is not State.OPERATION_ENABLED:  # somebody else has switched it off meanwhile
+        if image.state is not PowerState.OPERATION_ENABLED:  # somebody else has switched it off meanwhile
             self._takeover.cancel(order)
             self._takeover = None
         else:
             self._choose(self._takeover.choose(image, [*self._tried, *self._others]))
         return True
 
-    def _awaits_position(self, image: Image, order: Order) -> bool:
+    def _awaits_position(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Whether the targets cannot follow the position just now; one that comes late is awaited, without a step towards power."""
         if image.position is not None or image.state in ENERGISED or not self._needs_position:
             self._position_deadline = None
@@ -148,7 +148,7 @@ class Enable(Activity):
         self._walk.hold(image)
         return True
 
-    def _awaits_rest(self, image: Image, order: Order) -> bool:
+    def _awaits_rest(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Whether the axis still moves without power (coasts, sags, is turned): it is caught only where that was asked for."""
         if not self._rest.before(image):
             return False
@@ -157,7 +157,7 @@ class Enable(Activity):
         self._walk.hold(image)
         return True
 
-    def _preload(self, image: Image, order: Order) -> None:
+    def _preload(self, image: AxisImage, order: CycleOutputs) -> None:
         if self._is_held(image):
             assert self._takeover is not None
             self._takeover.hold(image, order)
@@ -169,9 +169,9 @@ class Enable(Activity):
             preload(order, None)
         order.mode = self._mode
 
-    def _is_held(self, image: Image) -> bool:
+    def _is_held(self, image: AxisImage) -> bool:
         """Whether the drive is still in the mode in which it was found, and its targets act."""
-        if self._takeover is None or image.state is not State.OPERATION_ENABLED:
+        if self._takeover is None or image.state is not PowerState.OPERATION_ENABLED:
             return False
         self._left = self._left or image.mode == self._mode != self._takeover.mode
         return not self._left and self._takeover.holds_until(self._mode)
@@ -181,7 +181,7 @@ class Enable(Activity):
         """A drive that has no 6064h at all is enabled in a mode that takes no position by itself."""
         return self._parameters.has(objects.POSITION_ACTUAL) or self._mode not in WAITS_FOR_COMMAND
 
-    def _mode_settled(self, image: Image) -> bool:
+    def _mode_settled(self, image: AxisImage) -> bool:
         """A drive may show its mode only when enabled (6061h = 0 until then); any other mode must have gone."""
         if self._mode is None or image.mode == self._mode or self._has_one_mode:
             return True
@@ -197,18 +197,18 @@ class Enable(Activity):
         self._tried.append(self._mode)
         return False
 
-    def _offsets_settled(self, image: Image, order: Order) -> bool:
+    def _offsets_settled(self, image: AxisImage, order: CycleOutputs) -> bool:
         """A cyclic mode adds its offsets to the target from the first SYNC on: they are taken back before it can act on them.
 
         That is before there is power; on a drive found enabled, in another mode than the one in which it added them.
         """
-        if image.state is State.OPERATION_ENABLED:
+        if image.state is PowerState.OPERATION_ENABLED:
             return self._offsets.step(image, order) if self._left else True
         if self._mode not in ADDS_OFFSETS:
             return True
         return self._offsets.step(image, order)
 
-    def cancel(self, order: Order) -> None:
+    def cancel(self, order: CycleOutputs) -> None:
         """Take back what is queued."""
         if self._takeover is not None:
             self._takeover.cancel(order)
@@ -219,14 +219,14 @@ class Enable(Activity):
         """A drive without 6061h has one mode, and is in it."""
         return not self._parameters.has(objects.MODES_OF_OPERATION_DISPLAY)
 
-    def _switched_on(self, image: Image, order: Order) -> bool:
+    def _switched_on(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Wait for the others of a group in *switched on*; the last step is then taken in one SYNC.
 
         A drive that is energised already keeps its power: from *quick stop active* it takes transition 16, once it stands.
         """
-        if image.state is State.QUICK_STOP_ACTIVE and not self._stands(image, order):
+        if image.state is PowerState.QUICK_STOP_ACTIVE and not self._stands(image, order):
             return False
-        if image.state not in ENERGISED and not self._walk.step(image, order, State.SWITCHED_ON):
+        if image.state not in ENERGISED and not self._walk.step(image, order, PowerState.SWITCHED_ON):
             return False
         if not self._gate.pass_through(self):
             self._walk.hold(image)
@@ -234,7 +234,7 @@ class Enable(Activity):
             return False
         return True
 
-    def _stands(self, image: Image, order: Order) -> bool:
+    def _stands(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Whether a quick stop that was under way has come to rest; without 6064h nobody knows, and the drive decides."""
         if image.standstill or image.position is None:
             return True
@@ -249,9 +249,9 @@ class Enable(Activity):
             )
         return False
 
-    def _check_kept(self, image: Image) -> None:
+    def _check_kept(self, image: AxisImage) -> None:
         """Power that was lost while the mode was awaited is not switched on a second time."""
-        if self._enabled and image.state is not State.UNKNOWN:
+        if self._enabled and image.state is not PowerState.UNKNOWN:
             raise DriveError(
                 f"{self._parameters.name}: the drive left operation enabled right after it was enabled",
                 axis=self._parameters.name,
@@ -259,7 +259,7 @@ class Enable(Activity):
                 remedy="look for safe torque off, an enable input, a supply that dropped, or another master that stopped it",
             )
 
-    def _confirmed(self, image: Image) -> bool:
+    def _confirmed(self, image: AxisImage) -> bool:
         if self._mode is None or image.mode in (self._mode, None):
             return True
         if self._confirm_deadline is None:
@@ -268,7 +268,7 @@ class Enable(Activity):
             raise self._mode_refused(image)
         return False
 
-    def _mode_refused(self, image: Image) -> ModeError:
+    def _mode_refused(self, image: AxisImage) -> ModeError:
         name = self._parameters.name
         tried = ", ".join(f"{int(mode)} ({modes.short(mode)})" for mode in self._tried)
         shown = (

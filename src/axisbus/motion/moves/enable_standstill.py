@@ -7,10 +7,10 @@ import math
 from axisbus.cia402 import objects
 from axisbus.cia402.state import ENERGISED
 from axisbus.errors import MotionTimeout, StateError
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.stop.standstill import Standing
-from axisbus.motion.stop.standstill_monitor import Resting
+from axisbus.motion.stop.standstill import StandstillCheck
+from axisbus.motion.stop.standstill_monitor import StandstillMonitor
 
 
 class EnableRest:
@@ -22,13 +22,13 @@ class EnableRest:
         """``moving``: an axis that moves is caught, on purpose."""
         self._parameters = parameters
         self._moving = moving
-        self._before: Standing | None = None
-        self._after: Standing | None = None
-        self._watch = Resting(parameters)
+        self._before: StandstillCheck | None = None
+        self._after: StandstillCheck | None = None
+        self._watch = StandstillMonitor(parameters)
         self._deadline = math.inf
         self._done = moving or not parameters.has(objects.POSITION_ACTUAL)
 
-    def before(self, image: Image) -> bool:
+    def before(self, image: AxisImage) -> bool:
         """Return whether the power must wait, because the axis was not yet seen to stand.
 
         Raises:
@@ -37,14 +37,14 @@ class EnableRest:
         if self._done or image.state in ENERGISED:
             return False
         if self._before is None:
-            self._before = Standing(self._parameters, image.now)
+            self._before = StandstillCheck(self._parameters, image.now)
             self._deadline = image.now + self._parameters.timing.transition
         self._done = self._before.seen(image)
         if not self._done and image.now > self._deadline:
             raise self._refused(self._before.why_not(image))
         return not self._done
 
-    def after(self, image: Image, *, found: bool) -> bool:
+    def after(self, image: AxisImage, *, found: bool) -> bool:
         """Return whether the axis stands with its power on; ``found``: it was found enabled, and may have been moving.
 
         Raises:
@@ -52,7 +52,7 @@ class EnableRest:
             MotionTimeout: it does not come to rest.
         """
         if self._after is None:
-            self._after = Standing(self._parameters, image.now)
+            self._after = StandstillCheck(self._parameters, image.now)
             self._deadline = image.now + self._parameters.timing.transition
         stands = self._after.seen(image)
         unrest = None if found or self._moving else self._watch.error(image)

@@ -12,19 +12,26 @@ from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import AxisbusError, LimitError, MotionTimeout
 from axisbus.motion.active_trajectory import Leading
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
-from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.moves.activity import Activity, ModeSwitch, require_position, where_text
 from axisbus.motion.moves.interpolation import CyclicSetup
 from axisbus.motion.moves.interpolation import interpolation_period as interpolation_period
-from axisbus.motion.moves.lookahead import Excess, Known, Path, excess
-from axisbus.motion.moves.profile_from_speed import Onward, Start
+from axisbus.motion.moves.lookahead import Excess, LookaheadTrajectory, Path, excess
+from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
 from axisbus.motion.moves.remote_trajectory import Streamed
-from axisbus.motion.moves.user_trajectory import Guarded
+from axisbus.motion.moves.user_trajectory import CheckedTrajectory
 from axisbus.motion.override.factor import FASTER
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.path_limit_check import Pace, Ramped, Step, TooMuch, brakes_smoothly, pace_of
+from axisbus.motion.path_limit_check import (
+    LimitExceeded,
+    PathLimitCheck,
+    PathSample,
+    Ramped,
+    brakes_smoothly,
+    pace_of,
+)
 from axisbus.motion.pathclock import Clock, Guided, PathClock
 from axisbus.motion.position_limits import (
     NOISE,
@@ -41,7 +48,7 @@ from axisbus.motion.position_limits import (
 )
 from axisbus.motion.superimposed.addition import Addition
 from axisbus.motion.superimposed.headroom import admit, look_ahead
-from axisbus.motion.trajectory import Sampled, Trajectory
+from axisbus.motion.trajectory import SampledTrajectory, Trajectory
 from axisbus.units import INT32_HALF, INT32_LEAST
 
 START_TOLERANCE = 20  # increments between where the axis stands and where its trajectory begins
@@ -70,14 +77,14 @@ class Follow(Activity):
         self,
         trajectory: Trajectory | None,
         parameters: AxisParameters,
-        gate: Gate,
+        gate: StartBarrier,
         travel: Guided | None = None,
     ) -> None:
         """``trajectory`` None: the group sets it with ``begin`` while all wait at the gate, and goes on along its own ``travel``.
 
         Without that, time is what goes on, and a halt brakes the axis's own path with its deceleration.
         """
-        self._trajectory: Guarded | None = None
+        self._trajectory: CheckedTrajectory | None = None
         self._told: Trajectory | None = None  # itself: what it tells in advance is looked for there
         self._stream: Streamed | None = None  # the trajectory, where it comes bit by bit
         self._parameters = parameters
@@ -103,8 +110,8 @@ class Follow(Activity):
         self._comes_back = False  # from beyond them
         self._is_known = False  # in advance, and checked as a whole
         self._stepped = False
-        self._pace: Pace | None = None
-        self._step: Step | None = None  # to the last target, before it was rounded to increments
+        self._pace: PathLimitCheck | None = None
+        self._step: PathSample | None = None  # to the last target, before it was rounded to increments
         self._brake = 0.0  # unit/s²: by which it brakes alone; 0: it does not
         self._known_way: _Way | None = None
         self._most = 1.0  # the highest override: by how much it can be faster within the limits of its axis
@@ -116,7 +123,7 @@ class Follow(Activity):
         if trajectory is not None:
             self.begin(trajectory)
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the axis has come up with the trajectory's end."""
         self._stepped = True
         goes_on = (
@@ -216,11 +223,11 @@ class Follow(Activity):
         if self._own_clock:
             self._time.run_on(self._period)  # what is foreseen is on an even clock
         place, velocity, self._last = foreseen
-        self._step = _tuple(Step, (place, velocity))
+        self._step = _tuple(PathSample, (place, velocity))
         self.rests_from = now
         return self._last
 
-    def reference(self, image: Image) -> int:
+    def reference(self, image: AxisImage) -> int:
         """Return the position to start from, in increments: the demand, else the actual position."""
         if self._mode.reference is not None:
             return self._mode.reference
@@ -232,7 +239,7 @@ class Follow(Activity):
 
     def begin(self, trajectory: Trajectory) -> None:
         """Take the trajectory that the group has planned."""
-        self._trajectory, self._told = Guarded(trajectory, self._parameters.name), trajectory
+        self._trajectory, self._told = CheckedTrajectory(trajectory, self._parameters.name), trajectory
         self._known_way = None
         if isinstance(trajectory, Streamed):
             self._stream = trajectory
@@ -274,22 +281,22 @@ class Follow(Activity):
         return self._step is not None
 
     @property
-    def last_step(self) -> Step:
+    def last_step(self) -> PathSample:
         """Where the path was in the last cycle, and how fast it came there; only once it runs."""
         assert self._step is not None
         return self._step
 
     @property
-    def path_step(self) -> Step:
+    def path_step(self) -> PathSample:
         """Where the path itself was in the last cycle, and how fast, without what is laid over it."""
         rate = 0.0 if self._addition is None else self._addition.rate
-        return Step(self.last_step.position - self.shifted, self.last_step.velocity - rate)
+        return PathSample(self.last_step.position - self.shifted, self.last_step.velocity - rate)
 
     @property
     def acceleration(self) -> float:
         """With which acceleration it leads the axis (unit/s²), where that is known; else 0."""
         way, t = self._told, self.clock.t
-        if not isinstance(way, Onward) or self._addition is not None:
+        if not isinstance(way, ProfileFromSpeed) or self._addition is not None:
             return 0.0
         if not self._own_clock or self._time.rate != 1.0:
             return 0.0
@@ -333,10 +340,12 @@ class Follow(Activity):
             room = widened(self._edges, at, 0.0)
         if leaves(room, at, speed, usual) is None:
             self._brake = usual
-            self.begin(Onward(Start(at, speed), rest(at, speed, usual), abs(speed) or 1.0, usual, usual))
+            self.begin(
+                ProfileFromSpeed(Start(at, speed), rest(at, speed, usual), abs(speed) or 1.0, usual, usual)
+            )
         else:
             self._brake = down = braking(room, at, speed, usual, max(usual, self._hardest), self._period)
-            self.begin(Sampled(steps_to_rest(at, speed, down, self._period), self._period))
+            self.begin(SampledTrajectory(steps_to_rest(at, speed, down, self._period), self._period))
         self._travel, self._own_clock = None, True
         self.shifted, self._addition = 0.0, None  # it is the sum that is braked
         self.clock = self._time = PathClock()
@@ -362,7 +371,7 @@ class Follow(Activity):
         """This trajectory itself."""
         return self
 
-    def cancel(self, order: Order) -> None:
+    def cancel(self, order: CycleOutputs) -> None:
         """Take back what is queued."""
         self._setup.cancel(order)
         self._mode.cancel(order)
@@ -371,17 +380,17 @@ class Follow(Activity):
         end = trajectory.duration
         return trajectory.position(0.0 if t < 0.0 else end if t > end else t) + self.shifted
 
-    def _prepare(self, image: Image, order: Order) -> bool:
+    def _prepare(self, image: AxisImage, order: CycleOutputs) -> bool:
         require_position(image, self._parameters.name, "cyclic synchronous position mode")
         if not self._prepared:
             self._prepared = self._setup.step(image, order) and self._mode.step(image, order)
         return self._prepared and self._may_begin(image) and self._gate.pass_through(self)
 
-    def _may_begin(self, image: Image) -> bool:
+    def _may_begin(self, image: AxisImage) -> bool:
         """Whether enough is known of a trajectory that comes bit by bit."""
         return self._running or self._stream is None or self._stream.ready(image.now, self._parameters.name)
 
-    def _start(self, image: Image) -> None:
+    def _start(self, image: AxisImage) -> None:
         assert self._trajectory is not None
         assert self._told is not None
         units = self._parameters.units.position
@@ -398,7 +407,7 @@ class Follow(Activity):
         self._running = True
         self._known_way = None
         self._last, self._origin = reference, image.origin
-        self._is_known = isinstance(self._told, Known)
+        self._is_known = isinstance(self._told, LookaheadTrajectory)
         self._pace = pace_of(self._parameters, self._told)
         self._most = _most(self._told, self._pace)
         self._bind(
@@ -433,7 +442,7 @@ class Follow(Activity):
 
     def _require_count(self, trajectory: Trajectory | None) -> None:
         """Raise LimitError where a trajectory that tells its span leads beyond the drive's count."""
-        if self._count is None or not isinstance(trajectory, Known):
+        if self._count is None or not isinstance(trajectory, LookaheadTrajectory):
             return
         for end in trajectory.span:
             if not self._count.has(end):
@@ -450,7 +459,7 @@ class Follow(Activity):
         ramps = [ramp for ramp in (self._parameters.path_deceleration, self._pace.acceleration) if ramp]
         time.aim(factor, partial(self._way, self._trajectory), min(ramps, default=None))
 
-    def _look_ahead(self, trajectory: Guarded) -> Step:
+    def _look_ahead(self, trajectory: CheckedTrajectory) -> PathSample:
         """Return the step to the next target; raise what is wrong where it is too much, or what follows could not be braked.
 
         The path is then braked from where it is (``brakes_along``), or where it breaks off by the drive's quick stop.
@@ -501,7 +510,7 @@ class Follow(Activity):
             self.brakes_along = True
             raise self._leaves(found)
 
-    def _refuse(self, found: TooMuch, trajectory: Trajectory, t: float) -> NoReturn:
+    def _refuse(self, found: LimitExceeded, trajectory: Trajectory, t: float) -> NoReturn:
         """What the target at ``t`` would be too much of ends the motion in the cycle before."""
         ramp, way, speed = (
             self._parameters.path_deceleration,
@@ -513,7 +522,7 @@ class Follow(Activity):
         )
         raise self._too_much(found, t)
 
-    def _target(self, trajectory: Trajectory, known: Step | None) -> int:
+    def _target(self, trajectory: Trajectory, known: PathSample | None) -> int:
         """Return the target of this cycle, in increments; ``known``: the step to it, where that was looked at in advance."""
         limits, t = self._limits, self.clock.t
         if known is None and self._addition is not None:
@@ -563,7 +572,7 @@ class Follow(Activity):
             self._addition = None
         self._known_way = None
 
-    def _admit(self, addition: Addition, path: Trajectory) -> Pace:
+    def _admit(self, addition: Addition, path: Trajectory) -> PathLimitCheck:
         """Look at what the path tells in advance; return the pace of the sum."""
         addition.is_admitted, pace = True, pace_of(self._parameters, path)
         try:
@@ -579,7 +588,7 @@ class Follow(Activity):
         """Note the step to the next target; nothing that is too much goes out, whatever was seen of it in advance."""
         assert self._pace is not None
         if self._step is None:
-            self._step = Step(value)
+            self._step = PathSample(value)
             return
         after = self._pace.next(self._step, value)
         found = self._pace.excess(self._step, after, self._braked_by if self.clock.braking else 0.0)
@@ -592,7 +601,7 @@ class Follow(Activity):
         """With what a path that is braked may slow down, in unit/s²."""
         return _BRAKING * max(self._brake, self._parameters.path_deceleration or 0.0)
 
-    def _too_much(self, found: TooMuch, t: float) -> LimitError:
+    def _too_much(self, found: LimitExceeded, t: float) -> LimitError:
         name = self._parameters.name
         how = "braked along it" if self.brakes_along else "stopped"
         return LimitError(
@@ -629,7 +638,7 @@ class Follow(Activity):
             f"the axis was {how}",
         )
 
-    def _arrived(self, image: Image) -> bool:
+    def _arrived(self, image: AxisImage) -> bool:
         assert self._last is not None
         if self._arrive_by is None:
             self._arrive_by = image.now + _ARRIVAL
@@ -640,7 +649,7 @@ class Follow(Activity):
             raise self._late(image, window)
         return False
 
-    def _late(self, image: Image, window: int) -> MotionTimeout:
+    def _late(self, image: AxisImage, window: int) -> MotionTimeout:
         assert self._last is not None
         name, units = self._parameters.name, self._parameters.units.position
         hints = [] if image.statusword is None else sw.hints(image.statusword, image.mode)
@@ -656,14 +665,14 @@ class Follow(Activity):
         )
 
 
-def _most(trajectory: Trajectory, pace: Pace) -> float:
+def _most(trajectory: Trajectory, pace: PathLimitCheck) -> float:
     """Return the highest override of a trajectory: 1 where it does not tell in advance how fast and how hard it is at its own pace.
 
     Time that runs faster by a factor makes it faster by that, and harder by its square.
     """
     most = FASTER
     if pace.velocity is not None:
-        if not isinstance(trajectory, Known):
+        if not isinstance(trajectory, LookaheadTrajectory):
             return 1.0
         if trajectory.top_speed:
             most = min(most, pace.velocity / trajectory.top_speed)

@@ -11,11 +11,11 @@ from axisbus.cia402 import homing, objects
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import HomingError
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
-from axisbus.motion.moves.activity import Activity, ModeSwitch, Transfers
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.moves.activity import Activity, ModeSwitch, SdoTransfers
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.stop_deceleration import Course
+from axisbus.motion.stop_deceleration import CommandedMotion
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class HomingRun(Activity):
         self._job = job
         self._parameters = parameters
         self._mode = ModeSwitch(ModeOfOperation.HOMING, parameters)
-        self._transfers = Transfers(job.writes(parameters), parameters)
+        self._transfers = SdoTransfers(job.writes(parameters), parameters)
         self._step = _Step.PREPARE
         self._since = 0.0
         self._seen_low = 0  # bits of the statusword that were low since the edge
@@ -68,7 +68,7 @@ class HomingRun(Activity):
         self._newest = -math.inf
         self.course = _course(job, parameters)
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the drive reports home attained and stands.
 
         Raises:
@@ -84,22 +84,22 @@ class HomingRun(Activity):
             return self._search(image)
         return False
 
-    def cancel(self, order: Order) -> None:
+    def cancel(self, order: CycleOutputs) -> None:
         """Take back what is queued."""
         self._transfers.cancel(order)
         self._mode.cancel(order)
 
-    def _prepare(self, image: Image, order: Order) -> None:
+    def _prepare(self, image: AxisImage, order: CycleOutputs) -> None:
         written = self._transfers.step(image, order)
         if self._mode.step(image, order) and written:
             self._step, self._since = _Step.LOW, image.now
 
-    def _edge(self, image: Image) -> None:
+    def _edge(self, image: AxisImage) -> None:
         """Bit 4 has been low for two cycles in homing mode: now it may rise."""
         if image.now >= self._since + 1.5 * self._parameters.scan_period:
             self._step, self._since = _Step.SEARCH, image.now
 
-    def _search(self, image: Image) -> bool:
+    def _search(self, image: AxisImage) -> bool:
         word = image.statusword
         if word is not None and image.statusword_stamp > self._since:
             self._note(word, image.statusword_stamp)
@@ -119,7 +119,7 @@ class HomingRun(Activity):
         if stamp > self._newest:
             self._words, self._newest = self._words + 1, stamp
 
-    def _settled(self, image: Image, bit: int) -> bool:
+    def _settled(self, image: AxisImage, bit: int) -> bool:
         """The bit speaks of this run: it has been seen low, or (home in place) stands in a word received well after the edge.
 
         It is not the first one since: a word that travels slowly may have been on its way when the drive saw the edge. One that
@@ -129,7 +129,7 @@ class HomingRun(Activity):
         late = image.now > settled if image.statusword_by_event else image.statusword_stamp > settled
         return bool(self._seen_low & bit) or (late and (self._words > 1 or image.statusword_by_event))
 
-    def _error(self, image: Image, why: str) -> HomingError:
+    def _error(self, image: AxisImage, why: str) -> HomingError:
         name, method = self._parameters.name, self._job.method
         word = "no fresh statusword" if image.statusword is None else f"statusword 0x{image.statusword:04X}"
         return HomingError(
@@ -140,16 +140,16 @@ class HomingRun(Activity):
         )
 
 
-def _course(job: HomingJob, parameters: AxisParameters) -> Course | None:
+def _course(job: HomingJob, parameters: AxisParameters) -> CommandedMotion | None:
     """Return how fast the drive searches at most; None where nothing says so."""
     speeds = [speed for speed in (job.speed_switch, job.speed_zero) if speed is not None]
     units = parameters.units
     if not speeds or not units.ratio_known or not parameters.has(objects.HOMING_SPEEDS):
         return None
-    return Course(speed=max(speeds) * abs(units.per_velocity))
+    return CommandedMotion(speed=max(speeds) * abs(units.per_velocity))
 
 
-def _remedy(image: Image) -> str:
+def _remedy(image: AxisImage) -> str:
     """Return what to do first, by the bits of the statusword: a home that was found is not the fault of a switch."""
     if _bit(image, 12) and not _bit(image, 10) and not _bit(image, 13):
         return (
@@ -159,5 +159,5 @@ def _remedy(image: Image) -> str:
     return "check the switch or index pulse that this method looks for, the homing speeds (6099h, not 0), and the direction"
 
 
-def _bit(image: Image, bit: int) -> int:
+def _bit(image: AxisImage, bit: int) -> int:
     return 0 if image.statusword is None else image.statusword >> bit & 1

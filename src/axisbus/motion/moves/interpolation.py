@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 from axisbus.cia402 import objects
 from axisbus.errors import DriveError, LimitError
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
-from axisbus.motion.moves.activity import Transfers
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.moves.activity import SdoTransfers
 from axisbus.motion.parameters import AxisParameters
 
 OFFSETS = frozenset({objects.POSITION_OFFSET, objects.VELOCITY_OFFSET, objects.TORQUE_OFFSET})
@@ -18,13 +18,13 @@ _EXPONENTS = (-3, -4, -5, -6, -2, -1, 0)
 _PERIOD = objects.INTERPOLATION_TIME_PERIOD
 
 
-def no_offsets(parameters: AxisParameters, but: frozenset[int] = frozenset()) -> Transfers:
+def no_offsets(parameters: AxisParameters, but: frozenset[int] = frozenset()) -> SdoTransfers:
     """Return the writes that set 60B0h, 60B1h and 60B2h to 0: what another program left there would be a jump or a drift.
 
     ``but``: those that the master itself sends in each cycle.
     """
     present = [index for index in sorted(OFFSETS - but) if parameters.has(index)]
-    return Transfers([(index, 0, 0) for index in present], parameters, OFFSETS)
+    return SdoTransfers([(index, 0, 0) for index in present], parameters, OFFSETS)
 
 
 class CyclicSetup:
@@ -44,11 +44,11 @@ class CyclicSetup:
         self._offsets = no_offsets(parameters, frozenset() if given is None else given.objects)
         present = parameters.has(_PERIOD)
         has_own_exponent = present and (_PERIOD, 2) in parameters.read_only
-        self._look = Transfers([(_PERIOD, 2, None)] if has_own_exponent else [], parameters)
-        self._write: Transfers | None = None
-        self._read = Transfers([(_PERIOD, 1, None), (_PERIOD, 2, None)] if present else [], parameters)
+        self._look = SdoTransfers([(_PERIOD, 2, None)] if has_own_exponent else [], parameters)
+        self._write: SdoTransfers | None = None
+        self._read = SdoTransfers([(_PERIOD, 1, None), (_PERIOD, 2, None)] if present else [], parameters)
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the drive interpolates over our period.
 
         Raises:
@@ -60,7 +60,7 @@ class CyclicSetup:
             if not self._look.step(image, order):
                 return False
             if self._write is None:
-                self._write = Transfers(self._items(self._look.values.get((_PERIOD, 2))), self._parameters)
+                self._write = SdoTransfers(self._items(self._look.values.get((_PERIOD, 2))), self._parameters)
             if not self._write.step(image, order) or not self._read.step(image, order):
                 return False
         except (DriveError, LimitError) as error:
@@ -90,7 +90,7 @@ class CyclicSetup:
         subs = [f"60C2h:{sub:02X}" for sub in (1, 2) if (_PERIOD, sub) in self._parameters.read_only]
         return f"; {' and '.join(subs)} cannot be written by the EDS" if subs else ""
 
-    def cancel(self, order: Order) -> None:
+    def cancel(self, order: CycleOutputs) -> None:
         """Take back what is queued."""
         for transfers in (self._offsets, self._look, self._write, self._read):
             if transfers is not None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import Stopped
 from axisbus.motion.active_trajectory import Leading
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.commands import MoveVelocity
 from axisbus.motion.moves.activity import Activity, ModeSwitch
 from axisbus.motion.moves.continuous_motion import VelocityMove
@@ -21,21 +21,21 @@ class Jog(Activity):
     stops_at_limit = True
     in_effect = False
 
-    def __init__(self, move: VelocityMove, command: MoveVelocity, image: Image) -> None:
+    def __init__(self, move: VelocityMove, command: MoveVelocity, image: AxisImage) -> None:
         self.course = move.course
         self._move = move
         self._profile = command.profile
         self._until = image.now + (command.life or 0.0)
         self.expired = False
 
-    def renew(self, command: MoveVelocity, image: Image) -> bool:
+    def renew(self, command: MoveVelocity, image: AxisImage) -> bool:
         """Live on, if ``command`` asks for the same motion; return whether it does."""
         if command.profile != self._profile or self.expired or command.life is None:
             return False
         self._until = image.now + command.life
         return True
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True once the velocity is reached.
 
         Raises:
@@ -51,7 +51,7 @@ class Jog(Activity):
         self.lag, self.in_effect = move.lag, move.in_effect
         return reached
 
-    def override(self, image: Image) -> None:
+    def override(self, image: AxisImage) -> None:
         """As the move that it lets live."""
         self._move.override(image)
         self.course = self._move.course
@@ -71,6 +71,6 @@ class Jog(Activity):
         """The change of mode that ends it, once it has been asked for."""
         return self._move.leaving
 
-    def cancel(self, order: Order) -> None:
+    def cancel(self, order: CycleOutputs) -> None:
         """Take back what is queued."""
         self._move.cancel(order)

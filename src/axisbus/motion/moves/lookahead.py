@@ -19,7 +19,7 @@ Path = Callable[[float], float]
 
 
 @runtime_checkable
-class Known(Protocol):
+class LookaheadTrajectory(Protocol):
     """A trajectory that tells in advance how far and how fast it goes."""
 
     @property

@@ -7,7 +7,7 @@ import math
 from axisbus.cia402 import modes
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import ModeError
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.moves.activity import Activity
 
 _TWICE = 2  # samples in a row
@@ -40,7 +40,7 @@ class ModeWatch:
         """Whether the drive shows the mode of ``activity``, and has done so before: as long as it does, ``error`` does nothing."""
         return activity is self._activity and self._agreed and not self._misses
 
-    def error(self, image: Image, activity: Activity | None) -> ModeError | None:
+    def error(self, image: AxisImage, activity: Activity | None) -> ModeError | None:
         """Return that the drive has left the mode of ``activity`` by itself; None when it has not (as far as is known)."""
         if activity is not self._activity:
             self._watch(activity)

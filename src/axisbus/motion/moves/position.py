@@ -5,20 +5,20 @@ from __future__ import annotations
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import MotionTimeout
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
-from axisbus.motion.blending.pp_blending import Handed, Passing
-from axisbus.motion.command_status import Ticket
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.blending.pp_blending import BlendedTarget, PpBlending
+from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.moves.activity import present_speed, require_position
 from axisbus.motion.moves.prepare import Prepare, Prepared, require_ramps
-from axisbus.motion.moves.profile import Profile, braking_distance, duration
+from axisbus.motion.moves.profile import MoveProfile, braking_distance, duration
 from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.moves.setpoint_confirmation import proof_of
 from axisbus.motion.moves.setpoint_without_ack import set_point
 from axisbus.motion.override.factor import spared
-from axisbus.motion.override.setpoint_update import Anew, Obeyed
+from axisbus.motion.override.setpoint_update import SetPointUpdate, VelocityChangeCheck
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.stop_deceleration import Course
+from axisbus.motion.stop_deceleration import CommandedMotion
 
 _WINDOW_FLOOR = 20  # increments
 _WINDOW_SHARE = 0.02  # of the move's distance
@@ -34,7 +34,7 @@ class PositionMove(Prepared):
     def __init__(
         self,
         target: int,
-        profile: Profile,
+        profile: MoveProfile,
         parameters: AxisParameters,
         prepare: Prepare,
         before: SetPoint | None,
@@ -44,12 +44,12 @@ class PositionMove(Prepared):
 
         ``factor``: the override that ``prepare`` writes the velocity for; ``profile`` has it as it was asked for.
         """
-        self._anew = Anew(profile, factor, parameters)
-        self._obeyed: Obeyed | None = None
+        self._anew = SetPointUpdate(profile, factor, parameters)
+        self._obeyed: VelocityChangeCheck | None = None
         profile = self._anew.profile
         self.set_point = set_point(target, parameters)
         self._proof = proof_of(self.set_point, profile, parameters)
-        self.course = Course(profile.speed, profile.up, profile.down, by_target=True)
+        self.course = CommandedMotion(profile.speed, profile.up, profile.down, by_target=True)
         self._profile = profile
         self._parameters = parameters
         self._prepare = prepare
@@ -58,7 +58,7 @@ class PositionMove(Prepared):
         self._window = parameters.position_window
         self._is_taken = False
         self._watch = _ArrivalWatch(target, profile, parameters)
-        self._passing: Passing | None = None  # where moves have joined it
+        self._passing: PpBlending | None = None  # where moves have joined it
         self._target = target
 
     @property
@@ -76,17 +76,17 @@ class PositionMove(Prepared):
         """How many moves share it, and have not ended."""
         return 1 if self._passing is None else self._passing.commands
 
-    def join(self, part: Handed, ticket: Ticket, image: Image) -> None:
+    def join(self, part: BlendedTarget, ticket: CommandStatus, image: AxisImage) -> None:
         """Go on to the end of another move, in the same direction; ``ticket`` is that of the last one so far."""
         if self._passing is None:
             profile = self._profile if self._profile.ramp else self._anew.profile
-            first = Handed(self._target, profile, part.mode, ticket)
-            self._passing = Passing(first, self._parameters)
+            first = BlendedTarget(self._target, profile, part.mode, ticket)
+            self._passing = PpBlending(first, self._parameters)
         self._passing.add(part, image.now)
         self._target = part.target
         self._anew.ask(self._anew.asked)
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the drive has arrived."""
         if self._start is None and not self._begins(image, order):
             return False
@@ -113,7 +113,7 @@ class PositionMove(Prepared):
         self._watch.check(image)
         return False
 
-    def cancel(self, order: Order) -> None:
+    def cancel(self, order: CycleOutputs) -> None:
         """Take back what is queued."""
         super().cancel(order)
         self._anew.cancel(order)
@@ -125,7 +125,7 @@ class PositionMove(Prepared):
             return self._before
         return self.set_point if self.set_point.begun else None
 
-    def _begins(self, image: Image, order: Order) -> bool:
+    def _begins(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True once nothing of another move is under way any more and all is prepared: from then on it goes."""
         if self._before is not None and self._before.begun:
             self._before.step(image, order)
@@ -135,7 +135,7 @@ class PositionMove(Prepared):
         self._begin(image)
         return True
 
-    def _begin(self, image: Image) -> None:
+    def _begin(self, image: AxisImage) -> None:
         self._anew.ramps = self._prepare.ramps  # what is written later adds to it
         self._reckon(self._anew.ramps.applied(self._profile))
         if self._profile.timeout is None:
@@ -146,20 +146,20 @@ class PositionMove(Prepared):
             self._window = max(_WINDOW_FLOOR, int(distance * _WINDOW_SHARE))
         self._watch.begin(image, distance)
 
-    def _reckon(self, profile: Profile) -> None:
+    def _reckon(self, profile: MoveProfile) -> None:
         """Reckon from now on with a profile whose ramps the drive has."""
         self._profile = require_ramps(profile, self._parameters)
-        self.course = Course(profile.speed, profile.up, profile.down, by_target=True)
+        self.course = CommandedMotion(profile.speed, profile.up, profile.down, by_target=True)
         self._watch = _ArrivalWatch(self.set_point.target, profile, self._parameters, self._watch.deadline)
 
-    def _pass_ends(self, passing: Passing, image: Image) -> None:
+    def _pass_ends(self, passing: PpBlending, image: AxisImage) -> None:
         """See which ends have been passed, and ask for the next profile where it is due."""
         profile = passing.look(image)
         if profile is not None:
             self._anew.ask(profile)
             self._watch.deadline = None  # that of a caller was for the move before
 
-    def _keeps_pace(self, image: Image, order: Order) -> bool:
+    def _keeps_pace(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Whether the set-point goes on as it is; where an override holds it, or changes its velocity, that comes first."""
         was_held = self._anew.held
         given = self._anew.step(image, order)
@@ -170,7 +170,7 @@ class PositionMove(Prepared):
             self._give_anew(image, was_held)
         return given
 
-    def _give_anew(self, image: Image, was_held: bool) -> None:
+    def _give_anew(self, image: AxisImage, was_held: bool) -> None:
         """Give the target once more, with the velocity that has just been written."""
         moved, target = self._is_taken and not was_held, self._target
         before = self._profile
@@ -181,11 +181,11 @@ class PositionMove(Prepared):
         self._proof = proof_of(self.set_point, profile, self._parameters)
         self._obeyed = None
         if moved:
-            self._obeyed = Obeyed(before, profile, target, self._parameters, image.now)
+            self._obeyed = VelocityChangeCheck(before, profile, target, self._parameters, image.now)
         here = image.position if image.position is not None else target
         self._watch.begin(image, abs(target - here))
 
-    def _arrived(self, image: Image) -> bool:
+    def _arrived(self, image: AxisImage) -> bool:
         """Bit 10, and (where 6064h is fresh) within the window: bit 10 may still stand from the move before."""
         if image.statusword is None or not image.statusword & sw.TARGET_REACHED:
             return False
@@ -205,7 +205,7 @@ class _ArrivalWatch:
     __slots__ = ("_parameters", "_profile", "_progress_at", "_progress_position", "_target", "deadline")
 
     def __init__(
-        self, target: int, profile: Profile, parameters: AxisParameters, deadline: float | None = None
+        self, target: int, profile: MoveProfile, parameters: AxisParameters, deadline: float | None = None
     ) -> None:
         """``deadline``: the caller's own (s, monotonic), as far as it has come, where one ran already for the same move."""
         self._target = target
@@ -215,7 +215,7 @@ class _ArrivalWatch:
         self._progress_at = 0.0
         self._progress_position: int | None = None
 
-    def begin(self, image: Image, distance: float) -> None:
+    def begin(self, image: AxisImage, distance: float) -> None:
         """Start the watch for a move of ``distance`` increments."""
         if self.deadline is None:
             allowed = self._allowed(distance, present_speed(image, self._parameters))
@@ -238,7 +238,7 @@ class _ArrivalWatch:
         if self.deadline is not None and self._profile.timeout is not None:
             self.deadline += seconds
 
-    def check(self, image: Image) -> None:
+    def check(self, image: AxisImage) -> None:
         """Raise MotionTimeout when the deadline has passed, or (without one) when 6064h no longer changes."""
         if self.deadline is not None:
             if image.now > self.deadline:
@@ -252,7 +252,7 @@ class _ArrivalWatch:
         elif image.now - self._progress_at > self._parameters.timing.progress:
             raise self._late(image, f"6064h has not changed for {self._parameters.timing.progress:g} s")
 
-    def _late(self, image: Image, why: str) -> MotionTimeout:
+    def _late(self, image: AxisImage, why: str) -> MotionTimeout:
         name, position = self._parameters.name, self._parameters.units.position
         shown = None if image.position is None else position.to_units(image.position - image.origin)
         where = "unknown" if shown is None else f"{shown:g} {position.unit}"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402 import statusword
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.errors import DriveError, StaleError, TransitionError
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.parameters import AxisParameters
 
 
@@ -22,10 +22,10 @@ class StateWalk:
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
         self._deadline = 0.0
-        self._last: State | None = None
-        self.path: list[State] = []
+        self._last: PowerState | None = None
+        self.path: list[PowerState] = []
 
-    def step(self, image: Image, order: Order, goal: State) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs, goal: PowerState) -> bool:
         """Return True when ``goal`` is seen.
 
         Raises:
@@ -43,11 +43,11 @@ class StateWalk:
             raise self._stuck(image, order, goal)
         return False
 
-    def hold(self, image: Image) -> None:
+    def hold(self, image: AxisImage) -> None:
         """Start the step's time again: the walk waits for something else."""
         self._deadline = image.now + self._parameters.timing.transition
 
-    def _stuck(self, image: Image, order: Order, goal: State) -> DriveError:
+    def _stuck(self, image: AxisImage, order: CycleOutputs, goal: PowerState) -> DriveError:
         if image.statusword is None:
             return _blind(self._parameters, goal)
         name, word = self._parameters.name, image.statusword
@@ -66,7 +66,7 @@ class StateWalk:
         )
 
 
-def _blind(parameters: AxisParameters, goal: State) -> StaleError:
+def _blind(parameters: AxisParameters, goal: PowerState) -> StaleError:
     return StaleError(
         f"{parameters.name}: cannot be led to {goal.value!r}: its statusword (6041h) is unknown",
         axis=parameters.name,
@@ -75,6 +75,6 @@ def _blind(parameters: AxisParameters, goal: State) -> StaleError:
     )
 
 
-def word_text(image: Image) -> str:
+def word_text(image: AxisImage) -> str:
     """Return the statusword as an error shows it."""
     return "no fresh statusword" if image.statusword is None else f"statusword 0x{image.statusword:04X}"

@@ -10,12 +10,12 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.options import Ramp
 from axisbus.errors import LimitError
 from axisbus.motion.active_trajectory import Leading
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
-from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.modes import TORQUE_MODES
-from axisbus.motion.moves.activity import Activity, ModeSwitch, Transfers, preload
-from axisbus.motion.moves.profile import Profile, on_ramps
+from axisbus.motion.moves.activity import Activity, ModeSwitch, SdoTransfers, preload
+from axisbus.motion.moves.profile import MoveProfile, on_ramps
 from axisbus.motion.parameters import AxisParameters
 
 # A drive without these brakes as it accelerates, and ends every move at rest.
@@ -27,7 +27,7 @@ _NO_ANSWER = frozenset({abort.TIMED_OUT, *abort.VALUE_REFUSED})  # nothing arriv
 
 
 def profile_writes(
-    profile: Profile, parameters: AxisParameters, mode: ModeOfOperation
+    profile: MoveProfile, parameters: AxisParameters, mode: ModeOfOperation
 ) -> list[tuple[int, int, int | None]]:
     """Return the SDO writes that a profile needs.
 
@@ -53,7 +53,7 @@ def slow_ramp_writes(parameters: AxisParameters) -> list[tuple[int, int, int | N
     return [(objects.PROFILE_DECELERATION, 0, raw)]
 
 
-def expected(profile: Profile, parameters: AxisParameters) -> Profile:
+def expected(profile: MoveProfile, parameters: AxisParameters) -> MoveProfile:
     """Return a profile with the ramps that the drive will have by what is known before they are written."""
     fixed = dict(parameters.fixed_ramps)
     up, down = objects.PROFILE_ACCELERATION, objects.PROFILE_DECELERATION
@@ -62,7 +62,7 @@ def expected(profile: Profile, parameters: AxisParameters) -> Profile:
     )
 
 
-def require_ramps(profile: Profile, parameters: AxisParameters) -> Profile:
+def require_ramps(profile: MoveProfile, parameters: AxisParameters) -> MoveProfile:
     """Return ``profile``, which has the ramps of the drive.
 
     Raises:
@@ -82,7 +82,7 @@ def require_ramps(profile: Profile, parameters: AxisParameters) -> Profile:
     )
 
 
-class RampTransfers(Transfers):
+class RampTransfers(SdoTransfers):
     """Writes before a move, and what its drive's ramps (6083h, 6084h) are then; holds what they are.
 
     A drive that does not let a ramp be written has one all the same: its value is read, and nothing else is reckoned with.
@@ -111,7 +111,7 @@ class RampTransfers(Transfers):
             self._refused |= before._refused - written.keys()
             self.values = {at: value for at, value in before.values.items() if at[0] not in written}
 
-    def applied(self, profile: Profile) -> Profile:
+    def applied(self, profile: MoveProfile) -> MoveProfile:
         """Return ``profile`` with the ramps that the drive has, where these are other ones than were written."""
         up = self._known(objects.PROFILE_ACCELERATION, profile.acceleration)
         down = self._known(objects.PROFILE_DECELERATION, profile.deceleration)
@@ -135,7 +135,7 @@ class RampTransfers(Transfers):
             return self.values[index, 0]
         return None if index in self._refused else self._asked.get(index, otherwise)
 
-    def _take(self, image: Image, request: int) -> None:
+    def _take(self, image: AxisImage, request: int) -> None:
         index, _ = self._pending[request]
         code = image.replies[request].abort
         if code is None or index not in self._asked or code in _NO_ANSWER:
@@ -145,7 +145,7 @@ class RampTransfers(Transfers):
         if request in self._writes:
             self._refused.add(index)
 
-    def _start(self, image: Image, order: Order) -> None:
+    def _start(self, image: AxisImage, order: CycleOutputs) -> None:
         super()._start(image, order)
         given = zip(self._pending, self._items, strict=True)
         self._writes = {number for number, (index, _, value) in given if index in RAMPS and value is not None}
@@ -164,9 +164,9 @@ class Prepare:
     def __init__(
         self,
         mode: ModeSwitch,
-        transfers: Transfers,
+        transfers: SdoTransfers,
         ramps: RampTransfers,
-        gate: Gate,
+        gate: StartBarrier,
         leading: Leading | None = None,
         before: ModeSwitch | None = None,
     ) -> None:
@@ -197,24 +197,24 @@ class Prepare:
         asked = self._before or (self._mode if self._mode.under_way else None)
         return None if self.leading is None else asked
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True from the cycle on in which the move may begin."""
         if not self._prepared and self._has_left(image, order):
             ready = self._reading is not None or self._makes_ready(image, order)
             self._prepared = ready and self._has_read(image, order)
         return self._prepared and self._gate.pass_through(self)
 
-    def cancel(self, order: Order) -> None:
+    def cancel(self, order: CycleOutputs) -> None:
         """Take back queued transfers, and a mode that was asked for."""
         (self._reading or self._transfers).cancel(order)
         (self._before or self._mode).cancel(order)
 
-    def _has_left(self, image: Image, order: Order) -> bool:
+    def _has_left(self, image: AxisImage, order: CycleOutputs) -> bool:
         if self._before is not None and self._before.step(image, order):
             self._before = self._leading = None
         return self._before is None
 
-    def _makes_ready(self, image: Image, order: Order) -> bool:
+    def _makes_ready(self, image: AxisImage, order: CycleOutputs) -> bool:
         written = self._transfers.step(image, order)
         if written or self._leading is None:
             shown = self._mode.step(image, order)
@@ -223,7 +223,7 @@ class Prepare:
         self._mode.lead(image, order)
         return False
 
-    def _has_read(self, image: Image, order: Order) -> bool:
+    def _has_read(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Whether the ramps are known after a change of mode.
 
         An axis that moves is not kept waiting for that, nor one in a torque mode, where nothing holds it meanwhile.
@@ -255,6 +255,6 @@ class Prepared(Activity):
         """The change of mode that ends it, once it has been asked for."""
         return self._prepare.leaving
 
-    def cancel(self, order: Order) -> None:
+    def cancel(self, order: CycleOutputs) -> None:
         """Take back what is queued."""
         self._prepare.cancel(order)

@@ -9,7 +9,7 @@ from axisbus.cia402 import objects
 from axisbus.motion.parameters import AxisParameters
 
 
-class Profile(NamedTuple):
+class MoveProfile(NamedTuple):
     """Velocity and ramps of one command.
 
     ``velocity``, ``acceleration`` and ``deceleration`` are the drive's own increments (6081h, 6083h, 6084h). ``speed`` and ``ramp``
@@ -37,8 +37,8 @@ class Profile(NamedTuple):
 
 
 def on_ramps(
-    profile: Profile, acceleration: int | None, deceleration: int | None, parameters: AxisParameters
-) -> Profile:
+    profile: MoveProfile, acceleration: int | None, deceleration: int | None, parameters: AxisParameters
+) -> MoveProfile:
     """Return a profile with the ramps that the drive really has, in its own increments (0 or None: not known).
 
     ``up``, ``down`` and ``ramp`` follow; what is to be written stays as it was asked for. A drive without 6084h brakes as it

@@ -17,7 +17,7 @@ class Start:
 
 
 @dataclass(frozen=True, slots=True)
-class Onward:
+class ProfileFromSpeed:
     """A move from ``start`` to rest at ``end``, with at most ``velocity`` (unit/s), ``up`` and ``down`` (unit/s²), all above 0.
 
     An axis that is faster than ``velocity`` is braked to it. Where the way is too short to brake, or leads the other way, it comes

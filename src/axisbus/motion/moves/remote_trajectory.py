@@ -43,7 +43,7 @@ class StreamHead:
     """What is told of a trajectory before it begins, with its first samples (``positions``, from time 0 on).
 
     ``duration`` and ``step`` (the scan's period) in seconds. ``span`` with ``top_speed``, and ``top_acceleration``, are None where
-    the trajectory itself does not tell them (``lookahead.Known``, ``pace.Ramped``).
+    the trajectory itself does not tell them (``lookahead.LookaheadTrajectory``, ``pace.Ramped``).
     """
 
     duration: float

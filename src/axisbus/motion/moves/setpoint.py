@@ -25,11 +25,11 @@ from enum import Enum
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402 import statusword as sw
 from axisbus.errors import SetPointError
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
 
 
-class Phase(Enum):
+class HandshakePhase(Enum):
     """Where the handshake is."""
 
     CLEAR = "clear"
@@ -39,8 +39,8 @@ class Phase(Enum):
     TAKEN = "taken"
 
 
-_CLEAR, _TARGET, _OFFER = Phase.CLEAR, Phase.TARGET, Phase.OFFER
-_RELEASE, _TAKEN = Phase.RELEASE, Phase.TAKEN
+_CLEAR, _TARGET, _OFFER = HandshakePhase.CLEAR, HandshakePhase.TARGET, HandshakePhase.OFFER
+_RELEASE, _TAKEN = HandshakePhase.RELEASE, HandshakePhase.TAKEN
 
 
 class SetPoint:
@@ -51,7 +51,7 @@ class SetPoint:
     def __init__(self, target: int, name: str, timeout: float) -> None:
         """``target`` in unwrapped increments; ``timeout`` in seconds for each wait for bit 12."""
         self.target = target
-        self.phase = Phase.CLEAR
+        self.phase = HandshakePhase.CLEAR
         self.since = 0.0  # when the phase began
         self._name = name
         self._timeout = timeout
@@ -64,7 +64,7 @@ class SetPoint:
         """Whether the drive may have seen the edge but the handshake is not finished."""
         return self.phase is _OFFER or self.phase is _RELEASE
 
-    def keeps_halt(self, image: Image) -> bool:
+    def keeps_halt(self, image: AxisImage) -> bool:
         """Whether a halted axis stays so: without the halt it would go on to the target that its drive had before.
 
         A drive that takes no set-point under halt is given half of the time without.
@@ -72,7 +72,7 @@ class SetPoint:
         offered = self.phase is _OFFER and image.now < self.since + 0.5 * self._timeout
         return self.phase is _CLEAR or self.phase is _TARGET or offered
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True from the statusword on in which the handshake is complete.
 
         Raises:
@@ -87,7 +87,7 @@ class SetPoint:
             order.bits = cw.NEW_SET_POINT | cw.CHANGE_SET_IMMEDIATELY
         return self.phase is _TAKEN
 
-    def _advance(self, image: Image) -> None:
+    def _advance(self, image: AxisImage) -> None:
         if self._deadline is None:
             self._deadline = image.now + self._timeout
         word = image.statusword
@@ -102,7 +102,7 @@ class SetPoint:
         elif image.now > self._deadline:
             raise self._stuck(image)
 
-    def _present(self, image: Image) -> None:
+    def _present(self, image: AxisImage) -> None:
         if self._shown >= image.edge_delay:
             self._enter(_OFFER, image)
             return
@@ -110,12 +110,12 @@ class SetPoint:
         if self.phase is _CLEAR:
             self._enter(_TARGET, image)
 
-    def _enter(self, phase: Phase, image: Image) -> None:
+    def _enter(self, phase: HandshakePhase, image: AxisImage) -> None:
         self.phase = phase
         self.since = image.now
         self._deadline = image.now + self._timeout
 
-    def _stuck(self, image: Image) -> SetPointError:
+    def _stuck(self, image: AxisImage) -> SetPointError:
         bit = int(self.phase is _OFFER)
         word = "no fresh statusword" if image.statusword is None else f"statusword 0x{image.statusword:04X}"
         return SetPointError(

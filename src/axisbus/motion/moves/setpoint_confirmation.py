@@ -18,20 +18,22 @@ import math
 
 from axisbus.cia402 import statusword as sw
 from axisbus.errors import SetPointError
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.moves.activity import present_speed, where_text
-from axisbus.motion.moves.profile import Profile
+from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.moves.setpoint import SetPoint
-from axisbus.motion.moves.setpoint_without_ack import OnChange
+from axisbus.motion.moves.setpoint_without_ack import TimedSetPoint
 from axisbus.motion.parameters import AxisParameters
 
 _STARTS = 0.3  # seconds after which a drive has begun to move to its old target, unless something holds it
 _TURNS = 2.0  # seconds to turn round, where the deceleration is not known
 
 
-def proof_of(point: SetPoint, profile: Profile, parameters: AxisParameters) -> Proof | None:
+def proof_of(
+    point: SetPoint, profile: MoveProfile, parameters: AxisParameters
+) -> SetPointConfirmation | None:
     """Return the proof that a set-point needs, None where bit 12 is one."""
-    return Proof(point, profile, parameters) if isinstance(point, OnChange) else None
+    return SetPointConfirmation(point, profile, parameters) if isinstance(point, TimedSetPoint) else None
 
 
 class _Way:
@@ -65,7 +67,7 @@ class _Way:
         return True
 
 
-class Proof:
+class SetPointConfirmation:
     """Holds what was known when the last edge was given, and what has been seen since; ``seen``: the set-point was taken."""
 
     __slots__ = (
@@ -84,7 +86,7 @@ class Proof:
         "seen",
     )
 
-    def __init__(self, point: OnChange, profile: Profile, parameters: AxisParameters) -> None:
+    def __init__(self, point: TimedSetPoint, profile: MoveProfile, parameters: AxisParameters) -> None:
         self._point = point
         self._profile = profile
         self._parameters = parameters
@@ -98,7 +100,7 @@ class Proof:
         self._gained_at = self._allowed = 0.0
         self.seen = False
 
-    def step(self, image: Image) -> None:
+    def step(self, image: AxisImage) -> None:
         """Take this cycle's values, after the set-point's own step.
 
         Raises:
@@ -111,7 +113,7 @@ class Proof:
         if self.seen or self._known:
             image.led.taken = self._point.target
 
-    def suffices(self, image: Image) -> bool:
+    def suffices(self, image: AxisImage) -> bool:
         """Whether an axis at rest within its window, with bit 10, has ended its move: it went there, or it stands right there."""
         if self.seen:
             return True
@@ -124,7 +126,7 @@ class Proof:
 
     # -- what was before ---------------------------------------------------------------------------------------------
 
-    def _begin(self, image: Image) -> None:
+    def _begin(self, image: AxisImage) -> None:
         first = self._edge == math.inf
         self._edge = image.now
         if first:
@@ -144,7 +146,7 @@ class Proof:
         self._gained_at = image.now
         self._allowed = self._time(image)
 
-    def _time(self, image: Image) -> float:
+    def _time(self, image: AxisImage) -> float:
         """How long the axis may come no nearer: until the drive has begun, it has turned round, and a slow one has come a bit."""
         speed, ramp = self._profile.speed, self._profile.down
         moving = present_speed(image, self._parameters)
@@ -154,7 +156,7 @@ class Proof:
 
     # -- what is seen ------------------------------------------------------------------------------------------------
 
-    def _look(self, image: Image) -> None:
+    def _look(self, image: AxisImage) -> None:
         position, demand = self._since_edge(image)
         for way, now in zip(self._ways, (position, demand), strict=True):
             if now is None:
@@ -167,12 +169,12 @@ class Proof:
         if not self.seen and not self._known and image.now > self._gained_at + self._allowed:
             raise self._unseen(image)
 
-    def _since_edge(self, image: Image) -> tuple[int | None, int | None]:
+    def _since_edge(self, image: AxisImage) -> tuple[int | None, int | None]:
         """Position and demand, as far as they were received after the edge."""
         position = image.position if image.position_stamp > self._edge else None
         return position, image.demand if image.demand_stamp > self._edge else None
 
-    def _by_word(self, image: Image, position: int | None) -> bool:
+    def _by_word(self, image: AxisImage, position: int | None) -> bool:
         if image.statusword is None or image.statusword_stamp <= self._edge:
             return False
         if not image.statusword & sw.TARGET_REACHED:
@@ -185,7 +187,7 @@ class Proof:
     def _is_there(self, position: int) -> bool:
         return abs(position - self._point.target) <= self._tolerance
 
-    def _unseen(self, image: Image) -> SetPointError:
+    def _unseen(self, image: AxisImage) -> SetPointError:
         name = self._parameters.name
         word = "no fresh statusword" if image.statusword is None else f"statusword 0x{image.statusword:04X}"
         return SetPointError(
@@ -199,6 +201,6 @@ class Proof:
             f'in [axes.{name}], and handshake = "on-change" there needs 6064h (better 6062h, too) in a TPDO',
         )
 
-    def _target_text(self, image: Image) -> str:
+    def _target_text(self, image: AxisImage) -> str:
         units = self._parameters.units.position
         return f"{units.to_units(self._point.target - image.origin):g} {units.unit}"

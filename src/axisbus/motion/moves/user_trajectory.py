@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import isfinite
 
-from axisbus.errors import ArgumentError, in_a_line
+from axisbus.errors import ArgumentError, one_line
 from axisbus.interrupt_guard import is_own
 from axisbus.motion.numbers import number, told
 from axisbus.motion.trajectory import Trajectory
@@ -15,7 +15,7 @@ _POSITION = (
 )
 
 
-class Guarded:
+class CheckedTrajectory:
     """Holds a trajectory, and its ``duration`` as it was told once; what else it tells of itself only itself tells."""
 
     __slots__ = ("_name", "_trajectory", "duration")
@@ -54,7 +54,7 @@ class Guarded:
 
     def _broken(self, error: BaseException, what: str, remedy: str) -> ArgumentError:
         """Return what ends the command when the trajectory's own code has raised; ``what`` was asked of it."""
-        return ArgumentError(self._message(what), observed=in_a_line(error), remedy=remedy)
+        return ArgumentError(self._message(what), observed=one_line(error), remedy=remedy)
 
     def _number(self, value: object, what: str, remedy: str) -> float:
         """Return what the trajectory's own code gave as a number; anything else ends the command with its name."""

@@ -21,10 +21,10 @@ from axisbus.cia402 import objects
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.options import Ramp
 from axisbus.errors import DriveError, StateError
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.moves.prepare import RampTransfers, expected
-from axisbus.motion.moves.profile import Profile, braking_distance
+from axisbus.motion.moves.profile import MoveProfile, braking_distance
 from axisbus.motion.override.factor import scaled
 from axisbus.motion.parameters import AxisParameters
 
@@ -34,7 +34,7 @@ _CHANGE = 0.1  # of a speed: what is less is not looked for
 _STEADY = 0.25  # of the change that the ramp makes in _LOOK: a smaller change counts as a constant speed
 
 
-def overridden(profile: Profile, factor: float, parameters: AxisParameters) -> Profile:
+def overridden(profile: MoveProfile, factor: float, parameters: AxisParameters) -> MoveProfile:
     """Return the profile of a move under an override; one of 0 leaves it as it is, as it is held otherwise."""
     if factor in (0.0, 1.0):
         return profile
@@ -43,7 +43,7 @@ def overridden(profile: Profile, factor: float, parameters: AxisParameters) -> P
     return profile._replace(velocity=velocity, speed=speed)
 
 
-def driven(profile: Profile, parameters: AxisParameters) -> float | None:
+def driven(profile: MoveProfile, parameters: AxisParameters) -> float | None:
     """Return the speed that 6081h comes to (position increments per s): on a coarse scale it may be far below the one asked for."""
     if profile.speed is None:
         return None
@@ -51,12 +51,12 @@ def driven(profile: Profile, parameters: AxisParameters) -> float | None:
     return abs(units.velocity.to_units(profile.velocity) * units.position.factor)
 
 
-class Anew:
+class SetPointUpdate:
     """Holds the override that the drive has by now, and the write of another one that is under way."""
 
     __slots__ = ("_factor", "_given", "_parameters", "_profile", "_write", "held", "is_asked", "ramps")
 
-    def __init__(self, profile: Profile, factor: float, parameters: AxisParameters) -> None:
+    def __init__(self, profile: MoveProfile, factor: float, parameters: AxisParameters) -> None:
         """``profile``: as it was asked for; its set-point is prepared for the override ``factor``."""
         self._profile = self._given = profile
         self.is_asked = False  # another profile, or target, which has not been given yet
@@ -67,20 +67,20 @@ class Anew:
         self.ramps: RampTransfers | None = None  # those that were written last here, with what the drive has
 
     @property
-    def profile(self) -> Profile:
+    def profile(self) -> MoveProfile:
         """The profile that the drive has."""
         return overridden(self._profile, self._factor, self._parameters)
 
     @property
-    def asked(self) -> Profile:
+    def asked(self) -> MoveProfile:
         """The profile as it was asked for, without the override."""
         return self._profile
 
-    def ask(self, profile: Profile) -> None:
+    def ask(self, profile: MoveProfile) -> None:
         """Let the set-point be given anew with another profile, or with the same one for another target."""
         self._profile, self.is_asked = expected(profile, self._parameters), True
 
-    def step(self, image: Image, order: Order) -> bool | None:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool | None:
         """Return True in the cycle from which the set-point is to be given anew, None where it goes on, False where it waits.
 
         Raises:
@@ -111,12 +111,12 @@ class Anew:
         velocity = overridden(profile, factor, self._parameters).velocity
         return [(objects.PROFILE_VELOCITY, 0, velocity), *changed]
 
-    def cancel(self, order: Order) -> None:
+    def cancel(self, order: CycleOutputs) -> None:
         """Take back what is queued."""
         if self._write is not None:
             self._write[1].cancel(order)
 
-    def _hold(self, order: Order) -> bool:
+    def _hold(self, order: CycleOutputs) -> bool:
         if self._parameters.braking.halt is Ramp.COAST:
             name = self._parameters.name
             raise StateError(
@@ -135,13 +135,13 @@ class _Mark(NamedTuple):
     position: int
 
 
-class Obeyed:
+class VelocityChangeCheck:
     """Looks whether an axis comes to another speed; holds where it was when the look began, and the speed of the look before."""
 
     __slots__ = ("_after", "_before", "_from", "_last", "_parameters", "_profile", "_target")
 
     def __init__(
-        self, before: Profile, profile: Profile, target: int, parameters: AxisParameters, now: float
+        self, before: MoveProfile, profile: MoveProfile, target: int, parameters: AxisParameters, now: float
     ) -> None:
         """``before``: the profile that the drive had for this move; ``profile``: the one that it was given at ``now``."""
         self._before = driven(before, parameters)
@@ -156,7 +156,7 @@ class Obeyed:
             self._after = now + 2.0 * abs(had - profile.speed) / profile.ramp + _LATE
             self._after += 2.0 * profile.soft_seconds(abs(parameters.units.position.factor))
 
-    def look(self, image: Image) -> None:
+    def look(self, image: AxisImage) -> None:
         """Take this cycle's position.
 
         Raises:
@@ -202,7 +202,7 @@ class Obeyed:
         )
 
     @staticmethod
-    def _is_limited(image: Image) -> bool:
+    def _is_limited(image: AxisImage) -> bool:
         """Whether the drive says that a limit of its own holds it back."""
         return image.statusword is not None and bool(image.statusword & sw.INTERNAL_LIMIT)
 

@@ -18,23 +18,23 @@ from typing import Generic, NamedTuple, TypeVar
 
 from axisbus.errors import LimitError
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.path_limit_check import Pace, pace_of
+from axisbus.motion.path_limit_check import PathLimitCheck, pace_of
 from axisbus.motion.point_stream.commands import Span
 from axisbus.motion.point_stream.quintic import Controls, Motion, coefficients, controls, derived, reach
 from axisbus.motion.position_limits import widened
-from axisbus.motion.trajectory import Sampled
+from axisbus.motion.trajectory import SampledTrajectory
 
 SHARE = 0.8  # of an axis's acceleration, which the points may use
 LONGEST = 10.0  # seconds that braking along the points may take
 _STEEPEST = 1e4  # per s: what does not move needs no ramp
 _COMPUTED = 1.0 + 1e-6  # what numbers that were computed may be off
-STILL = Sampled((0.0, 0.0), 1.0)  # what tells nothing of its acceleration
+STILL = SampledTrajectory((0.0, 0.0), 1.0)  # what tells nothing of its acceleration
 
 
 T = TypeVar("T")
 
 
-class Point(NamedTuple):
+class StreamPoint(NamedTuple):
     """Where the axes are to be (in their order, in their units), and when (seconds of the stream)."""
 
     t: float
@@ -44,8 +44,8 @@ class Point(NamedTuple):
 class Between(NamedTuple):
     """From one point to the next, each with the motion of every axis there."""
 
-    begin: Point
-    end: Point
+    begin: StreamPoint
+    end: StreamPoint
     from_: tuple[Motion, ...]
     to: tuple[Motion, ...]
 
@@ -68,7 +68,7 @@ class Allowed(NamedTuple):
 
 def allowed_of(parameters: AxisParameters, start: float) -> Allowed:
     """Return what an axis may do that begins at ``start``; its ``path_deceleration`` must be known."""
-    pace: Pace = pace_of(parameters, STILL)
+    pace: PathLimitCheck = pace_of(parameters, STILL)
     positions, braking = parameters.limits.position, parameters.path_deceleration
     assert braking is not None
     if positions is not None:
@@ -76,20 +76,20 @@ def allowed_of(parameters: AxisParameters, start: float) -> Allowed:
     return Allowed(pace.unit, positions, pace.velocity, pace.acceleration, pace.key, braking)
 
 
-class Taking(Generic[T]):
+class PointAccepted(Generic[T]):
     """Makes something of the curve between points; holds the last three, and what moves how at the last but one."""
 
     def __init__(self) -> None:
-        self._points: tuple[Point, ...] = ()
+        self._points: tuple[StreamPoint, ...] = ()
         self._moving: tuple[Motion, ...] = ()  # at the last point but one
         self.count = 0
 
     @property
-    def last(self) -> Point | None:
+    def last(self) -> StreamPoint | None:
         """The last point that was taken."""
         return self._points[-1] if self._points else None
 
-    def take(self, point: Point) -> T | None:
+    def take(self, point: StreamPoint) -> T | None:
         """Take a point, later than the last; return what is made of the span that it makes known, None where it makes none.
 
         Raises:
@@ -122,7 +122,7 @@ class Taking(Generic[T]):
         raise NotImplementedError
 
 
-class Joining(Taking[Span]):
+class CurveFit(PointAccepted[Span]):
     """Makes spans of points."""
 
     def __init__(self, axes: Mapping[str, Allowed], text: str) -> None:
@@ -218,7 +218,7 @@ def _beyond(value: float, limits: tuple[float, float]) -> bool:
     return not low - spare <= value <= high + spare
 
 
-def _motions(points: Sequence[Point], number: int) -> tuple[Motion, ...]:
+def _motions(points: Sequence[StreamPoint], number: int) -> tuple[Motion, ...]:
     """Return how each axis moves at one of three points, by the parabola through them."""
     (a, first), (b, second), (c, third) = points
     t = points[number].t
@@ -230,7 +230,7 @@ def _motions(points: Sequence[Point], number: int) -> tuple[Motion, ...]:
     return tuple(found)
 
 
-def _straight(begin: Point, end: Point) -> Between:
+def _straight(begin: StreamPoint, end: StreamPoint) -> Between:
     seconds = end.t - begin.t
     speeds = [(b - a) / seconds for a, b in zip(begin.place, end.place, strict=True)]
     from_, to = (

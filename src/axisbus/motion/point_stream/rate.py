@@ -5,7 +5,7 @@ Theory of operation
 Within a span the square of the highest pace falls along a straight line to that at its end (v² = leave² + 2 ramp * way left). The
 pace goes up to what is wanted by the span's ramp, keeps it, and goes down along that line or to what is wanted: so a cycle is a few
 phases of constant change, each of which ends where the next begins, at a joint, or with the cycle. Spans may be shorter than a
-cycle, and their ramps differ by powers of ten; so no phase reaches over a joint, as those of ``Travel`` along a way do.
+cycle, and their ramps differ by powers of ten; so no phase reaches over a joint, as those of ``PathSpeed`` along a way do.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from axisbus.motion.group.path_speed import Travel
+from axisbus.motion.group.path_speed import PathSpeed
 
 _PHASES = 256  # of one cycle at most: eight points take a tenth of it
 _SAME = 1e-12
@@ -27,7 +27,7 @@ class _Phase(NamedTuple):
     end: float
 
 
-class StreamTravel(Travel):
+class StreamTravel(PathSpeed):
     """The travel along a course: its place is a time of the stream, its speed the pace."""
 
     __slots__ = ()

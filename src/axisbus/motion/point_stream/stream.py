@@ -2,8 +2,8 @@
 
 Theory of operation
 -------------------
-The axes wait at the gate until enough is known. Then they go along the ``Course``, as those of a line do along their way: a halt, a
-fault of one of them and an override act as there. A pace that falls because no more is known is an underrun.
+The axes wait at the gate until enough is known. Then they go along the ``StreamTimeline``, as those of a line do along their way: a
+halt, a fault of one of them and an override act as there. A pace that falls because no more is known is an underrun.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from collections.abc import Mapping
 
 from axisbus.errors import AxisbusError, CommandError, StateError
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.command_status import Status, Ticket
-from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.command_status import CommandStatus, Status
+from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.point_stream.commands import AddPoints, FollowPoints, OnUnderrun, Span
 from axisbus.motion.point_stream.rate import StreamTravel
-from axisbus.motion.point_stream.timeline import Course
+from axisbus.motion.point_stream.timeline import StreamTimeline
 
 MOST = 4096  # spans that are held
 _KEPT = 2  # spans behind where the axes are
@@ -28,7 +28,7 @@ _ENDLESS = 1e9  # seconds: the duration of what has not been ended
 _SLOWER = 1e-9  # by how much less a pace counts as less
 
 
-class PatientGate(Gate):
+class PatientGate(StartBarrier):
     """Stays closed, whoever is there, until it ``may_open``."""
 
     __slots__ = ("may_open",)
@@ -38,14 +38,16 @@ class PatientGate(Gate):
         self.may_open = False
 
     def update(self, coming: int) -> None:
-        """As ``Gate.update``."""
+        """As ``StartBarrier.update``."""
         super().update(coming if self.may_open else coming + len(self._here) + 1)
 
 
 class PointShare:
     """One axis's share of a course, as the trajectory that it follows."""
 
-    def __init__(self, course: Course, number: int, begin: float, off: float, duration: float) -> None:
+    def __init__(
+        self, course: StreamTimeline, number: int, begin: float, off: float, duration: float
+    ) -> None:
         """``number``: which axis of a place it is; ``off``: how far the axis stands from where the course has it at ``begin``."""
         self._course = course
         self._number = number
@@ -63,7 +65,7 @@ class PointShare:
         return place + self._off * left * left * (3.0 - 2.0 * left)
 
 
-class Stream:
+class PointStreamMotion:
     """Holds the course, the travel along it, and who waits for the ends of what has been added."""
 
     def __init__(self, command: FollowPoints, axes: Mapping[str, AxisCore], name: str) -> None:
@@ -79,9 +81,9 @@ class Stream:
         self.follows = {
             axis: Follow(None, core.parameters, self.gate, self.travel) for axis, core in self._axes.items()
         }
-        self._course = Course()
+        self._course = StreamTimeline()
         self._offs: tuple[float, ...] = ()
-        self._added: deque[tuple[float, Ticket]] = deque()
+        self._added: deque[tuple[float, CommandStatus]] = deque()
         self._ends = self._over = False
         self._begins_at = 0.0  # of the stream
         self._is_resumed = False
@@ -103,7 +105,7 @@ class Stream:
         """Whether more may come."""
         return not self._ends
 
-    def again(self, axes: Mapping[str, AxisCore], name: str, *, fed: bool) -> Stream:
+    def again(self, axes: Mapping[str, AxisCore], name: str, *, fed: bool) -> PointStreamMotion:
         """Return what goes on with it from where it was left, to which more is added (``fed``) or not.
 
         ``axes``: those of the group. What is added may begin with what has come already.
@@ -111,7 +113,7 @@ class Stream:
         Raises:
             StateError: an axis is no longer there; ``name`` says in its text what was asked for.
         """
-        stream = Stream(FollowPoints(self.names, self.number, self._on_underrun), axes, name)
+        stream = PointStreamMotion(FollowPoints(self.names, self.number, self._on_underrun), axes, name)
         stream._course, stream._begins_at, stream._is_resumed = self._course, self.travel.t, True
         stream._ends = stream.gate.may_open = not fed
         if self._course.count:
@@ -120,7 +122,7 @@ class Stream:
 
     # -- what is added ---------------------------------------------------------------------------------------------------
 
-    def add(self, command: AddPoints, ticket: Ticket) -> None:
+    def add(self, command: AddPoints, ticket: CommandStatus) -> None:
         """Take what goes on with it.
 
         Raises:
@@ -195,7 +197,7 @@ class Stream:
     def _is_passed(self, mark: float) -> bool:
         return self.planned and self.travel.t >= mark
 
-    def _finish(self, ticket: Ticket, status: Status) -> None:
+    def _finish(self, ticket: CommandStatus, status: Status) -> None:
         ticket.finish(status)
         self._news = True
 

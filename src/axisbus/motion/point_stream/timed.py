@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from axisbus.errors import ArgumentError
 from axisbus.motion.numbers import number, told
-from axisbus.motion.point_stream.curve_fit import Between, Point
+from axisbus.motion.point_stream.curve_fit import Between, StreamPoint
 from axisbus.motion.point_stream.quintic import Motion
 from axisbus.wording import counted
 
@@ -26,7 +26,7 @@ STILL = 1e-4  # units per s: slower than that is at rest
 
 
 @dataclass(frozen=True, slots=True)
-class TimedPoint:
+class TrajectoryPoint:
     """Where the axes are to be at ``time`` (s), in their order and units; with velocities (unit/s) and accelerations, or without.
 
     Accelerations (unit/s²) need velocities, and what one point has all have.
@@ -47,7 +47,7 @@ class _Row(NamedTuple):
     rates: tuple[float, ...] | None
 
 
-def way_of(points: Sequence[TimedPoint], here: Sequence[float], lead: float, text: str) -> list[Between]:
+def way_of(points: Sequence[TrajectoryPoint], here: Sequence[float], lead: float, text: str) -> list[Between]:
     """Return what the axes go along, from ``here`` where the first point is later than 0; ``text`` begins messages.
 
     Raises:
@@ -73,9 +73,9 @@ def _given(row: _Row, rest: tuple[float, ...]) -> _Row:
     )
 
 
-def _row(count: int, point: TimedPoint, axes: int, text: str) -> _Row:
+def _row(count: int, point: TrajectoryPoint, axes: int, text: str) -> _Row:
     given: tuple[Any, ...] = (None, None, None)
-    if isinstance(point, TimedPoint):
+    if isinstance(point, TrajectoryPoint):
         given = (point.positions, point.velocities, point.accelerations)
     time = number(getattr(point, "time", None))
     found = [None if values is None else _numbers(values) for values in given]
@@ -143,15 +143,17 @@ def _at_rest(row: _Row, text: str) -> _Row:
 
 def _stand(row: _Row, before: float, after: float) -> Between:
     still = tuple(Motion(place, 0.0, 0.0) for place in row.places)
-    return Between(Point(row.time + before, row.places), Point(row.time + after, row.places), still, still)
+    return Between(
+        StreamPoint(row.time + before, row.places), StreamPoint(row.time + after, row.places), still, still
+    )
 
 
 def _between(pair: tuple[_Row, _Row]) -> Between:
     begin, end = pair
     ends = [_ends(begin, end, axis) for axis in range(len(begin.places))]
     return Between(
-        Point(begin.time, begin.places),
-        Point(end.time, end.places),
+        StreamPoint(begin.time, begin.places),
+        StreamPoint(end.time, end.places),
         tuple(one for one, _ in ends),
         tuple(other for _, other in ends),
     )

@@ -16,7 +16,7 @@ from axisbus.motion.point_stream.commands import Span
 from axisbus.motion.point_stream.quintic import at
 
 
-class Course:
+class StreamTimeline:
     """Holds the spans from a little behind where the axes are, by their numbers from 0 on."""
 
     def __init__(self) -> None:

@@ -33,13 +33,13 @@ from axisbus.cia402.touch_probe import (
     function_bits,
 )
 from axisbus.errors import ProbeError, StaleError
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.commands import Probe
 from axisbus.motion.moves.activity import age_text
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.probing.capture import Capture
-from axisbus.motion.probing.function import Function
+from axisbus.motion.probing.capture import ProbeCapture
+from axisbus.motion.probing.function import ProbeFunction
 from axisbus.motion.probing.latch import Latch, Latched
 from axisbus.motion.probing.sdo_sequence import Exchange
 from axisbus.motion.probing.window import is_within
@@ -48,7 +48,7 @@ POLL = 0.01  # seconds between two looks at 60B9h
 _PATIENCE = 1.0  # seconds within which 60B9h must follow 60B8h
 
 
-class Step(Enum):
+class ArmingStep(Enum):
     """What is done next."""
 
     LOOK = auto()  # at 60B8h: the other input and the maker's bits are to stay as they are
@@ -64,13 +64,13 @@ class Step(Enum):
 
 _FUNCTION, _STATUS = objects.TOUCH_PROBE_FUNCTION, objects.TOUCH_PROBE_STATUS
 _ASKED = {
-    Step.LOOK: _FUNCTION,
-    Step.CLEAR: _FUNCTION,
-    Step.SEE_CLEAR: _STATUS,
-    Step.ARM: _FUNCTION,
-    Step.SEE_ARMED: _STATUS,
-    Step.WATCH: _STATUS,
-    Step.SWITCH_OFF: _FUNCTION,
+    ArmingStep.LOOK: _FUNCTION,
+    ArmingStep.CLEAR: _FUNCTION,
+    ArmingStep.SEE_CLEAR: _STATUS,
+    ArmingStep.ARM: _FUNCTION,
+    ArmingStep.SEE_ARMED: _STATUS,
+    ArmingStep.WATCH: _STATUS,
+    ArmingStep.SWITCH_OFF: _FUNCTION,
 }
 
 
@@ -78,18 +78,18 @@ class Arming:
     """Holds how far one request is; pure. After each ``step``, ``armed``, ``captures`` and ``fulfilled`` say what came of it."""
 
     def __init__(
-        self, number: int, asked: Probe | None, parameters: AxisParameters, function: Function
+        self, number: int, asked: Probe | None, parameters: AxisParameters, function: ProbeFunction
     ) -> None:
         """``number``: of the input, 1 or 2; ``asked`` None: it is only to be switched off."""
         self.armed = False
-        self.captures: list[Capture] = []  # of this cycle
+        self.captures: list[ProbeCapture] = []  # of this cycle
         self.looked = -math.inf  # when the last look at 60B9h began that showed no new edge
         self._asked_at = -math.inf
         self._number, self._asked = number, asked
         self._parameters = parameters
         self._function = function
         self._exchange = Exchange(parameters)
-        self._step = Step.LOOK if function.word is None else Step.CLEAR
+        self._step = ArmingStep.LOOK if function.word is None else ArmingStep.CLEAR
         self._due = self._until = 0.0
         self._missing: set[Edge] = set() if asked is None else set(asked.edges)
         self._bits = 0 if asked is None else _bits_of(asked)
@@ -104,9 +104,9 @@ class Arming:
     @property
     def over(self) -> bool:
         """Whether the input is switched off."""
-        return self._step is Step.OVER
+        return self._step is ArmingStep.OVER
 
-    def step(self, image: Image, order: Order) -> None:
+    def step(self, image: AxisImage, order: CycleOutputs) -> None:
         """Do one cycle's work.
 
         Raises:
@@ -120,16 +120,16 @@ class Arming:
             if reply is None:
                 return
             _TAKE[self._step](self, reply.value or 0, image)
-        if self._step is not Step.OVER and not exchange.under_way and image.now >= self._due:
+        if self._step is not ArmingStep.OVER and not exchange.under_way and image.now >= self._due:
             self._ask(image, order)
 
-    def switch_off(self, order: Order) -> None:
+    def switch_off(self, order: CycleOutputs) -> None:
         """Want nothing any more, but that the input is switched off."""
         self._exchange.cancel(order)
         self._missing, self._bits, self._due = set(), 0, 0.0
-        self._step = Step.LOOK if self._function.word is None else Step.SWITCH_OFF
+        self._step = ArmingStep.LOOK if self._function.word is None else ArmingStep.SWITCH_OFF
 
-    def drop(self, order: Order) -> None:
+    def drop(self, order: CycleOutputs) -> None:
         """Take back what is under way."""
         self._exchange.cancel(order)
 
@@ -138,30 +138,32 @@ class Arming:
         counted = self._bits & CONTINUOUS and self._parameters.has(counter)
         return Latch(POSITIONS[self._number, edge], counter if counted else None)
 
-    def _ask(self, image: Image, order: Order) -> None:
-        index = self._latches[self._reading[0]].wanted if self._step is Step.READ else _ASKED[self._step]
-        writes = index == _FUNCTION and self._step is not Step.LOOK
+    def _ask(self, image: AxisImage, order: CycleOutputs) -> None:
+        index = (
+            self._latches[self._reading[0]].wanted if self._step is ArmingStep.READ else _ASKED[self._step]
+        )
+        writes = index == _FUNCTION and self._step is not ArmingStep.LOOK
         self._asked_at = image.now
         self._exchange.ask(index, self._word if writes else None, image, order)
 
     def _word(self) -> int:
-        return self._function.set(self._number, self._bits if self._step is Step.ARM else 0)
+        return self._function.set(self._number, self._bits if self._step is ArmingStep.ARM else 0)
 
     # -- what the answers lead to ----------------------------------------------------------------------------------------
 
-    def _looked(self, value: int, _: Image) -> None:
+    def _looked(self, value: int, _: AxisImage) -> None:
         if self._function.word is None:
             self._function.word = value
-        self._step = Step.CLEAR
+        self._step = ArmingStep.CLEAR
 
-    def _cleared(self, _: int, image: Image) -> None:
-        self._step = Step.OVER if not self._bits else Step.SEE_CLEAR
+    def _cleared(self, _: int, image: AxisImage) -> None:
+        self._step = ArmingStep.OVER if not self._bits else ArmingStep.SEE_CLEAR
         self._until = image.now + _PATIENCE
 
-    def _seen_clear(self, value: int, image: Image) -> None:
+    def _seen_clear(self, value: int, image: AxisImage) -> None:
         bits = byte_of(value, self._number) & IN_USE
         if not bits:
-            self._step = Step.ARM
+            self._step = ArmingStep.ARM
             return
         self._wait(
             image,
@@ -169,17 +171,17 @@ class Arming:
             "it does not forget what it has latched before when it is switched off",
         )
 
-    def _written(self, _: int, image: Image) -> None:
-        self._step, self._until = Step.SEE_ARMED, image.now + _PATIENCE
+    def _written(self, _: int, image: AxisImage) -> None:
+        self._step, self._until = ArmingStep.SEE_ARMED, image.now + _PATIENCE
 
-    def _seen_armed(self, value: int, image: Image) -> None:
+    def _seen_armed(self, value: int, image: AxisImage) -> None:
         if not byte_of(value, self._number) & IN_USE:
             self._wait(image, f"60B9h is {value:04X}h", "it does not show that it is armed")
             return
-        self.armed, self._step = True, Step.WATCH
+        self.armed, self._step = True, ArmingStep.WATCH
         self._watched(value, image)
 
-    def _watched(self, value: int, image: Image) -> None:
+    def _watched(self, value: int, image: AxisImage) -> None:
         bits = byte_of(value, self._number)
         self._reading = [edge for edge in Edge if edge in self._missing and bits & STORED[edge]]
         if not bits & ENABLED and (not self._reading or self._bits & CONTINUOUS):
@@ -190,10 +192,10 @@ class Arming:
         if not self._reading:
             self.looked = self._asked_at
         else:
-            self._step = Step.READ
+            self._step = ArmingStep.READ
             self._latches[self._reading[0]].begin()
 
-    def _read(self, value: int, image: Image) -> None:
+    def _read(self, value: int, image: AxisImage) -> None:
         edge = self._reading[0]
         latch = self._latches[edge]
         latched = latch.take(value)
@@ -205,12 +207,12 @@ class Arming:
         if self._reading:
             self._latches[self._reading[0]].begin()
         else:
-            self._step, self._due = Step.WATCH, image.now + POLL
+            self._step, self._due = ArmingStep.WATCH, image.now + POLL
 
-    def _switched_off(self, _: int, __: Image) -> None:
-        self._step = Step.OVER
+    def _switched_off(self, _: int, __: AxisImage) -> None:
+        self._step = ArmingStep.OVER
 
-    def _tell(self, edge: Edge, latched: Latched, image: Image) -> None:
+    def _tell(self, edge: Edge, latched: Latched, image: AxisImage) -> None:
         assert self._asked is not None
         position = image.unwrapped(latched.raw)
         if position is None:
@@ -219,11 +221,11 @@ class Arming:
         place = units.position.to_units(position - image.origin)
         if not is_within(place, self._asked.window, units.modulo):
             return
-        self.captures.append(Capture(edge, position, image.origin, image.now, latched.missed))
+        self.captures.append(ProbeCapture(edge, position, image.origin, image.now, latched.missed))
         if not self._asked.continuous:
             self._missing.discard(edge)
 
-    def _wait(self, image: Image, observed: str, failure: str) -> None:
+    def _wait(self, image: AxisImage, observed: str, failure: str) -> None:
         """Look again in a while; raises ProbeError where that has lasted too long."""
         if image.now > self._until:
             raise self._failure(failure, f"{observed}, {_PATIENCE:g} s after 60B8h was written")
@@ -239,7 +241,7 @@ class Arming:
             "program or tool writes it",
         )
 
-    def _unknown_place(self, image: Image) -> StaleError:
+    def _unknown_place(self, image: AxisImage) -> StaleError:
         name = self._parameters.name
         return StaleError(
             f"{name}: touch probe {self._number} has latched a position, which means nothing: the actual one (6064h) is unknown",
@@ -254,13 +256,13 @@ def _bits_of(asked: Probe) -> int:
     return function_bits(asked.edges, asked.source, continuous=continuous)
 
 
-_TAKE: dict[Step, Callable[[Arming, int, Image], None]] = {
-    Step.LOOK: Arming._looked,
-    Step.CLEAR: Arming._cleared,
-    Step.SEE_CLEAR: Arming._seen_clear,
-    Step.ARM: Arming._written,
-    Step.SEE_ARMED: Arming._seen_armed,
-    Step.WATCH: Arming._watched,
-    Step.READ: Arming._read,
-    Step.SWITCH_OFF: Arming._switched_off,
+_TAKE: dict[ArmingStep, Callable[[Arming, int, AxisImage], None]] = {
+    ArmingStep.LOOK: Arming._looked,
+    ArmingStep.CLEAR: Arming._cleared,
+    ArmingStep.SEE_CLEAR: Arming._seen_clear,
+    ArmingStep.ARM: Arming._written,
+    ArmingStep.SEE_ARMED: Arming._seen_armed,
+    ArmingStep.WATCH: Arming._watched,
+    ArmingStep.READ: Arming._read,
+    ArmingStep.SWITCH_OFF: Arming._switched_off,
 }

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from axisbus.cia402.touch_probe import Edge
 
 
-class Capture(NamedTuple):
+class ProbeCapture(NamedTuple):
     """One edge: ``position`` (unwrapped increments) where the drive was at it, and ``origin`` of the axis when that was seen.
 
     ``stamp``: seconds (monotonic) of the cycle in which it was seen. ``missed``: how many edges of this kind the drive has counted

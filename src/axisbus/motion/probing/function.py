@@ -5,7 +5,7 @@ from __future__ import annotations
 from axisbus.cia402.touch_probe import with_byte
 
 
-class Function:
+class ProbeFunction:
     """Holds what 60B8h was set to last, or was read as; None: it is to be read first."""
 
     __slots__ = ("word",)

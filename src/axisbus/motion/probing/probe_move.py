@@ -14,23 +14,23 @@ from axisbus.motion import commands as c
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.accept_motion import require_motion, require_rest
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.command_status import Status, Ticket, end_as, unattended
+from axisbus.motion.command_status import CommandStatus, Status, end_as, unattended
 from axisbus.motion.group.commands import ProbeMove
-from axisbus.motion.group.start_barrier import Gate
+from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.user_code_errors import broken
 
 
-class Search:
+class ProbeSearch:
     """Holds the ticket of the search, and those of what the axis is told for it; stepped once per cycle, before the axis."""
 
     line = None  # it leads nobody itself
 
-    def __init__(self, ticket: Ticket, core: AxisCore, command: ProbeMove) -> None:
+    def __init__(self, ticket: CommandStatus, core: AxisCore, command: ProbeMove) -> None:
         self._ticket, self._core, self._command = ticket, core, command
-        self._gate = Gate()
-        self._probe = Ticket(f"{ticket.name} [probe]", self._hear)
-        self._move = Ticket(f"{ticket.name} [move]")
-        self._halt: Ticket | None = None
+        self._gate = StartBarrier()
+        self._probe = CommandStatus(f"{ticket.name} [probe]", self._hear)
+        self._move = CommandStatus(f"{ticket.name} [move]")
+        self._halt: CommandStatus | None = None
         self._seen = False
         self._arrived = 0.0  # when the move had ended
 
@@ -79,7 +79,7 @@ class Search:
         """End it with ``error``: the scan has ended."""
         self._ticket.finish(Status.ERROR, error)
 
-    def _hear(self, probe: Ticket) -> None:
+    def _hear(self, probe: CommandStatus) -> None:
         if probe.capture is not None:
             self._seen = True
             self._ticket.tell(probe.capture)
@@ -91,7 +91,7 @@ class Search:
         elif self._move.error is not None:  # another command, or a failure
             self._end(self._move.error)
         elif self._seen:
-            self._halt = Ticket(f"{self.name} [halt]")
+            self._halt = CommandStatus(f"{self.name} [halt]")
             accept(self._core, c.Halt(), self._halt)
         elif not self._probe.busy:
             self._give_up(
@@ -125,5 +125,5 @@ class Search:
 
     def _end(self, error: AxisbusError | None) -> None:
         probe = self._command.probe
-        accept(self._core, c.ProbeAbort(probe.number, probe.key), Ticket(f"{self.name} [abort]"))
+        accept(self._core, c.ProbeAbort(probe.number, probe.key), CommandStatus(f"{self.name} [abort]"))
         self._ticket.finish(Status.DONE if error is None else end_as(error), error)

@@ -6,15 +6,15 @@ import math
 from dataclasses import dataclass, field
 
 from axisbus.errors import AxisbusError, Interrupted, NodeError, Replaced, StateError, Stopped
-from axisbus.motion.axis.active_command import Running
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
-from axisbus.motion.command_status import Ticket
+from axisbus.motion.axis.active_command import ActiveCommand
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.commands import Probe, ProbeAbort
 from axisbus.motion.moves.activity import require_position
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.probing.arming import Arming
-from axisbus.motion.probing.function import Function
+from axisbus.motion.probing.function import ProbeFunction
 from axisbus.motion.stop.diagnosis import nmt_text
 from axisbus.motion.stop.lost import ANEW
 
@@ -24,23 +24,23 @@ class _Request:
     """``ticket`` is of who asked for it (None once that has ended), ``enders`` of those who wait until it is switched off."""
 
     arming: Arming
-    ticket: Ticket | None = None
+    ticket: CommandStatus | None = None
     key: int | None = None
-    enders: list[Ticket] = field(default_factory=list)
+    enders: list[CommandStatus] = field(default_factory=list)
 
 
 class Probes:
     """Holds the request for each input, and 60B8h, which they share. Nothing of it moves or energises anything."""
 
-    def __init__(self, parameters: AxisParameters, running: Running) -> None:
+    def __init__(self, parameters: AxisParameters, running: ActiveCommand) -> None:
         """``running`` tells the scan that a ticket has ended, or has something to tell."""
         self.requests: dict[int, _Request] = {}
         self._parameters = parameters
         self._running = running
-        self._function = Function()
+        self._function = ProbeFunction()
         self.latched = 0  # edges that somebody was told of
 
-    def begin(self, asked: Probe, ticket: Ticket, image: Image, order: Order) -> None:
+    def begin(self, asked: Probe, ticket: CommandStatus, image: AxisImage, order: CycleOutputs) -> None:
         """Take a request; one before for the same input ends as replaced.
 
         Raises:
@@ -52,7 +52,7 @@ class Probes:
         arming = self._arming(asked.number, asked)
         self.requests[asked.number] = _Request(arming, ticket, asked.key, before)
 
-    def abort(self, asked: ProbeAbort, ticket: Ticket, image: Image, order: Order) -> None:
+    def abort(self, asked: ProbeAbort, ticket: CommandStatus, image: AxisImage, order: CycleOutputs) -> None:
         """Switch an input off, whoever has armed it; with a ``key``, only what that request has armed.
 
         Raises:
@@ -77,7 +77,7 @@ class Probes:
         request = self.requests.get(number)
         return math.inf if request is None else request.arming.looked
 
-    def step(self, image: Image, order: Order) -> None:
+    def step(self, image: AxisImage, order: CycleOutputs) -> None:
         """Do one cycle's work for each request."""
         if not image.operational:
             self.lose(self._lost(image), order)
@@ -88,14 +88,14 @@ class Probes:
             except AxisbusError as error:
                 self._fail(number, request, error, order)
 
-    def end_all(self, kind: type[Interrupted], why: str, order: Order, remedy: str = "") -> None:
+    def end_all(self, kind: type[Interrupted], why: str, order: CycleOutputs, remedy: str = "") -> None:
         """End all requests, and switch their inputs off; ``why`` goes on after the name of each, in words."""
         for request in self.requests.values():
             if request.ticket is not None:
                 self._end(request, kind(f"{request.ticket.name} {why}", remedy=remedy))
                 request.arming.switch_off(order)
 
-    def lose(self, error: AxisbusError, order: Order) -> None:
+    def lose(self, error: AxisbusError, order: CycleOutputs) -> None:
         """End all requests; what is armed still is left so, as nobody hears us."""
         for request in self.requests.values():
             request.arming.drop(order)
@@ -104,7 +104,7 @@ class Probes:
         self.requests.clear()
         self._function.word = None
 
-    def drop(self) -> list[Ticket]:
+    def drop(self) -> list[CommandStatus]:
         """Return the tickets that have not ended, and forget all."""
         tickets = [
             ticket
@@ -122,7 +122,7 @@ class Probes:
             self._function.word = None  # others may have written it meanwhile
         return Arming(number, asked, self._parameters, self._function)
 
-    def _replace(self, number: int, ticket: Ticket, order: Order) -> list[Ticket]:
+    def _replace(self, number: int, ticket: CommandStatus, order: CycleOutputs) -> list[CommandStatus]:
         """End the request before, and return who waits until its input is switched off: they wait on."""
         request = self.requests.get(number)
         if request is None:
@@ -132,7 +132,7 @@ class Probes:
             self._end(request, Replaced(f"{request.ticket.name} was replaced by {ticket.name}"))
         return request.enders
 
-    def _step(self, number: int, request: _Request, image: Image, order: Order) -> None:
+    def _step(self, number: int, request: _Request, image: AxisImage, order: CycleOutputs) -> None:
         arming, ticket = request.arming, request.ticket
         was_armed = arming.armed
         arming.step(image, order)
@@ -145,7 +145,7 @@ class Probes:
         if arming.over:
             del self.requests[number]
 
-    def _tell(self, request: _Request, ticket: Ticket, *, became_armed: bool) -> None:
+    def _tell(self, request: _Request, ticket: CommandStatus, *, became_armed: bool) -> None:
         if became_armed:
             ticket.begin()
             self._running.ended = True  # who waits for that is woken
@@ -156,7 +156,7 @@ class Probes:
         if request.arming.fulfilled:
             self._end(request, None)
 
-    def _fail(self, number: int, request: _Request, error: AxisbusError, order: Order) -> None:
+    def _fail(self, number: int, request: _Request, error: AxisbusError, order: CycleOutputs) -> None:
         """What has failed is switched off, if the drive takes that; where this fails, it is left."""
         switching_off = request.ticket is None
         self._end(request, error)
@@ -179,7 +179,7 @@ class Probes:
 
     # -- the node ----------------------------------------------------------------------------------------------------
 
-    def _require_node(self, ticket: Ticket, image: Image) -> None:
+    def _require_node(self, ticket: CommandStatus, image: AxisImage) -> None:
         if not image.operational:
             raise StateError(
                 f"{ticket.name}: node {self._parameters.node} is not operational",
@@ -187,7 +187,7 @@ class Probes:
                 remedy="look at its supply and cable, and open the machine again (axisbus boot cell.toml shows what it says)",
             )
 
-    def _lost(self, image: Image) -> NodeError:
+    def _lost(self, image: AxisImage) -> NodeError:
         name, node = self._parameters.name, self._parameters.node
         return NodeError(
             f"{name}: node {node} is lost, and what its touch probe was armed for with it",

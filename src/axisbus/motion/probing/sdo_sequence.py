@@ -7,8 +7,8 @@ from collections.abc import Callable
 from axisbus.cia301 import abort
 from axisbus.cia402.port import SdoReply
 from axisbus.errors import DriveError
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.moves.activity import object_text
 from axisbus.motion.parameters import AxisParameters
 
@@ -31,12 +31,12 @@ class Exchange:
         self._tries = 0
         self._deadline = 0.0
 
-    def ask(self, index: int, value: Value | None, image: Image, order: Order) -> None:
+    def ask(self, index: int, value: Value | None, image: AxisImage, order: CycleOutputs) -> None:
         """Begin a transfer; ``value`` gives what is to be written by then (None: it is read)."""
         self._index, self._value, self._tries = index, value, 0
         self._send(image, order)
 
-    def step(self, image: Image, order: Order) -> SdoReply | None:
+    def step(self, image: AxisImage, order: CycleOutputs) -> SdoReply | None:
         """Return the answer to what is under way, once it has come.
 
         Raises:
@@ -55,13 +55,13 @@ class Exchange:
             raise self._refused(reply.abort)
         return reply
 
-    def cancel(self, order: Order) -> None:
+    def cancel(self, order: CycleOutputs) -> None:
         """Take back what is under way; an answer that comes all the same is not taken."""
         if self._id is not None:
             order.cancel.append(self._id)
         self._id, self.under_way = None, False
 
-    def _again(self, image: Image, order: Order) -> None:
+    def _again(self, image: AxisImage, order: CycleOutputs) -> None:
         self.cancel(order)
         if self._tries >= _TRIES:
             raise DriveError(
@@ -71,7 +71,7 @@ class Exchange:
             )
         self._send(image, order)
 
-    def _send(self, image: Image, order: Order) -> None:
+    def _send(self, image: AxisImage, order: CycleOutputs) -> None:
         self._tries += 1
         self._deadline = image.now + self._patience
         self._id = order.request(self._index, 0, None if self._value is None else self._value())

@@ -26,7 +26,7 @@ _FLAT = 1e-9  # of a slope: what it changes by within a stretch is nothing but r
 
 
 @dataclass(frozen=True, slots=True)
-class Tabled:
+class SampledSegment:
     """``count`` intervals over ``length`` (units of the path); ``motions`` holds a sample before each and one at the end.
 
     A sample is three doubles (little-endian) for each of ``axes``. ``curved``: the highest curvature of the path in each interval.
@@ -81,16 +81,16 @@ class Tabled:
         return tuple(map(min, zip(*lows, strict=True))), tuple(map(max, zip(*highs, strict=True)))
 
 
-def tabled(length: float, rows: Sequence[Row], curvatures: Sequence[float]) -> Tabled:
+def tabled(length: float, rows: Sequence[Row], curvatures: Sequence[float]) -> SampledSegment:
     """Return the piece of these samples, which are equally far apart; ``curvatures`` of as many stretches of it as there are."""
     count = len(rows) - 1
     values = [value for row in rows for motion in row for value in motion]
     spread = tuple(curvatures[n * len(curvatures) // count] for n in range(count))
-    return Tabled(length, count, len(rows[0]), struct.pack(f"<{len(values)}d", *values), spread)
+    return SampledSegment(length, count, len(rows[0]), struct.pack(f"<{len(values)}d", *values), spread)
 
 
 @lru_cache(maxsize=4096)
-def surveyed(piece: Tabled) -> tuple[Surveyed, ...]:
+def surveyed(piece: SampledSegment) -> tuple[Surveyed, ...]:
     """Return the stretches of a piece: of each axis, what bounds its part of the speed, the change of that, and its place."""
     rows = [piece.row(number) for number in range(piece.count + 1)]
     each = math.ceil(piece.count / _STRETCHES)
@@ -98,7 +98,7 @@ def surveyed(piece: Tabled) -> tuple[Surveyed, ...]:
     return tuple(_together(parts[n : n + each]) for n in range(0, piece.count, each))
 
 
-def _interval(piece: Tabled, rows: Sequence[Row], number: int) -> Surveyed:
+def _interval(piece: SampledSegment, rows: Sequence[Row], number: int) -> Surveyed:
     """Return what bounds the axes between two samples: the control points of the polynomials."""
     step, curvature = piece.step, piece.curved[number]
     if not step:

@@ -6,14 +6,14 @@ import math
 from collections.abc import Callable
 from enum import IntEnum
 
-from axisbus.cia402.state import ENERGISED, State
+from axisbus.cia402.state import ENERGISED, PowerState
 from axisbus.errors import AxisbusError, DriveError
-from axisbus.motion.command_status import Ticket
+from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.stop.stop_sequence import Rung, StopLadder, Then
+from axisbus.motion.stop.stop_sequence import AfterStop, StopLevel, StopSequence
 
-_MAYBE_ENERGISED = ENERGISED | {State.UNKNOWN}
+_MAYBE_ENERGISED = ENERGISED | {PowerState.UNKNOWN}
 
 
 class StopKind(IntEnum):
@@ -47,11 +47,11 @@ class Stopping:
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
-        self._tickets: list[Ticket] = []
+        self._tickets: list[CommandStatus] = []
         self._resets: list[
-            tuple[Ticket, Callable[[], None]]
+            tuple[CommandStatus, Callable[[], None]]
         ] = []  # each with what begins it when the stop has ended
-        self.ladder: StopLadder | None = None
+        self.ladder: StopSequence | None = None
         self.kind = StopKind.HALT
         self.locks = False  # MC_Stop was asked for: the axis stays in Stopping
         self.reason = ""
@@ -70,10 +70,10 @@ class Stopping:
     def ask(
         self,
         kind: StopKind,
-        then: Then,
-        rung: Rung,
+        then: AfterStop,
+        rung: StopLevel,
         reason: str,
-        ticket: Ticket | None,
+        ticket: CommandStatus | None,
         led_by: Activity | None = None,
     ) -> None:
         """Begin to stop, or let the stop that runs become as hard as this one; its time runs on.
@@ -91,10 +91,10 @@ class Stopping:
         if kind >= self.kind:
             self.kind, self.reason = kind, reason
 
-    def _ladder(self, then: Then, rung: Rung, led_by: Activity | None) -> StopLadder:
+    def _ladder(self, then: AfterStop, rung: StopLevel, led_by: Activity | None) -> StopSequence:
         if led_by is None:
-            return StopLadder(self._parameters, then, start=rung, set_going_at=self.set_going_at)
-        return StopLadder(
+            return StopSequence(self._parameters, then, start=rung, set_going_at=self.set_going_at)
+        return StopSequence(
             self._parameters,
             then,
             start=rung,
@@ -104,12 +104,12 @@ class Stopping:
             set_going_at=self.set_going_at,
         )
 
-    def join(self, ticket: Ticket) -> None:
+    def join(self, ticket: CommandStatus) -> None:
         """Let ``ticket`` end when the stop ends."""
         self._tickets.append(ticket)
         ticket.begin()
 
-    def add_reset(self, ticket: Ticket, begin: Callable[[], None]) -> None:
+    def add_reset(self, ticket: CommandStatus, begin: Callable[[], None]) -> None:
         """Let a reset wait for the end of the stop."""
         self._resets.append((ticket, begin))
         ticket.begin()
@@ -125,19 +125,19 @@ class Stopping:
         for _, begin in resets:
             begin()
 
-    def drop_resets(self) -> list[Ticket]:
+    def drop_resets(self) -> list[CommandStatus]:
         """Forget the resets that wait; return their tickets."""
         tickets, self._resets = [ticket for ticket, _ in self._resets], []
         return tickets
 
-    def drop(self) -> list[Ticket]:
+    def drop(self) -> list[CommandStatus]:
         """Forget the stop; return the tickets that waited for it."""
         tickets, self._tickets = self._tickets, []
         self.ladder, self.locks = None, False
         return tickets
 
 
-def stop_error(ladder: StopLadder, name: str) -> AxisbusError | None:
+def stop_error(ladder: StopSequence, name: str) -> AxisbusError | None:
     """Return what is to be told of a ladder that has come to its end, None when the axis stopped as it was asked to."""
     if ladder.confirmed and not ladder.descended:
         return None
@@ -181,14 +181,14 @@ def stop_error(ladder: StopLadder, name: str) -> AxisbusError | None:
     )
 
 
-def _remedy_for_late(ladder: StopLadder, name: str) -> str:
+def _remedy_for_late(ladder: StopSequence, name: str) -> str:
     raised = f"raise {' and '.join(ladder.late)} in [axes.{name}.stop]"
     if ladder.on_its_path and ladder.late == ["halt_time"]:
         return f"braking along its path took longer than halt_time: ask for a higher acceleration or a lower velocity, or {raised}"
     return f"look why the drive {' and '.join(_TOO_SLOW[key] for key in ladder.late)}, or {raised}"
 
 
-def _seen(ladder: StopLadder) -> str:
+def _seen(ladder: StopSequence) -> str:
     texts = ["stop ladder: " + " > ".join(rung.text for rung in ladder.path)]
     if ladder.late:
         texts.append(f"passed: {', '.join(ladder.late)}")

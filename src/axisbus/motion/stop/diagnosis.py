@@ -9,12 +9,12 @@ from axisbus.cia301 import emcy
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402 import modes, objects
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.errors import AxisbusError, BusOff, DriveFault, NodeError, TransmitQueueFull
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
-from axisbus.motion.command_status import Ticket
-from axisbus.motion.moves.activity import Transfers
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.command_status import CommandStatus
+from axisbus.motion.moves.activity import SdoTransfers
 from axisbus.motion.parameters import AxisParameters
 
 THEN = "\n            then: "  # between what was seen first and what came of it, under the word "observed"
@@ -60,19 +60,19 @@ _OF_OUR_SILENCE = frozenset({0x8130, 0x8250, 0x8700})
 _KEPT = 4  # parts at the beginning and at the end of a story
 _NO_CODE = "no error code could be read (603Fh)"
 _NOT_YET = "its error code is being read (603Fh)"
-_NO_OTHER = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE, State.UNKNOWN})
+_NO_OTHER = frozenset({PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE, PowerState.UNKNOWN})
 
 
-class History:
+class DriveHistory:
     """The last states and emergency messages of one drive; bounded."""
 
     __slots__ = ("emcy", "states")
 
     def __init__(self) -> None:
-        self.states: deque[tuple[float, State]] = deque(maxlen=8)
+        self.states: deque[tuple[float, PowerState]] = deque(maxlen=8)
         self.emcy: deque[emcy.Emcy] = deque(maxlen=16)
 
-    def note(self, image: Image) -> None:
+    def note(self, image: AxisImage) -> None:
         """Take what is new in this cycle."""
         if not self.states or self.states[-1][1] is not image.state:
             self.states.append((image.now, image.state))
@@ -93,7 +93,7 @@ class History:
         return [entry for entry in self.emcy if now - entry.stamp < _RECENT and not entry.is_reset]
 
 
-class FaultStory:
+class FaultDiagnosis:
     """Collects what a drive says of its fault: 603Fh and the make's own objects; holds the transfers, and who waits for the story.
 
     ``doing`` says what the fault interrupted, such as ``" during x.home()"``.
@@ -106,13 +106,13 @@ class FaultStory:
         items: list[tuple[int, int, int | None]] = [(objects.ERROR_CODE, 0, None)]
         items += [(index, subindex, None) for index, subindex in parameters.fault_objects]
         wanted = [item for item in items if parameters.has(item[0])]
-        self._transfers = Transfers(wanted, parameters)
+        self._transfers = SdoTransfers(wanted, parameters)
         self._deadline = now + parameters.timing.diagnosis
         self.doing = ""
-        self.tickets: list[Ticket] = []
+        self.tickets: list[CommandStatus] = []
         self.done = False
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when all is known, or no more will be."""
         try:
             self.done = self._transfers.step(image, order)
@@ -123,7 +123,7 @@ class FaultStory:
             self.done = True
         return self.done
 
-    def tell(self, image: Image, history: History) -> DriveFault:
+    def tell(self, image: AxisImage, history: DriveHistory) -> DriveFault:
         """Return the error that explains the fault."""
         name, values = self._parameters.name, dict(self._transfers.values)
         recent = history.recent_emcy(image.now)
@@ -178,7 +178,7 @@ def remedy(code: int | None) -> str:
     )
 
 
-def nmt_text(image: Image) -> str:
+def nmt_text(image: AxisImage) -> str:
     """Say why a node does not count as operational: what it reports, or that it has fallen silent."""
     silent = image.overdue or image.nmt in (NmtState.OPERATIONAL, NmtState.UNKNOWN)
     if not silent:
@@ -191,7 +191,7 @@ def _register(entry: emcy.Emcy) -> str:
     return f" (error register: {', '.join(words)})" if words else ""
 
 
-def enrich(error: AxisbusError, image: Image, history: History) -> AxisbusError:
+def enrich(error: AxisbusError, image: AxisImage, history: DriveHistory) -> AxisbusError:
     """Add to ``error.observed`` what was seen of the drive and is not said yet: mode, EMCY, NMT state, age of the last word."""
     texts = [error.observed] if error.observed else []
     texts.append(f"drive: {history.path()}")
@@ -207,7 +207,7 @@ def enrich(error: AxisbusError, image: Image, history: History) -> AxisbusError:
     return name_starvation(error, image)
 
 
-def name_starvation(error: AxisbusError, image: Image) -> AxisbusError:
+def name_starvation(error: AxisbusError, image: AxisImage) -> AxisbusError:
     """Say first what was this program's own: that it did not run. An alarm stays before it, and what is said is not said twice."""
     text = image.starvation.text(image.now)
     if not text or "this program did not run" in error.message:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.errors import DriveError
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.stop.coast_down import RunDown
+from axisbus.motion.stop.coast_down import CoastDown
 
-_FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
+_FAULTS = frozenset({PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE})
 
 
-class Aftermath:
+class FaultReaction:
     """Watches an axis in fault; holds until when its motor may move, and whether it has been told that it does."""
 
     __slots__ = ("_deadline", "_parameters", "_told")
@@ -21,12 +21,12 @@ class Aftermath:
         self._deadline: float | None = None
         self._told = False
 
-    def error(self, image: Image, run_down: RunDown, driven: bool) -> DriveError | None:
+    def error(self, image: AxisImage, run_down: CoastDown, driven: bool) -> DriveError | None:
         """Return, once, that the axis does not come to rest; ``driven``: this program has commanded it."""
         if image.state not in _FAULTS:
             self._deadline, self._told = None, False
             return None
-        rests = image.state is State.FAULT and not run_down.under_way
+        rests = image.state is PowerState.FAULT and not run_down.under_way
         if rests or self._told or not driven:
             return None
         if self._deadline is None:
@@ -37,7 +37,7 @@ class Aftermath:
         self._told = True
         return self._moves(image, run_down)
 
-    def _moves(self, image: Image, run_down: RunDown) -> DriveError:
+    def _moves(self, image: AxisImage, run_down: CoastDown) -> DriveError:
         name, times = self._parameters.name, self._parameters.stop_times
         seen = f"{times.quick_stop + times.disable:g} s after its fault the drive is in state {image.state.value!r}"
         if run_down.under_way:

@@ -7,10 +7,10 @@ command, integrated (``RampedWay``). A drive may lag: by its filters, by a scan 
 ``standstill_window`` and the way of 0.25 s at the highest speed that was commanded in the last 0.5 s (or ``following_error``).
 More than that, in two samples in a row, is a jam, a limit of the drive, a slipping coupling or a drive that does not listen.
 
-Two values are compared as of one time: 6062h with the position of its own sample time (``Image.lead``), however seldom it comes.
-Two samples of a 6062h that comes seldom tell only its mean speed between them; it may have ended faster by what its ramp adds in
-half of that time. Where 6062h is not compared (it is missing, not believed, or ``following_error = "off"``), the drive's own watch
-counts in pp: bit 13 of the statusword, which it sets by 6065h and 6066h.
+Two values are compared as of one time: 6062h with the position of its own sample time (``AxisImage.lead``), however seldom it
+comes. Two samples of a 6062h that comes seldom tell only its mean speed between them; it may have ended faster by what its ramp
+adds in half of that time. Where 6062h is not compared (it is missing, not believed, or ``following_error = "off"``), the drive's
+own watch counts in pp: bit 13 of the statusword, which it sets by 6065h and 6066h.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ import math
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import FollowingError
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.modes import FOLLOWED
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.stop_deceleration import Course
+from axisbus.motion.stop_deceleration import CommandedMotion
 
 _M = ModeOfOperation
 _TARGET_SEEN = 2.0  # scan periods from a target of csp to the position that it leads to, beyond the cycle in which it is compared
@@ -39,7 +39,7 @@ _REMEDY = (
 )
 
 
-class Peak:
+class RecentPeak:
     """The highest value of the last half to whole second; holds two buckets."""
 
     __slots__ = ("_before", "_now", "_until")
@@ -58,7 +58,7 @@ class Peak:
         return self._now if self._now > self._before else self._before
 
 
-class Following:
+class FollowingErrorMonitor:
     """Watches one axis; holds where it was led last, the highest speed of that, and how often in a row it was too far off.
 
     ``_mode`` is the position mode in which its activity leads it; None where that is another mode. ``led_at``: when it was led so.
@@ -87,7 +87,7 @@ class Following:
         """Watch ``activity`` from its beginning (None: nothing)."""
         self._activity = activity
         self._mode = None if activity is None or activity.mode not in FOLLOWED else activity.mode
-        self._peak = Peak()
+        self._peak = RecentPeak()
         self._led: int | None = None
         self.led_at = -math.inf
         self._stamp = -math.inf
@@ -95,7 +95,7 @@ class Following:
         self._since = math.inf
         self._bit_was_clear = False  # of bit 13, since the activity began
 
-    def error(self, image: Image, activity: Activity | None) -> FollowingError | None:
+    def error(self, image: AxisImage, activity: Activity | None) -> FollowingError | None:
         """Return why the axis must be stopped: it is too far from where ``activity`` leads it; None when all is well."""
         if activity is not self._activity:
             self.forget(activity)
@@ -139,7 +139,7 @@ class Following:
         self._peak.note(0.0 if before is None else abs(led - before) / (now - stamp), now)
         self._misses, self._since = 0, math.inf
 
-    def _led_off(self, image: Image) -> tuple[float | None, float]:
+    def _led_off(self, image: AxisImage) -> tuple[float | None, float]:
         """Return how far the axis is from where it is led, and when that was sampled."""
         target, position = image.led.target, image.position
         lead = image.demand_lead if self._parameters.compares_demand else None
@@ -149,7 +149,7 @@ class Following:
                 return off, image.position_stamp
         return lead, image.lead_stamp
 
-    def _allowed(self, top: float, image: Image, activity: Activity) -> float:
+    def _allowed(self, top: float, image: AxisImage, activity: Activity) -> float:
         parameters, by_position = self._parameters, activity.behind is None
         allowed = parameters.lag_allowed(top, by_position=by_position)
         if image.led.target is None or not by_position or not parameters.has_lag_window:
@@ -157,7 +157,7 @@ class Following:
         # A target takes effect with the next SYNC and is reached with the SYNC after it, and that is read one cycle later.
         return allowed + _TARGET_SEEN * top * parameters.scan_period
 
-    def _speed(self, image: Image, activity: Activity) -> float:
+    def _speed(self, image: AxisImage, activity: Activity) -> float:
         led, when = image.led.target, image.now
         if led is None:
             led, when = image.demand, image.demand_stamp
@@ -174,14 +174,14 @@ class Following:
         return self._at_end(mean, min(passed, _SPEED_TIME), activity.course)
 
     @staticmethod
-    def _at_end(mean: float, passed: float, course: Course | None) -> float:
+    def _at_end(mean: float, passed: float, course: CommandedMotion | None) -> float:
         """Return the highest speed at the end of a time that ``passed`` with this ``mean``."""
         if course is None or course.up is None:
             return mean
         fastest = mean + 0.5 * course.up * passed
         return fastest if course.speed is None else max(mean, min(fastest, abs(course.speed)))
 
-    def _by_drive(self, image: Image) -> FollowingError | None:
+    def _by_drive(self, image: AxisImage) -> FollowingError | None:
         """Return what the drive's own watch says (6065h, 6066h), where it has one and has said so in this motion only."""
         parameters, word = self._parameters, image.statusword
         if parameters.drive_following_error is None or word is None:
@@ -202,7 +202,7 @@ class Following:
             remedy=_REMEDY,
         )
 
-    def _failed(self, image: Image, way: float, allowed: float) -> FollowingError:
+    def _failed(self, image: AxisImage, way: float, allowed: float) -> FollowingError:
         name, units = self._parameters.name, self._parameters.units.position
         assert image.position is not None
         where = units.to_units(image.position - image.origin)

@@ -12,9 +12,9 @@ from __future__ import annotations
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import DriveError
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
-from axisbus.motion.moves.activity import Transfers
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.moves.activity import SdoTransfers
 from axisbus.motion.moves.setpoint_without_ack import set_point
 from axisbus.motion.parameters import AxisParameters, Handshake, HoldsLoad
 from axisbus.units import wrap
@@ -23,7 +23,7 @@ _RATED = 1000  # ‰ of rated torque (6077h)
 _LOWEST = 1  # 6081h, in the drive's own velocity increments
 
 
-def needs_relief(image: Image, parameters: AxisParameters) -> bool:
+def needs_relief(image: AxisImage, parameters: AxisParameters) -> bool:
     """Whether the drive may still be led to the target of an interrupted move, and nobody sees it."""
     if image.mode != ModeOfOperation.PROFILE_POSITION or image.demand is not None:
         return False
@@ -32,18 +32,18 @@ def needs_relief(image: Image, parameters: AxisParameters) -> bool:
     return abs(image.led.set_point - image.position) > parameters.pull_window
 
 
-def is_blind(image: Image, parameters: AxisParameters) -> bool:
+def is_blind(image: AxisImage, parameters: AxisParameters) -> bool:
     """Whether nobody sees where the drive's controller leads an axis that was in the middle of a move or of a homing."""
     searching = image.mode == ModeOfOperation.HOMING and image.led.searching_since < image.now
     return needs_relief(image, parameters) or (searching and image.pull is None)
 
 
-def pushes(image: Image, parameters: AxisParameters) -> bool:
+def pushes(image: AxisImage, parameters: AxisParameters) -> bool:
     """Whether an axis at rest that holds no load pushes with all its rated torque: something holds it."""
     return parameters.holds_load is HoldsLoad.NO and image.torque is not None and abs(image.torque) >= _RATED
 
 
-class Relief:
+class HoldSetPoint:
     """A set-point at ``target`` under halt; holds its transfers and its handshake."""
 
     __slots__ = ("_failed", "_read", "_set_point", "_transfers")
@@ -51,14 +51,14 @@ class Relief:
     def __init__(self, target: int, parameters: AxisParameters) -> None:
         """``target``: the actual position, in unwrapped increments."""
         slow = [(objects.PROFILE_VELOCITY, 0, _LOWEST)] if parameters.has(objects.PROFILE_VELOCITY) else []
-        self._transfers = Transfers(slow, parameters)
+        self._transfers = SdoTransfers(slow, parameters)
         self._set_point = set_point(target, parameters)
         # Where bit 12 proves nothing, and no motion can: that the target has arrived is what is left.
         by_sight = parameters.handshake is Handshake.ON_CHANGE
-        self._read = Transfers([(objects.TARGET_POSITION, 0, None)] if by_sight else [], parameters)
+        self._read = SdoTransfers([(objects.TARGET_POSITION, 0, None)] if by_sight else [], parameters)
         self._failed = False
 
-    def step(self, image: Image, order: Order) -> bool:
+    def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True once the drive has the new target; one that does not take it never has it."""
         order.halt = True
         if self._failed:
@@ -74,7 +74,7 @@ class Relief:
         self._failed = wrap(shown) != wrap(self._set_point.target)
         return not self._failed
 
-    def cancel(self, order: Order) -> None:
+    def cancel(self, order: CycleOutputs) -> None:
         """Take back what is queued."""
         self._transfers.cancel(order)
         self._read.cancel(order)

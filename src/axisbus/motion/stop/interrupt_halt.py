@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.command_status import Ticket, unattended
+from axisbus.motion.command_status import CommandStatus, unattended
 from axisbus.motion.commands import HandOver, QuickStop
 from axisbus.motion.states import MOVING, AxisState
 
@@ -16,7 +16,7 @@ class Halting:
 
     def __init__(self) -> None:
         self._last = 0
-        self._tickets: list[Ticket] = []
+        self._tickets: list[CommandStatus] = []
 
     def begin(self, cores: Mapping[str, AxisCore], reason: str, number: int) -> None:
         """Halt every axis that was set going; another interrupt while one of them is still at that is a quick stop of all.

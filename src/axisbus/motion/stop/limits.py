@@ -25,15 +25,15 @@ import math
 from axisbus.cia402 import objects
 from axisbus.cia402.options import Ramp
 from axisbus.errors import AxisbusError, LimitError
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.moves.activity import require_position
 from axisbus.motion.moves.profile import braking_distance
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.position_limits import NOISE, Room, narrowed, widened
 from axisbus.motion.states import AxisState
-from axisbus.motion.stop.stop_sequence import Rung
-from axisbus.motion.stop_deceleration import BRAKES, Course
-from axisbus.motion.velocity_estimator import Track
+from axisbus.motion.stop.stop_sequence import StopLevel
+from axisbus.motion.stop_deceleration import BRAKES, CommandedMotion
+from axisbus.motion.velocity_estimator import VelocityEstimator
 
 _CONTINUOUS, _DISCRETE = AxisState.CONTINUOUS_MOTION, AxisState.DISCRETE_MOTION
 _OVERSPEED = 1.1  # measured velocity is noisy, and a drive's own control overshoots
@@ -50,7 +50,7 @@ _LONGEST_LAG = (
 )
 
 
-class Guard:
+class LimitMonitor:
     """Sees danger in time to brake; holds the tracks of the position and of the demand, and since when the axis moves freely."""
 
     __slots__ = (
@@ -69,7 +69,7 @@ class Guard:
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
-        self._position, self._demand = Track(), Track()
+        self._position, self._demand = VelocityEstimator(), VelocityEstimator()
         limits, units = parameters.limits.position, parameters.units.position
         edges = None if limits is None else sorted(edge * units.factor for edge in limits)
         self._edges = None if edges is None else Room(*edges)  # in increments, from the origin
@@ -84,7 +84,7 @@ class Guard:
         )
 
     @property
-    def tracks(self) -> tuple[Track, Track | None]:
+    def tracks(self) -> tuple[VelocityEstimator, VelocityEstimator | None]:
         """The tracks of the position, and of the demand where that is looked at."""
         return self._position, None if self._edges is None else self._demand
 
@@ -98,7 +98,7 @@ class Guard:
         """Whether the axis was seen to move to no place and along no path: ``danger`` then has to note that this has ended."""
         return self._free_since is not None
 
-    def look(self, image: Image) -> None:
+    def look(self, image: AxisImage) -> None:
         """Take the positions of this cycle; in every cycle, whatever the axis does."""
         self._position.take(image.position, image.position_stamp)
         if self._edges is not None:
@@ -106,11 +106,11 @@ class Guard:
 
     def danger(
         self,
-        image: Image,
+        image: AxisImage,
         state: AxisState,
         *,
         bounded: bool = True,
-        course: Course | None = None,
+        course: CommandedMotion | None = None,
         lag: float | None = None,
     ) -> AxisbusError | None:
         """Return why the axis must be stopped now, None when all is well.
@@ -133,10 +133,10 @@ class Guard:
             return self._blind(image) if bounded else None
         if not self._position.is_known:
             return None
-        course = course or Course()
+        course = course or CommandedMotion()
         return self._too_fast(image, course) or (self._too_far(image, course) if bounded else None)
 
-    def _follow_back(self, image: Image, edges: Room, where: int) -> None:
+    def _follow_back(self, image: AxisImage, edges: Room, where: int) -> None:
         """Widen the limits to where the axis rests beyond them; while it comes back, let them follow it."""
         if edges.has(where):
             self._room = edges
@@ -147,7 +147,7 @@ class Guard:
         self._origin = image.origin
 
     def overrun(
-        self, image: Image, down: float, before: Course | None = None, soft: float = 0.0
+        self, image: AxisImage, down: float, before: CommandedMotion | None = None, soft: float = 0.0
     ) -> float | None:
         """Return where (in units) the axis would come to rest beyond its position limits if it had to brake with ``down``.
 
@@ -157,15 +157,17 @@ class Guard:
             return None
         velocity, _ = self._position.motion
         if before is not None and before.by_torque:
-            return self._stop(image, Course(by_torque=True), down)
-        course = Course(speed=velocity, up=0.0, soft=soft)
+            return self._stop(image, CommandedMotion(by_torque=True), down)
+        course = CommandedMotion(speed=velocity, up=0.0, soft=soft)
         if before is not None and before.by_target and before.speed is not None and before.up is not None:
             # In a move of the drive it may accelerate until the drive has the next ramps and the next set-point.
             late = 2.0 * _PREPARES * self._parameters.scan_period
-            course = Course(speed=math.copysign(before.speed, velocity), up=before.up, soft=late + soft)
+            course = CommandedMotion(
+                speed=math.copysign(before.speed, velocity), up=before.up, soft=late + soft
+            )
         return self._stop(image, course, down)
 
-    def _overshoots(self, image: Image, course: Course) -> LimitError | None:
+    def _overshoots(self, image: AxisImage, course: CommandedMotion) -> LimitError | None:
         """Return why a move to a position must be stopped: it has begun too fast for the deceleration that it brings.
 
         A move that ends within the limits never has a way to rest beyond them, but for its velocity being older than its position.
@@ -189,7 +191,7 @@ class Guard:
         rest = self._outside(image, image.position + way, direction)
         return None if rest is None else self._leaving(image, rest)
 
-    def _is_far(self, image: Image, down: float) -> bool:
+    def _is_far(self, image: AxisImage, down: float) -> bool:
         """Whether the limits are so far away that twice the speed could be braked: then nothing more is to be computed."""
         assert self._edges is not None
         assert image.position is not None
@@ -197,7 +199,7 @@ class Guard:
         where = image.position - image.origin
         return self._edges[0] + way < where < self._edges[1] - way
 
-    def _blind(self, image: Image) -> AxisbusError | None:
+    def _blind(self, image: AxisImage) -> AxisbusError | None:
         try:
             require_position(image, self._parameters.name, "keeping the position limits")
         except AxisbusError as error:
@@ -206,7 +208,7 @@ class Guard:
 
     # -- velocity ----------------------------------------------------------------------------------------------------
 
-    def _too_fast(self, image: Image, course: Course) -> LimitError | None:
+    def _too_fast(self, image: AxisImage, course: CommandedMotion) -> LimitError | None:
         limit, units = self._parameters.limits.velocity, self._parameters.units.position
         if limit is None or not self._parameters.units.ratio_known:
             return None  # a limit in the drive's own count of velocities is none of positions
@@ -230,14 +232,14 @@ class Guard:
 
     # -- position ----------------------------------------------------------------------------------------------------
 
-    def _too_far(self, image: Image, course: Course) -> LimitError | None:
+    def _too_far(self, image: AxisImage, course: CommandedMotion) -> LimitError | None:
         ramp = stop_of(self._parameters, course)[1]
         if ramp is None and course.unknown:
             return self._unstoppable(course)
         stop = self._stop(image, course, ramp)
         return None if stop is None else self._leaving(image, stop)
 
-    def _unstoppable(self, course: Course) -> LimitError:
+    def _unstoppable(self, course: CommandedMotion) -> LimitError:
         why, remedy = unknown_braking(self._parameters, course)
         return LimitError(
             f"{self._parameters.name}: could not be stopped within its position limits",
@@ -245,7 +247,7 @@ class Guard:
             remedy=remedy,
         )
 
-    def _leaving(self, image: Image, stop: float) -> LimitError:
+    def _leaving(self, image: AxisImage, stop: float) -> LimitError:
         limits, units = self._parameters.limits.position, self._parameters.units.position
         assert limits is not None
         assert image.position is not None
@@ -261,14 +263,14 @@ class Guard:
             self.leaving = error
         return error
 
-    def _leads(self, image: Image) -> bool:
+    def _leads(self, image: AxisImage) -> bool:
         """Whether the demand is one of this motion: a drive may keep an old one in a mode that has none."""
         if image.demand is None or image.position is None or not self._demand.is_known:
             return False
         velocity, _ = self._demand.motion
         return 0.0 < abs(image.lead or 0.0) <= _LONGEST_LAG * abs(velocity)
 
-    def _stop(self, image: Image, course: Course, ramp: float | None) -> float | None:
+    def _stop(self, image: AxisImage, course: CommandedMotion, ramp: float | None) -> float | None:
         """Return where the axis would come to rest, in units, if that is farther out than the limits."""
         leads = self._leads(image) and not course.by_torque
         seldom = leads and self._demand.spacing > _SELDOM * self._position.spacing
@@ -280,7 +282,7 @@ class Guard:
             stop = self._beyond(image, self._demand, course, ramp, late)
         return stop
 
-    def _take_lag(self, image: Image, *, seldom: bool) -> None:
+    def _take_lag(self, image: AxisImage, *, seldom: bool) -> None:
         """Take the lag from a ``seldom`` demand that has come in this cycle, and from the velocity of the axis then."""
         if not seldom:
             self._shown_lag, self._shown_at = 0.0, -math.inf
@@ -293,7 +295,12 @@ class Guard:
         self._shown_lag = min(max(0.0, ahead) / abs(velocity), _LONGEST_LAG) if velocity else 0.0
 
     def _beyond(
-        self, image: Image, track: Track, course: Course, ramp: float | None, late: float
+        self,
+        image: AxisImage,
+        track: VelocityEstimator,
+        course: CommandedMotion,
+        ramp: float | None,
+        late: float,
     ) -> float | None:
         """Return where a count would come to rest, in units, if that is farther out than the limits.
 
@@ -315,13 +322,15 @@ class Guard:
                 return rest
         return None
 
-    def _may_be_noise(self, track: Track, direction: int, course: Course) -> bool:
+    def _may_be_noise(self, track: VelocityEstimator, direction: int, course: CommandedMotion) -> bool:
         """Whether nothing leads the axis in ``direction``, and it has gone no farther there than its position wanders."""
         if course.speed is not None and course.speed * direction > 0:
             return False
         return _only_wanders(track, direction)
 
-    def _outside(self, image: Image, position: float, direction: int, window: float = 0.0) -> float | None:
+    def _outside(
+        self, image: AxisImage, position: float, direction: int, window: float = 0.0
+    ) -> float | None:
         """Return ``position`` in units, if it is beyond the limit in ``direction`` (1 or -1, of the increments) by ``window``."""
         if self._room is None:
             return None
@@ -332,18 +341,24 @@ class Guard:
         )
 
     def _way_to_rest(
-        self, image: Image, track: Track, speed: float, soft: float, course: Course, ramp: float | None
+        self,
+        image: AxisImage,
+        track: VelocityEstimator,
+        speed: float,
+        soft: float,
+        course: CommandedMotion,
+        ramp: float | None,
     ) -> float:
         """Increments until rest from ``speed``: what passes before a stop acts, then its ramp."""
         time = self._time(image, track.motion[0]) + soft
         way = speed * (time + max(_SEIZURE, self._lag) if course.by_torque else time)
         return way + braking_distance(speed, ramp) if ramp else way
 
-    def _growth(self, image: Image, track: Track) -> float:
+    def _growth(self, image: AxisImage, track: VelocityEstimator) -> float:
         """Seconds from the velocity that is known of a count to where a stop acts."""
         return self._time(image, track.motion[0]) + 1.5 * track.spacing
 
-    def _time(self, image: Image, velocity: float) -> float:
+    def _time(self, image: AxisImage, velocity: float) -> float:
         """Seconds from the last position to where a stop acts.
 
         The position of an axis that stood may be old (a drive that sends on change): it has moved only since it may.
@@ -354,7 +369,7 @@ class Guard:
         return age + _REACTION * self._parameters.scan_period
 
 
-def stop_of(parameters: AxisParameters, course: Course) -> tuple[Rung, float | None]:
+def stop_of(parameters: AxisParameters, course: CommandedMotion) -> tuple[StopLevel, float | None]:
     """Return the rung that brakes an axis on ``course``, and with how many position increments per s² (None: not known).
 
     A halt in profile torque mode only lets the torque go. There the quick stop brakes, or where that does not, or would let a load
@@ -362,20 +377,20 @@ def stop_of(parameters: AxisParameters, course: Course) -> tuple[Rung, float | N
     """
     braking = parameters.braking
     slow = braking.capped_down(course.down or (None if course.unknown else parameters.slow_ramp))
-    quick = Rung.QUICK_STOP, braking.deceleration(braking.quick_stop, slow)
+    quick = StopLevel.QUICK_STOP, braking.deceleration(braking.quick_stop, slow)
     if course.by_target:
         harder = braking.quick_stop in BRAKES and (quick[1] or 0.0) > (slow or 0.0)
-        return quick if harder else (Rung.HALT, slow)
+        return quick if harder else (StopLevel.HALT, slow)
     if course.by_core:
-        return Rung.HALT, course.down
+        return StopLevel.HALT, course.down
     if course.by_torque:
-        return (Rung.HALT, slow) if parameters.halts_torque_by_mode else quick
+        return (StopLevel.HALT, slow) if parameters.halts_torque_by_mode else quick
     if braking.halt is Ramp.COAST and braking.quick_stop in BRAKES:
         return quick
-    return Rung.HALT, braking.deceleration(braking.halt, slow)
+    return StopLevel.HALT, braking.deceleration(braking.halt, slow)
 
 
-def unknown_braking(parameters: AxisParameters, course: Course) -> tuple[str, str]:
+def unknown_braking(parameters: AxisParameters, course: CommandedMotion) -> tuple[str, str]:
     """Return why it is not known by how much a stop brakes an axis on ``course``, and what to do about it."""
     name, braking = parameters.name, parameters.braking
     if not parameters.units.ratio_known:
@@ -409,12 +424,12 @@ def unknown_braking(parameters: AxisParameters, course: Course) -> tuple[str, st
     )
 
 
-def _only_wanders(track: Track, direction: int) -> bool:
+def _only_wanders(track: VelocityEstimator, direction: int) -> bool:
     """Whether a count has moved in ``direction`` by no more than encoder noise."""
     return track.gone * direction <= NOISE
 
 
-def _fastest(track: Track, direction: int, course: Course, time: float) -> float:
+def _fastest(track: VelocityEstimator, direction: int, course: CommandedMotion, time: float) -> float:
     """Return how fast a count may be in ``direction`` after ``time``: by its command, else by the acceleration that is seen."""
     out = track.toward(direction)
     if course.speed is None or course.up is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from axisbus.cia301 import cob
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import NodeStateError
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.stop.diagnosis import nmt_text
 
 # What was heard last of a node that is lost without a word.
@@ -34,7 +34,7 @@ def remedy_for_silence(node: int) -> str:
     )
 
 
-def silence_of(node: int, image: Image) -> tuple[str, str]:
+def silence_of(node: int, image: AxisImage) -> tuple[str, str]:
     """Return what makes a node count as lost that has fallen silent, and what was expected of it."""
     if image.guarded:
         return (
@@ -44,7 +44,7 @@ def silence_of(node: int, image: Image) -> tuple[str, str]:
     return "its heartbeat stopped", "no heartbeat of it came in time"
 
 
-def not_to_be_reset(name: str, node: int, image: Image, *, stopping: bool) -> NodeStateError:
+def not_to_be_reset(name: str, node: int, image: AxisImage, *, stopping: bool) -> NodeStateError:
     """Return why a command cannot reset an axis whose node is not operational; ``stopping``: the axis is still being stopped."""
     still = "; the axis is still being stopped" if stopping else ""
     if image.bus is not None:

@@ -17,10 +17,10 @@ from __future__ import annotations
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import LimitError
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.velocity_estimator import Track
+from axisbus.motion.velocity_estimator import VelocityEstimator
 
 MARGIN = 1.25  # of max_velocity: a drive's control overshoots
 MARGIN_OF_COMMAND = 2.0  # of the speed that was asked for
@@ -45,7 +45,9 @@ class SpeedWatch:
         self._misses = 0
         self._stamp = self._since = 0.0
 
-    def error(self, image: Image, activity: Activity | None, track: Track) -> LimitError | None:
+    def error(
+        self, image: AxisImage, activity: Activity | None, track: VelocityEstimator
+    ) -> LimitError | None:
         """Return why an axis that ``activity`` moves must be stopped; None when all is well. ``track``: of its positions."""
         # In the cyclic modes the master generates the targets, and ``Following`` monitors the lag behind them.
         if activity is None or activity.leading is not None:
@@ -79,7 +81,7 @@ class SpeedWatch:
         """Whether ``max_velocity`` is known in position increments: as the units say, or because the master makes the positions."""
         return self._parameters.units.ratio_known or activity.mode is ModeOfOperation.CYCLIC_SYNC_POSITION
 
-    def _asked(self, image: Image, activity: Activity, seen: float) -> float | None:
+    def _asked(self, image: AxisImage, activity: Activity, seen: float) -> float | None:
         """Return the speed that the axis may have by its commands; None where it is not known."""
         course = activity.course
         if course is None or course.speed is None or course.by_torque:

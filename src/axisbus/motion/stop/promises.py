@@ -14,7 +14,7 @@ from axisbus.cia402 import objects
 from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.limits import stop_of, unknown_braking
-from axisbus.motion.stop_deceleration import Course
+from axisbus.motion.stop_deceleration import CommandedMotion
 
 _M = ModeOfOperation
 _MOVED = (
@@ -30,7 +30,7 @@ _BY_TORQUE = (_M.PROFILE_TORQUE, _M.CYCLIC_SYNC_TORQUE)
 POSITION, VELOCITY = "position_limits", "max_velocity"
 
 
-class Kept(Enum):
+class LimitEnforcement(Enum):
     """How a limit is kept."""
 
     AHEAD = "braked ahead"
@@ -46,7 +46,7 @@ class Promise(NamedTuple):
 
     limit: str
     mode: str
-    kept: Kept
+    kept: LimitEnforcement
     why: str = ""
     remedy: str = ""
 
@@ -64,7 +64,7 @@ def promises(parameters: AxisParameters) -> tuple[Promise, ...]:
 
 def rows(found: Sequence[Promise]) -> Iterator[tuple[str, str]]:
     """Return the promises for a person: the limit, and in which modes it is kept in which way; one row for each way and reason."""
-    grouped: dict[tuple[str, Kept, str], list[str]] = {}
+    grouped: dict[tuple[str, LimitEnforcement, str], list[str]] = {}
     for each in found:
         grouped.setdefault((each.limit, each.kept, each.why), []).append(each.mode)
     for (limit, kept, why), modes in grouped.items():
@@ -72,55 +72,55 @@ def rows(found: Sequence[Promise]) -> Iterator[tuple[str, str]]:
 
 
 class _Answer(NamedTuple):
-    kept: Kept
+    kept: LimitEnforcement
     why: str = ""
     remedy: str = ""
 
 
 def _position(parameters: AxisParameters, mode: ModeOfOperation) -> _Answer:
     if mode is _M.HOMING:
-        return _Answer(Kept.NOT, "the drive searches where it must; they hold from then on")
+        return _Answer(LimitEnforcement.NOT, "the drive searches where it must; they hold from then on")
     if not parameters.has(objects.POSITION_ACTUAL):
-        kept = Kept.AT if mode is _M.PROFILE_POSITION else Kept.REFUSED
+        kept = LimitEnforcement.AT if mode is _M.PROFILE_POSITION else LimitEnforcement.REFUSED
         return _Answer(kept, "the drive has no position actual value (6064h)")
     if mode is _M.CYCLIC_SYNC_POSITION:
         return _by_path(parameters)
     course = _course(parameters, mode)
     if stop_of(parameters, course)[1] is not None:
-        return _Answer(Kept.AHEAD)
-    kept = Kept.AT if mode is _M.PROFILE_POSITION else Kept.REFUSED
+        return _Answer(LimitEnforcement.AHEAD)
+    kept = LimitEnforcement.AT if mode is _M.PROFILE_POSITION else LimitEnforcement.REFUSED
     return _Answer(kept, *unknown_braking(parameters, course))
 
 
 def _by_path(parameters: AxisParameters) -> _Answer:
     if parameters.path_deceleration is not None:
-        return _Answer(Kept.AHEAD)
+        return _Answer(LimitEnforcement.AHEAD)
     return _Answer(
-        Kept.AT,
+        LimitEnforcement.AT,
         "no deceleration is given",
         f"set deceleration in [axes.{parameters.name}.defaults] of cell.toml",
     )
 
 
-def _course(parameters: AxisParameters, mode: ModeOfOperation) -> Course:
+def _course(parameters: AxisParameters, mode: ModeOfOperation) -> CommandedMotion:
     """Return how an axis is moved in a mode by a command that gives all that it can."""
     if mode in _BY_TORQUE:
-        return Course(by_torque=True)
+        return CommandedMotion(by_torque=True)
     units = parameters.units
     if mode is _M.CYCLIC_SYNC_VELOCITY:
-        return Course(down=1.0 if units.ratio_known else None, by_core=True)
+        return CommandedMotion(down=1.0 if units.ratio_known else None, by_core=True)
     is_fixed = objects.PROFILE_DECELERATION in dict(parameters.fixed_ramps)
     given = 1.0 if units.ratio_known and not is_fixed else None
-    return Course(down=parameters.slow_ramp or given, by_target=mode is _M.PROFILE_POSITION)
+    return CommandedMotion(down=parameters.slow_ramp or given, by_target=mode is _M.PROFILE_POSITION)
 
 
 def _velocity(parameters: AxisParameters, mode: ModeOfOperation) -> _Answer:
     if not parameters.has(objects.POSITION_ACTUAL):
-        return _Answer(Kept.CHECKED, "the drive has no position actual value (6064h)")
+        return _Answer(LimitEnforcement.CHECKED, "the drive has no position actual value (6064h)")
     if parameters.units.ratio_known or mode is _M.CYCLIC_SYNC_POSITION:
-        return _Answer(Kept.WATCHED)
+        return _Answer(LimitEnforcement.WATCHED)
     return _Answer(
-        Kept.CHECKED,
+        LimitEnforcement.CHECKED,
         "how its velocities count is not known",
         f"give velocity_scale in [axes.{parameters.name}] of cell.toml",
     )

@@ -6,7 +6,7 @@ The controlword goes by SDO where the node is not operational, where nothing is 
 to obey the RPDO. It is sent again until the stop ends, because one that was refused or lost stops nothing.
 
 After a boot-up message two devices may answer SDO requests under one node-ID, and the one that does not move may answer first. So
-what TPDOs have brought since (``Image.heard``) speaks against a stop, never for one: a statusword of an energised drive counts
+what TPDOs have brought since (``AxisImage.heard``) speaks against a stop, never for one: a statusword of an energised drive counts
 before the one that SDO has read, and a position that changes is a motion.
 """
 
@@ -15,11 +15,11 @@ from __future__ import annotations
 import math
 
 from axisbus.cia402 import objects
-from axisbus.cia402.state import ENERGISED, State, decode
-from axisbus.motion.axis.cycle_outputs import Order
-from axisbus.motion.axis.image import Image
+from axisbus.cia402.state import ENERGISED, PowerState, decode
+from axisbus.motion.axis.cycle_outputs import CycleOutputs
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.stop.settled_value import Still
+from axisbus.motion.stop.settled_value import SettledValue
 from axisbus.units import unwrap
 
 _POLL = 0.1  # seconds between two looks
@@ -55,15 +55,15 @@ class SdoPath:
     )
 
     def __init__(self, parameters: AxisParameters) -> None:
-        self._state: State | None = None
+        self._state: PowerState | None = None
         self._stands = False
         self._rests = False  # as far as two positions tell
         self._has_position = parameters.has(objects.POSITION_ACTUAL)
         self._led = _LED if all(map(parameters.has, _LED)) else ()
         self._window = parameters.pull_window
         self._position: int | None = None
-        self._heard_state: State | None = None
-        self._heard_still = Still(parameters.standstill_tolerance, parameters.timing.standstill_time)
+        self._heard_state: PowerState | None = None
+        self._heard_still = SettledValue(parameters.standstill_tolerance, parameters.timing.standstill_time)
         self._word: int | None = None
         self._word_since = math.inf
         self._sending: int | None = None  # the request that is under way
@@ -73,7 +73,7 @@ class SdoPath:
         self._due = 0.0
 
     @property
-    def state(self) -> State | None:
+    def state(self) -> PowerState | None:
         """The drive's state by SDO, None until it has answered; an energised one that TPDOs show counts before another."""
         if self._state is None or self._heard_state is None or self._state in ENERGISED:
             return self._state
@@ -93,9 +93,9 @@ class SdoPath:
     def _is_heard_moving(self) -> bool:
         return self._heard_state is not None and not self._heard_still.still
 
-    def look(self, image: Image, order: Order) -> None:
+    def look(self, image: AxisImage, order: CycleOutputs) -> None:
         """Read statusword and position where no PDO brings them, and what leads a drive that is energised."""
-        if image.state is not State.UNKNOWN:
+        if image.state is not PowerState.UNKNOWN:
             self._state, self._stands, self._rests, self._position = None, False, False, None
             self._heard_state = None
             return
@@ -108,14 +108,14 @@ class SdoPath:
             self._due = image.now + _POLL
             self._ask(order)
 
-    def _hear(self, image: Image) -> None:
+    def _hear(self, image: AxisImage) -> None:
         """Take what TPDOs have brought since the node may have restarted."""
         word, position = image.heard if image.restarted else (None, None)
         self._heard_state = None if word is None or position is None else decode(word.value)
         if position is not None:
             self._heard_still.feed(position.value, position.stamp)
 
-    def _ask(self, order: Order) -> None:
+    def _ask(self, order: CycleOutputs) -> None:
         wanted = [objects.STATUSWORD]
         if self._has_position:
             wanted.append(objects.POSITION_ACTUAL)
@@ -128,24 +128,24 @@ class SdoPath:
         if index == objects.STATUSWORD:
             self._state = None if value is None else decode(value)
 
-    def _judge(self, image: Image) -> None:
+    def _judge(self, image: AxisImage) -> None:
         """All of a look has come."""
         before, now = self._position, self._seen.get(objects.POSITION_ACTUAL)
         self._position = now
         self._rests = before is not None and now is not None and abs(now - before) <= _SAME
         self._stands = self._rests and not self._is_pulled(image)
 
-    def _is_pulled(self, image: Image) -> bool:
+    def _is_pulled(self, image: AxisImage) -> bool:
         demand, mode = (self._seen.get(index) for index in reversed(_LED))
         if self._position is None or demand is None or not image.led.trust.believes(mode):
             return False
         position = unwrap(image.last_position, self._position)
         demand = unwrap(position, demand)
         lead = demand - position if image.led.may_count(demand, mode) else None
-        pull = image.led.pull(lead, position, self._state or State.UNKNOWN)
+        pull = image.led.pull(lead, position, self._state or PowerState.UNKNOWN)
         return pull is not None and abs(pull) > self._window
 
-    def send(self, word: int, image: Image, order: Order) -> None:
+    def send(self, word: int, image: AxisImage, order: CycleOutputs) -> None:
         """Send a stop's controlword where no PDO is sure to bring it, again and again; to be called in each cycle of the stop."""
         if word != self._word:
             self._word, self._word_since = word, image.now
@@ -156,12 +156,12 @@ class SdoPath:
             self._send_due = image.now + _SEND_AGAIN
             self._sending = order.request(objects.CONTROLWORD, 0, word)
 
-    def _is_needed(self, image: Image) -> bool:
-        if not image.operational or image.state is State.UNKNOWN:
+    def _is_needed(self, image: AxisImage) -> bool:
+        if not image.operational or image.state is PowerState.UNKNOWN:
             return True
-        return image.state is State.OPERATION_ENABLED and image.now > self._word_since + _OBEYED_WITHIN
+        return image.state is PowerState.OPERATION_ENABLED and image.now > self._word_since + _OBEYED_WITHIN
 
-    def cancel(self, order: Order) -> None:
+    def cancel(self, order: CycleOutputs) -> None:
         """Take back the look that is under way."""
         order.cancel.extend(self._asked)
         self._asked = {}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 
-class Still:
+class SettledValue:
     """Standing still means: within the tolerance of one anchor for the whole window; holds that anchor.
 
     Only values received after ``since`` count, and a value that is seen again, with the stamp that it had, says nothing new.

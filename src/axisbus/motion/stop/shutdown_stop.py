@@ -13,15 +13,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from axisbus.cia402 import objects
-from axisbus.cia402.state import ENERGISED, State
-from axisbus.errors import AxisbusError, DriveError, DriveFault, in_a_line
+from axisbus.cia402.state import ENERGISED, PowerState
+from axisbus.errors import AxisbusError, DriveError, DriveFault, one_line
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.command_status import Ticket
+from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.commands import Shutdown
 from axisbus.motion.stop.diagnosis import join_remedies
 
-_MAY_MOVE = ENERGISED | {State.UNKNOWN}
+_MAY_MOVE = ENERGISED | {PowerState.UNKNOWN}
 _ALARM = "TREAT THE AXIS AS MOVING: use the emergency stop; then check cable and drive"
 
 
@@ -33,7 +33,7 @@ class AxisLeaving:
         self.over = False
         self.error: AxisbusError | None = None
         self._core = core
-        self._ticket = Ticket(f"{core.parameters.name}.stop ({command.reason})")
+        self._ticket = CommandStatus(f"{core.parameters.name}.stop ({command.reason})")
         self._since = now
         self._until = now + core.parameters.stop_times.ladder
         accept(core, command, self._ticket)
@@ -85,7 +85,7 @@ class AxisLeaving:
     def _moving(self, error: AxisbusError | None) -> AxisbusError:
         """The ladder had its time, and the axis is not seen at rest."""
         name, image = self._core.parameters.name, self._core.image
-        before = "" if error is None else f"{in_a_line(error, alarm=False)}; "
+        before = "" if error is None else f"{one_line(error, alarm=False)}; "
         return DriveError(
             f"{name}: could not be confirmed as stopped",
             axis=name,
@@ -94,7 +94,7 @@ class AxisLeaving:
         )
 
 
-class Leaving:
+class ShutdownStop:
     """The way out that has been asked for; holds the axes on it, and what was told of them by an earlier request."""
 
     def __init__(self) -> None:

@@ -22,16 +22,16 @@ from __future__ import annotations
 import math
 
 from axisbus.cia402 import statusword as sw
-from axisbus.cia402.state import ENERGISED, State
-from axisbus.motion.axis.image import Image
+from axisbus.cia402.state import ENERGISED, PowerState
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.modes import TORQUE_MODES
 from axisbus.motion.parameters import AxisParameters, DemandUse, HoldsLoad
-from axisbus.motion.stop.settled_value import Still
+from axisbus.motion.stop.settled_value import SettledValue
 
 _PUSH = 50  # ‰ of rated torque: less is noise, or does not overcome friction
 
 
-class Standing:
+class StandstillCheck:
     """One look for standstill from ``since`` on, to be stepped in each cycle; holds the places compared and what was seen last."""
 
     __slots__ = ("_by", "_first", "_homing", "_parameters", "_pull_window", "_since", "_still_speed")
@@ -50,7 +50,7 @@ class Standing:
         """Look anew, from another moment on."""
         self._since = since
         self._first = math.inf  # when the first position after that came
-        self._still_speed: Still | None = None  # only where there is no position
+        self._still_speed: SettledValue | None = None  # only where there is no position
         self._by = ""
 
     @property
@@ -58,7 +58,7 @@ class Standing:
         """By what less than its position the axis was seen standing; empty where the position said so."""
         return self._by
 
-    def seen(self, image: Image) -> bool:
+    def seen(self, image: AxisImage) -> bool:
         """Take this cycle's values; return whether the axis stands."""
         if image.position is not None:
             self._by = ""
@@ -80,7 +80,7 @@ class Standing:
         self._by = "its drive says so (statusword bit 10); neither position nor velocity is known"
         return self._says_so(image)
 
-    def _by_position_alone(self, image: Image) -> str:
+    def _by_position_alone(self, image: AxisImage) -> str:
         """What is to be said where 6062h is there and is not believed, and nothing else tells where the drive leads the axis."""
         hidden = image.shown_demand is not None and image.demand is None
         if not hidden or image.state not in ENERGISED or image.mode in TORQUE_MODES or image.pull is not None:
@@ -89,24 +89,24 @@ class Standing:
         why = 'is not used (demand = "ignore")' if ignored else "was not yet seen to lead the axis"
         return f"its position (6064h) does not change; whether its drive pulls it is not known, because 6062h {why}"
 
-    def pulls(self, image: Image) -> bool:
+    def pulls(self, image: AxisImage) -> bool:
         """Whether the controller leads the axis to somewhere else than where it is, or pushes it."""
         if self._pushes(image):
             return True
         pull = None if self._homing else image.pull
         return pull is not None and abs(pull) > self._pull_window
 
-    def _pushes(self, image: Image) -> bool:
+    def _pushes(self, image: AxisImage) -> bool:
         """Whether a torque is left that has not come down yet, or never will (6087h is 0); one that holds a load is to stay."""
         if (
             image.mode not in TORQUE_MODES
-            or image.state is not State.OPERATION_ENABLED
+            or image.state is not PowerState.OPERATION_ENABLED
             or image.torque is None
         ):
             return False
         return self._parameters.holds_load is HoldsLoad.NO and abs(image.torque) > _PUSH
 
-    def _knows_demand(self, image: Image) -> bool:
+    def _knows_demand(self, image: AxisImage) -> bool:
         """Whether 6062h says where the axis is led now that it rests.
 
         One that is polled may be of when it still moved. One that comes as often as the position must be still, too: feedback may
@@ -122,11 +122,11 @@ class Standing:
             return image.demand_stamp >= max(image.still.rested_since, self._first)
         return image.still_demand.since(self._first)
 
-    def is_held(self, image: Image) -> bool:
+    def is_held(self, image: AxisImage) -> bool:
         """Whether it stands only because something holds it."""
         return image.still.since(self._first) and self.pulls(image)
 
-    def why_not(self, image: Image) -> str:
+    def why_not(self, image: AxisImage) -> str:
         """Say what is missing, for the error of a stop that was not seen."""
         units = self._parameters.units.position
         if image.position is None:
@@ -149,24 +149,24 @@ class Standing:
             )
         return where
 
-    def _rests(self, image: Image) -> bool:
+    def _rests(self, image: AxisImage) -> bool:
         units, speed = self._parameters.units, self._parameters.standstill_speed or 0.0
         velocity = float(image.velocity or 0)
         if units.ratio_known:
             velocity = abs(units.velocity.to_units(velocity) * units.position.factor)
         moving = math.copysign(1.0, velocity) if abs(velocity) > speed else 0.0
         if self._still_speed is None:
-            self._still_speed = Still(0.0, self._parameters.timing.standstill_time, self._since)
+            self._still_speed = SettledValue(0.0, self._parameters.timing.standstill_time, self._since)
         return self._still_speed.feed(moving, image.velocity_stamp) and not moving
 
-    def _says_so(self, image: Image) -> bool:
+    def _says_so(self, image: AxisImage) -> bool:
         settled = self._since + max(self._parameters.timing.settle, self._parameters.timing.standstill_time)
         if image.statusword is None or image.statusword_stamp <= settled:
             return False
         return bool(image.statusword & sw.TARGET_REACHED)
 
 
-def _speed_text(image: Image, parameters: AxisParameters) -> str:
+def _speed_text(image: AxisImage, parameters: AxisParameters) -> str:
     if image.velocity is None:
         return ""
     velocity = parameters.units.velocity

@@ -10,16 +10,16 @@ import math
 
 from axisbus.cia402 import modes
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.errors import UncommandedMotion
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.parameters import AxisParameters
 
 _TWICE = 2  # samples in a row
 _MEMORY = 0.5  # seconds
 
 
-class Resting:
+class StandstillMonitor:
     """Watches an axis that is enabled and at rest; holds the ``place`` where its rest began (None: it has not)."""
 
     __slots__ = (
@@ -52,7 +52,7 @@ class Resting:
         self._misses = 0
         self._way = 0.0
 
-    def error(self, image: Image) -> UncommandedMotion | None:
+    def error(self, image: AxisImage) -> UncommandedMotion | None:
         """Return that the axis moves by itself, or is being pulled; None while it rests."""
         position = image.position
         if position is None:
@@ -76,14 +76,14 @@ class Resting:
             return None
         return self._moves(image, position, self.place) if moved else self._pulled(image, position, pull)
 
-    def _pull(self, image: Image) -> tuple[float, float]:
+    def _pull(self, image: AxisImage) -> tuple[float, float]:
         """Return how far the axis is led from where it is, and when that was sampled; 0 by what was sampled before this rest."""
         pull = image.pull or 0.0
-        if image.led.target is not None and image.state is not State.QUICK_STOP_ACTIVE:
+        if image.led.target is not None and image.state is not PowerState.QUICK_STOP_ACTIVE:
             return pull, self._stamp
         return (pull if image.lead_stamp >= self._since else 0.0), image.lead_stamp
 
-    def _turns(self, image: Image) -> UncommandedMotion | None:
+    def _turns(self, image: AxisImage) -> UncommandedMotion | None:
         """Return what the velocity tells of an axis whose position is not known."""
         gap = image.velocity_stamp - self._stamp
         if image.velocity is None or self._per_velocity is None or not gap:
@@ -104,12 +104,12 @@ class Resting:
             else self._restless(image, f"it went by about {units.to_units(self._way):g} {units.unit}")
         )
 
-    def _moves(self, image: Image, position: int, place: int) -> UncommandedMotion:
+    def _moves(self, image: AxisImage, position: int, place: int) -> UncommandedMotion:
         units = self._parameters.units.position
         went = f"it went from {units.to_units(place - image.origin):g} to {units.to_units(position - image.origin):g} {units.unit}"
         return self._restless(image, went)
 
-    def _restless(self, image: Image, went: str) -> UncommandedMotion:
+    def _restless(self, image: AxisImage, went: str) -> UncommandedMotion:
         name, speed = self._parameters.name, self._parameters.units.velocity
         moving = "" if image.velocity is None else f", now at {speed.to_units(image.velocity):g} {speed.unit}"
         mode = (
@@ -125,7 +125,7 @@ class Resting:
             f"motor cannot hold; how far it may give way is standstill_window and following_error in [axes.{name}]",
         )
 
-    def _pulled(self, image: Image, position: int, pull: float) -> UncommandedMotion:
+    def _pulled(self, image: AxisImage, position: int, pull: float) -> UncommandedMotion:
         name, units = self._parameters.name, self._parameters.units.position
         return UncommandedMotion(
             f"{name}: stands, but its drive pulls it elsewhere",

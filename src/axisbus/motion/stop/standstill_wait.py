@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from axisbus.errors import AxisbusError, StateError
-from axisbus.motion.axis.image import Image
-from axisbus.motion.command_status import Ticket
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.stop.standstill import Standing
+from axisbus.motion.stop.standstill import StandstillCheck
 
 
 class RestWait:
@@ -19,22 +19,22 @@ class RestWait:
 
     __slots__ = ("_deadline", "_parameters", "_standing", "then", "ticket")
 
-    def __init__(self, parameters: AxisParameters, ticket: Ticket, then: Callable[[], None]) -> None:
+    def __init__(self, parameters: AxisParameters, ticket: CommandStatus, then: Callable[[], None]) -> None:
         """``then`` is done once the axis stands."""
         self._parameters = parameters
-        self._standing: Standing | None = None
+        self._standing: StandstillCheck | None = None
         self._deadline = 0.0
         self.ticket = ticket
         self.then = then
 
-    def step(self, image: Image) -> bool:
+    def step(self, image: AxisImage) -> bool:
         """Return True once the axis is seen to stand.
 
         Raises:
             StateError: it goes on moving.
         """
         if self._standing is None:
-            self._standing = Standing(self._parameters, image.now)
+            self._standing = StandstillCheck(self._parameters, image.now)
             self._deadline = image.now + self._parameters.timing.transition
         if self._standing.seen(image):
             return True
@@ -47,7 +47,7 @@ class RestWait:
         return False
 
 
-class RestWaits:
+class StandstillWaiters:
     """The commands of one axis that wait for its rest, in ``waiting``."""
 
     __slots__ = ("_parameters", "waiting")
@@ -56,12 +56,12 @@ class RestWaits:
         self._parameters = parameters
         self.waiting: list[RestWait] = []
 
-    def add(self, ticket: Ticket, then: Callable[[], None]) -> None:
+    def add(self, ticket: CommandStatus, then: Callable[[], None]) -> None:
         """Let ``then`` be done once the axis stands; its ticket ends with that."""
         self.waiting.append(RestWait(self._parameters, ticket, then))
         ticket.begin()
 
-    def step(self, image: Image, finish: Callable[[Ticket, AxisbusError | None], None]) -> None:
+    def step(self, image: AxisImage, finish: Callable[[CommandStatus, AxisbusError | None], None]) -> None:
         """Do what may be done in this cycle; ``finish`` ends a ticket."""
         for waiting in list(self.waiting):
             try:
@@ -73,7 +73,7 @@ class RestWaits:
                 finish(waiting.ticket, error)
             self.waiting.remove(waiting)
 
-    def drop(self) -> list[Ticket]:
+    def drop(self) -> list[CommandStatus]:
         """Forget them all; return their tickets."""
         tickets, self.waiting = [waiting.ticket for waiting in self.waiting], []
         return tickets

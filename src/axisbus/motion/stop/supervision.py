@@ -8,7 +8,7 @@ from typing import NamedTuple
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.options import Ramp
 from axisbus.cia402.port import Capabilities
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.cpu_starvation import REMEDY
 from axisbus.errors import (
     AxisbusError,
@@ -20,22 +20,22 @@ from axisbus.errors import (
     StaleError,
     TransmitQueueFull,
 )
-from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.modes import TORQUE_MODES
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.modewatch import ModeWatch
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.stop.diagnosis import join_remedies
-from axisbus.motion.stop.following import Following
-from axisbus.motion.stop.limits import Guard, stop_of
+from axisbus.motion.stop.following import FollowingErrorMonitor
+from axisbus.motion.stop.limits import LimitMonitor, stop_of
 from axisbus.motion.stop.lost import ANEW, SILENT, remedy_for_silence, silence_of, start_and_reset, when_back
 from axisbus.motion.stop.overspeed import SpeedWatch
-from axisbus.motion.stop.standstill_monitor import Resting
-from axisbus.motion.stop.stop_sequence import Rung
-from axisbus.motion.stop_deceleration import Course
+from axisbus.motion.stop.standstill_monitor import StandstillMonitor
+from axisbus.motion.stop.stop_sequence import StopLevel
+from axisbus.motion.stop_deceleration import CommandedMotion
 
-_ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
+_ENABLED, _UNKNOWN = PowerState.OPERATION_ENABLED, PowerState.UNKNOWN
 _ERRORSTOP, _STOPPING = AxisState.ERRORSTOP, AxisState.STOPPING
 POWERED = MOVING | {AxisState.STANDSTILL, AxisState.STOPPING}
 _FLICKER = 0.25  # seconds for which a word of ours that was under way may keep a drive enabled
@@ -44,14 +44,14 @@ _LEAST_GAP = 0.25  # seconds: shorter ones are a busy computer's
 _RESTARTED = frozenset({NmtState.INITIALISING, NmtState.PRE_OPERATIONAL})
 
 
-class Finding(NamedTuple):
+class StopDemand(NamedTuple):
     """Why the axis must be stopped, the rung from which it is, and whether a halt may go on along the trajectory that leads it.
 
     ``halts``: the command ends with the error in a halt, and the axis does not go to ErrorStop.
     """
 
     error: AxisbusError
-    rung: Rung = Rung.HALT
+    rung: StopLevel = StopLevel.HALT
     along: bool = True
     halts: bool = False
 
@@ -61,11 +61,11 @@ class Supervision:
 
     def __init__(self, parameters: AxisParameters, capabilities: Capabilities) -> None:
         self._parameters = parameters
-        self.guard = Guard(parameters)
-        self.following = Following(parameters)
+        self.guard = LimitMonitor(parameters)
+        self.following = FollowingErrorMonitor(parameters)
         self._speed = SpeedWatch(parameters)
         self._mode = ModeWatch(parameters.name)
-        self._resting = Resting(parameters)
+        self._resting = StandstillMonitor(parameters)
         self._met_operational = False
         oldest = capabilities.max_age.get("statusword", math.inf)
         self.longest_gap = max(
@@ -79,7 +79,7 @@ class Supervision:
         self._duplicate_told = False
         self.lost = False
 
-    def node(self, image: Image) -> Finding | None:
+    def node(self, image: AxisImage) -> StopDemand | None:
         """Return that the node is lost, once, until ``lost`` is set back; in every cycle."""
         self.guard.look(image)
         if image.gap > self.longest_gap:
@@ -88,30 +88,30 @@ class Supervision:
             self._met_operational = True
         elif self._met_operational and not self.lost and not self._excused(image):
             self.lost = True
-            return Finding(self._lost_error(image), Rung.QUICK_STOP)
+            return StopDemand(self._lost_error(image), StopLevel.QUICK_STOP)
         if image.duplicate and not self._duplicate_told:
             self._duplicate_told = True
-            return Finding(
+            return StopDemand(
                 duplicate_error(self._parameters.name, self._parameters.node, image.duplicate),
-                Rung.QUICK_STOP,
+                StopLevel.QUICK_STOP,
             )
         return None
 
-    def _excused(self, image: Image) -> bool:
+    def _excused(self, image: AxisImage) -> bool:
         """Whether a missing heartbeat may be our own fault: this program did not run, and has only just begun to listen again."""
         return image.bus is None and image.nmt in SILENT and image.now < self._excused_until
 
     @staticmethod
-    def has_restarted(image: Image) -> bool:
+    def has_restarted(image: AxisImage) -> bool:
         """Whether the position of a node that is not operational may be another one than before."""
         return image.nmt in _RESTARTED
 
     def power(
-        self, image: Image, state: AxisState, activity: Activity | None = None, *, bounded: bool = True
-    ) -> Finding | None:
+        self, image: AxisImage, state: AxisState, activity: Activity | None = None, *, bounded: bool = True
+    ) -> StopDemand | None:
         """Return what endangers an axis that we have enabled and that is not being stopped.
 
-        ``activity`` is what moves it (None: nothing does, it must rest); ``bounded``: see ``Guard.danger``.
+        ``activity`` is what moves it (None: nothing does, it must rest); ``bounded``: see ``LimitMonitor.danger``.
         """
         if state is _ERRORSTOP:
             return self._unknown(image) if image.state is _UNKNOWN else self.unrest(image, activity)
@@ -124,17 +124,17 @@ class Supervision:
         return self.motion(image, state, activity, bounded)
 
     def motion(
-        self, image: Image, state: AxisState, activity: Activity | None, bounded: bool
-    ) -> Finding | None:
+        self, image: AxisImage, state: AxisState, activity: Activity | None, bounded: bool
+    ) -> StopDemand | None:
         """Return what ``power`` finds of an axis that is enabled and heard, after ``guard.look``."""
         moving = activity if state in MOVING else None
         astray = self._mode.error(image, moving) or self.following.error(image, moving)
         if astray is not None:  # not under control: a quick stop is surer than a halt
-            return Finding(astray, Rung.QUICK_STOP)
+            return StopDemand(astray, StopLevel.QUICK_STOP)
         fast = self._speed.error(image, moving, self.guard.tracks[0])
         if fast is not None:
             coasts = self._parameters.braking.quick_stop is Ramp.COAST
-            return Finding(fast, Rung.HALT if coasts else Rung.QUICK_STOP, along=False)
+            return StopDemand(fast, StopLevel.HALT if coasts else StopLevel.QUICK_STOP, along=False)
         if activity is None:
             unrest = self.unrest(image, None)
             if unrest is not None:
@@ -149,7 +149,7 @@ class Supervision:
             return None
         finding = self._endangered(danger, course)
         stays_inside = activity is not None and activity.stops_at_limit and danger is self.guard.leaving
-        return finding._replace(halts=True) if stays_inside and finding.rung is Rung.HALT else finding
+        return finding._replace(halts=True) if stays_inside and finding.rung is StopLevel.HALT else finding
 
     def only_follows(self, activity: Activity) -> bool:
         """Whether ``motion`` has nothing to do for ``activity`` but to look how close the axis is ``following`` it.
@@ -168,24 +168,24 @@ class Supervision:
         """The axis is being stopped, or is not ours to watch: its next rest begins anew."""
         self._resting.forget()
 
-    def unrest(self, image: Image, activity: Activity | None) -> Finding | None:
+    def unrest(self, image: AxisImage, activity: Activity | None) -> StopDemand | None:
         """Return that an axis which nothing moves (``activity`` is None) moves by itself, or is being pulled."""
         if activity is not None:
             self._resting.forget()
             return None
         error = self._resting.error(image)
-        return None if error is None else Finding(error, Rung.QUICK_STOP)
+        return None if error is None else StopDemand(error, StopLevel.QUICK_STOP)
 
-    def coasting(self, image: Image, rung: Rung, *, bounded: bool) -> Finding | None:
+    def coasting(self, image: AxisImage, rung: StopLevel, *, bounded: bool) -> StopDemand | None:
         """Return what endangers an axis that a halt under torque lets coast, where a harder rung than ``rung`` would brake it."""
-        course = Course(by_torque=True)
+        course = CommandedMotion(by_torque=True)
         harder = stop_of(self._parameters, course)[0] > rung
         if not harder or image.mode not in TORQUE_MODES or image.state is not _ENABLED:
             return None
         danger = self.guard.danger(image, AxisState.CONTINUOUS_MOTION, bounded=bounded, course=course)
         return None if danger is None else self._endangered(danger, course)
 
-    def energised(self, image: Image, *, at_work: bool) -> DriveError | None:
+    def energised(self, image: AxisImage, *, at_work: bool) -> DriveError | None:
         """Return that the drive of a disabled axis has driven its motor for a while; ``at_work``: a command of ours is."""
         if at_work or image.now - self._energised_at > _FLICKER:
             self._energised_since = math.inf
@@ -204,18 +204,18 @@ class Supervision:
         )
 
     @staticmethod
-    def _is_held(image: Image, state: AxisState) -> bool:
+    def _is_held(image: AxisImage, state: AxisState) -> bool:
         """Whether the drive holds the axis after a quick stop, as it was asked to."""
-        return image.state is State.QUICK_STOP_ACTIVE and state is _STOPPING
+        return image.state is PowerState.QUICK_STOP_ACTIVE and state is _STOPPING
 
-    def _gap(self, image: Image, course: Course | None) -> Finding:
+    def _gap(self, image: AxisImage, course: CommandedMotion | None) -> StopDemand:
         """A program that was suspended comes back with values that look fresh and a world that has moved on.
 
         A drive that is led from cycle to cycle may have gone on, or stopped by itself: only its own quick stop is a ramp for both.
         """
         name = self._parameters.name
         led = course is not None and course.by_core
-        return Finding(
+        return StopDemand(
             StaleError(
                 f"{name}: this program did not run for {image.gap:.3g} s",
                 axis=name,
@@ -223,16 +223,16 @@ class Supervision:
                 f"{self.longest_gap:.3g} s the state of the drive cannot be trusted",
                 remedy=f"{REMEDY}; the axis was stopped",
             ),
-            Rung.QUICK_STOP if led else Rung.HALT,
+            StopLevel.QUICK_STOP if led else StopLevel.HALT,
             along=False,
         )
 
-    def _unknown(self, image: Image) -> Finding:
-        return Finding(silence(self._parameters, image), Rung.QUICK_STOP)
+    def _unknown(self, image: AxisImage) -> StopDemand:
+        return StopDemand(silence(self._parameters, image), StopLevel.QUICK_STOP)
 
-    def _dropped(self, image: Image) -> Finding:
+    def _dropped(self, image: AxisImage) -> StopDemand:
         name = self._parameters.name
-        return Finding(
+        return StopDemand(
             DriveError(
                 f"{name}: the drive left operation enabled by itself",
                 axis=name,
@@ -240,13 +240,13 @@ class Supervision:
                 remedy="look for safe torque off, an enable input, a supply that dropped, or another master or tool that stopped "
                 "it; then axis.reset() and axis.enable()",
             ),
-            Rung.QUICK_STOP,
+            StopLevel.QUICK_STOP,
         )
 
-    def _endangered(self, danger: AxisbusError, course: Course | None) -> Finding:
-        return Finding(danger, stop_of(self._parameters, course or Course())[0])
+    def _endangered(self, danger: AxisbusError, course: CommandedMotion | None) -> StopDemand:
+        return StopDemand(danger, stop_of(self._parameters, course or CommandedMotion())[0])
 
-    def _lost_error(self, image: Image) -> BusError:
+    def _lost_error(self, image: AxisImage) -> BusError:
         name, node = self._parameters.name, self._parameters.node
         if image.bus is not None:
             return bus_lost(name, node, image.bus)
@@ -315,7 +315,7 @@ def bus_lost(name: str, node: int, bus: BusError) -> BusError:
     )
 
 
-def silence(parameters: AxisParameters, image: Image) -> AxisbusError:
+def silence(parameters: AxisParameters, image: AxisImage) -> AxisbusError:
     """Return the error of an axis whose statusword is no longer received."""
     name, node = parameters.name, parameters.node
     age = image.now - image.statusword_stamp

@@ -30,8 +30,8 @@ import math
 from collections import deque
 
 from axisbus.cia402 import objects
-from axisbus.motion.axis.image import Image
-from axisbus.motion.moves.profile import Profile
+from axisbus.motion.axis.image import AxisImage
+from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.position_limits import NOISE
 
@@ -141,7 +141,7 @@ class RampedWay:
         if before._from_rest and before.behind is not None:
             self._succeeded = before
 
-    def step(self, image: Image) -> None:
+    def step(self, image: AxisImage) -> None:
         """Take this cycle's position; begin from what the axis does, where that is known."""
         position, stamp = image.position, image.position_stamp
         if position is None:
@@ -173,7 +173,7 @@ class RampedWay:
         self._position, self._stamp = before._position, before._stamp
         self.behind, self.lag = before.behind, before.lag
 
-    def _aim(self, image: Image) -> None:
+    def _aim(self, image: AxisImage) -> None:
         self._early.target = self._target
         self._late.aim(self._target, image.now + self._delay + image.velocity_transfer)
 
@@ -214,7 +214,7 @@ class RampedWay:
         return min(_LONGEST, 2.0 * (self._window / fastest + _LAG_TIME)) if fastest else _LONGEST
 
 
-def ramped_way(profile: Profile, parameters: AxisParameters) -> RampedWay | None:
+def ramped_way(profile: MoveProfile, parameters: AxisParameters) -> RampedWay | None:
     """Return the watch over a velocity move; None where the drive's ramps, or the ratio of its units, are not known."""
     units = parameters.units
     if not profile.up or not profile.down or not parameters.has(objects.PROFILE_ACCELERATION):

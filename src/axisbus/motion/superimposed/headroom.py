@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from axisbus.errors import LimitError
-from axisbus.motion.moves.lookahead import Known
+from axisbus.motion.moves.lookahead import LookaheadTrajectory
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.path_limit_check import Pace, Ramped
+from axisbus.motion.path_limit_check import PathLimitCheck, Ramped
 from axisbus.motion.position_limits import Room
 from axisbus.motion.superimposed.addition import Addition
 from axisbus.motion.trajectory import Trajectory
@@ -36,7 +36,7 @@ def admit(
             )
         addition.soften(left)
     limits = parameters.limits.position or room
-    if limits is None or not isinstance(path, Known):
+    if limits is None or not isinstance(path, LookaheadTrajectory):
         return
     low, high = (edge + shifted for edge in path.span)
     reach = addition.distance + low if addition.distance < 0.0 else addition.distance + high
@@ -59,7 +59,7 @@ def look_ahead(
     addition: Addition,
     here: float,
     velocity: float,
-    pace: Pace,
+    pace: PathLimitCheck,
     limits: tuple[float, float],
     parameters: AxisParameters,
 ) -> LimitError | None:

@@ -8,7 +8,7 @@ from typing import Protocol
 from axisbus.motion.snapshot import Snapshot
 
 
-class Moment(Protocol):
+class RecordingTrigger(Protocol):
     """Looks at each cycle, and says when the moment was. What is so from the beginning is none."""
 
     def begin(self) -> None:

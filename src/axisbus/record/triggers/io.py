@@ -13,12 +13,12 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from axisbus.cia301.frame import Frame
-from axisbus.cia401.port import Known
+from axisbus.cia301.frame import CanFrame
+from axisbus.cia401.port import SignalValidity
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.object_selection import WantedObject
-from axisbus.record.pdo_objects import Place
-from axisbus.session import Session
+from axisbus.record.pdo_objects import MappedSignal
+from axisbus.session import MachineSession
 
 _MOST = 16  # moments that wait for their cycle: the first one counts
 
@@ -27,7 +27,11 @@ class IoMoment:
     """Holds whether its condition held last (None: unknown), and the moments that frames have shown."""
 
     def __init__(
-        self, session: Session, wanted: WantedObject, place: Place | None, met: Callable[[Any], bool]
+        self,
+        session: MachineSession,
+        wanted: WantedObject,
+        place: MappedSignal | None,
+        met: Callable[[Any], bool],
     ) -> None:
         """``place``: where a PDO carries what is ``wanted``; ``met`` says of its value whether the condition holds."""
         self._session = session
@@ -46,7 +50,7 @@ class IoMoment:
             self._session.tap(self._hear, (self._place.carried.can_id,))
 
     def end(self) -> None:
-        """As ``Moment.end``."""
+        """As ``RecordingTrigger.end``."""
         if self._taps:
             self._taps = False
             self._session.untap(self._hear)
@@ -63,7 +67,7 @@ class IoMoment:
             return now
         return self._found.popleft() if self._found and self._found[0] <= now else None
 
-    def _hear(self, frames: Sequence[Frame]) -> None:
+    def _hear(self, frames: Sequence[CanFrame]) -> None:
         assert self._place is not None
         for frame in frames:
             value = None if frame.remote else self._place.value(frame.data)
@@ -77,7 +81,7 @@ class IoMoment:
     def _now(self) -> bool | None:
         """Whether the condition holds in the last cycle; None where the value is unknown."""
         reading = self._session.readings.get(self._wanted.label)
-        if reading is None or reading.known is not Known.YES or reading.value is None:
+        if reading is None or reading.known is not SignalValidity.YES or reading.value is None:
             return None
         assert self._wanted.point is not None
         return self._met(self._wanted.point.shown(reading.value))

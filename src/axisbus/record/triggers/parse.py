@@ -5,16 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from axisbus.cia401.signal import Point
+from axisbus.cia401.signal import IoPoint
 from axisbus.errors import ArgumentError
 from axisbus.motion.numbers import told
 from axisbus.record.columns import AxisForm
 from axisbus.record.condition import Condition, comparison
 from axisbus.record.events import Watched
 from axisbus.record.object_selection import wanted_object
-from axisbus.record.pdo_objects import Place
+from axisbus.record.pdo_objects import MappedSignal
 from axisbus.record.trigger import EXAMPLES, Trigger
-from axisbus.record.triggers.base import Moment
+from axisbus.record.triggers.base import RecordingTrigger
 from axisbus.record.triggers.io import IoMoment
 from axisbus.record.triggers.probe import ProbeMoment
 
@@ -22,7 +22,7 @@ _IO = re.compile(r"(?P<bar>\|?)\s*(?P<name>[^\s.|<>=!]+)\s*\|?\s*(?P<sign>[<>]=?
 _PROBE = re.compile(r"(?P<axis>[^\s.|]+)\.probe")
 
 
-def moment_of(when: str | Condition, machine: Watched, forms: Mapping[str, AxisForm]) -> Moment:
+def moment_of(when: str | Condition, machine: Watched, forms: Mapping[str, AxisForm]) -> RecordingTrigger:
     """Return the moment that ``when`` means; ``forms``: of the axes that are looked at.
 
     Raises:
@@ -51,7 +51,7 @@ def _axis(text: str, name: str, forms: Mapping[str, AxisForm]) -> str:
     return name
 
 
-def _of_io(text: str, found: re.Match[str], machine: Watched) -> Moment:
+def _of_io(text: str, found: re.Match[str], machine: Watched) -> RecordingTrigger:
     name = found["name"]
     if name not in machine.cell.io:
         there = ", ".join(machine.cell.io) or "none"
@@ -64,10 +64,10 @@ def _of_io(text: str, found: re.Match[str], machine: Watched) -> Moment:
     assert wanted.point is not None
     met = comparison(text, found, _kind(wanted.point), EXAMPLES)
     carried = machine.node(wanted.node).carrier(wanted.index, wanted.subindex)
-    return IoMoment(machine.session, wanted, None if carried is None else Place(wanted, carried), met)
+    return IoMoment(machine.session, wanted, None if carried is None else MappedSignal(wanted, carried), met)
 
 
-def _kind(point: Point) -> str:
+def _kind(point: IoPoint) -> str:
     """Return the JSON type of its values."""
     if point.bit is not None:
         return "boolean"

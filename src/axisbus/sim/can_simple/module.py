@@ -21,7 +21,7 @@ from axisbus.sim.can_simple.endpoints import Endpoints
 from axisbus.sim.can_simple.fault_injection import ModuleDials
 from axisbus.sim.can_simple.firmware import EXTENDED, FACTORY, Firmware
 from axisbus.sim.can_simple.parameters import Parameters, Value, list_of
-from axisbus.sim.can_simple.protocol import Frame, Talk, Wishes
+from axisbus.sim.can_simple.protocol import CanSimpleServer, Frame, PendingCommands
 from axisbus.sim.can_simple.protocol_29bit import Beacon
 from axisbus.sim.can_simple.shaft import Shaft
 from axisbus.sim.compliant import make_motor
@@ -62,8 +62,8 @@ class Module:
         self.shaft = Shaft(self.motor)
         self.axis = ModuleAxis(self.shaft, self.parameters, self.dials, firmware)
         self.endpoints = Endpoints(self.parameters, list_of(firmware), self._live(), self._acts())
-        wishes = Wishes(reboot=self.restart, save=self._save, disable_can=self._disable_can)
-        self._talk = Talk(self.axis, self.parameters, self.endpoints, self.dials, firmware, wishes)
+        wishes = PendingCommands(reboot=self.restart, save=self._save, disable_can=self._disable_can)
+        self._talk = CanSimpleServer(self.axis, self.parameters, self.endpoints, self.dials, firmware, wishes)
         self._beacon = Beacon()
         self._eds = eds
         self._params = params

@@ -64,7 +64,7 @@ _PERIODIC: tuple[tuple[str, Command, ErrorType | None], ...] = (
 
 
 @dataclass(frozen=True)
-class Wishes:
+class PendingCommands:
     """What a command may want of the module as a whole."""
 
     reboot: Callable[[], None]
@@ -72,7 +72,7 @@ class Wishes:
     disable_can: Callable[[], None]
 
 
-class Talk:
+class CanSimpleServer:
     """Holds the frames to be sent, the life counter, and when each periodic message is due."""
 
     def __init__(
@@ -82,7 +82,7 @@ class Talk:
         endpoints: Endpoints,
         dials: ModuleDials,
         firmware: Firmware,
-        wishes: Wishes,
+        wishes: PendingCommands,
     ) -> None:
         self._axis = axis
         self._parameters = parameters

@@ -18,7 +18,7 @@ class Act(IntEnum):
     SAVE = 0x80
 
 
-class Place(NamedTuple):
+class RegisterAddress(NamedTuple):
     """One value: struct's letter, and the path of the parameter in the USB tree that it is; empty where it is none."""
 
     kind: str
@@ -35,39 +35,39 @@ _CONTROLLER, _CONFIG = "axis0.controller.", "axis0.controller.config."
 _TRAJECTORY = "axis0.traj_traj.config."
 
 INPUTS = {
-    STATE: Place("H", "axis0.current_state"),
-    FLAGS: Place("H", ""),
-    0x03: Place("I", "axis0.error"),
-    0x05: Place("Q", "axis0.motor.error"),
-    0x09: Place("I", "axis0.encoder.error"),
-    0x0B: Place("I", "axis0.controller.error"),
-    0x0D: Place("I", "error"),
-    POSITION: Place("f", "axis0.encoder.pos_estimate"),
-    VELOCITY: Place("f", "axis0.encoder.vel_estimate"),
-    0x13: Place("f", "vbus_voltage"),
-    0x15: Place("f", "ibus"),
-    0x17: Place("f", ""),
-    0x19: Place("f", ""),
-    RETURN: Place("I", ""),
+    STATE: RegisterAddress("H", "axis0.current_state"),
+    FLAGS: RegisterAddress("H", ""),
+    0x03: RegisterAddress("I", "axis0.error"),
+    0x05: RegisterAddress("Q", "axis0.motor.error"),
+    0x09: RegisterAddress("I", "axis0.encoder.error"),
+    0x0B: RegisterAddress("I", "axis0.controller.error"),
+    0x0D: RegisterAddress("I", "error"),
+    POSITION: RegisterAddress("f", "axis0.encoder.pos_estimate"),
+    VELOCITY: RegisterAddress("f", "axis0.encoder.vel_estimate"),
+    0x13: RegisterAddress("f", "vbus_voltage"),
+    0x15: RegisterAddress("f", "ibus"),
+    0x17: RegisterAddress("f", ""),
+    0x19: RegisterAddress("f", ""),
+    RETURN: RegisterAddress("I", ""),
 }
 HOLDINGS = {
-    **{int(act): Place("H", "") for act in Act},
-    NODE_ID: Place("H", "axis0.config.can.node_id"),
-    STATE_CONTROL: Place("H", "axis0.requested_state"),
-    0x64: Place("H", _CONFIG + "control_mode"),
-    0x65: Place("H", _CONFIG + "input_mode"),
-    POSITION_TARGET: Place("f", _CONTROLLER + "input_pos"),
-    0x68: Place("f", _CONTROLLER + "input_vel"),
-    0x6A: Place("f", _CONTROLLER + "input_torque"),
-    0x6C: Place("f", _CONFIG + "vel_limit"),
-    0x6E: Place("f", "axis0.motor.config.current_lim"),
-    0x70: Place("f", _TRAJECTORY + "vel_limit"),
-    0x72: Place("f", _TRAJECTORY + "accel_limit"),
-    0x74: Place("f", _TRAJECTORY + "decel_limit"),
-    0x76: Place("f", _CONFIG + "inertia"),
-    0x78: Place("f", _CONFIG + "pos_gain"),
-    0x7A: Place("f", _CONFIG + "vel_gain"),
-    0x7C: Place("f", _CONFIG + "vel_integrator_gain"),
-    ENDPOINT: Place("H", ""),
-    ENDPOINT_VALUE: Place("I", ""),
+    **{int(act): RegisterAddress("H", "") for act in Act},
+    NODE_ID: RegisterAddress("H", "axis0.config.can.node_id"),
+    STATE_CONTROL: RegisterAddress("H", "axis0.requested_state"),
+    0x64: RegisterAddress("H", _CONFIG + "control_mode"),
+    0x65: RegisterAddress("H", _CONFIG + "input_mode"),
+    POSITION_TARGET: RegisterAddress("f", _CONTROLLER + "input_pos"),
+    0x68: RegisterAddress("f", _CONTROLLER + "input_vel"),
+    0x6A: RegisterAddress("f", _CONTROLLER + "input_torque"),
+    0x6C: RegisterAddress("f", _CONFIG + "vel_limit"),
+    0x6E: RegisterAddress("f", "axis0.motor.config.current_lim"),
+    0x70: RegisterAddress("f", _TRAJECTORY + "vel_limit"),
+    0x72: RegisterAddress("f", _TRAJECTORY + "accel_limit"),
+    0x74: RegisterAddress("f", _TRAJECTORY + "decel_limit"),
+    0x76: RegisterAddress("f", _CONFIG + "inertia"),
+    0x78: RegisterAddress("f", _CONFIG + "pos_gain"),
+    0x7A: RegisterAddress("f", _CONFIG + "vel_gain"),
+    0x7C: RegisterAddress("f", _CONFIG + "vel_integrator_gain"),
+    ENDPOINT: RegisterAddress("H", ""),
+    ENDPOINT_VALUE: RegisterAddress("I", ""),
 }

@@ -33,7 +33,7 @@ from axisbus.sim.modbus.registers import (
     STATES,
     VELOCITY,
     Act,
-    Place,
+    RegisterAddress,
 )
 
 _READ_HOLDING, _READ_INPUT, _WRITE_ONE, _WRITE_SEVERAL = 0x03, 0x04, 0x06, 0x10
@@ -175,7 +175,7 @@ class Station:
         self._set(first, struct.unpack(f">{HOLDINGS[first].kind}", values)[0])
         return data[:4]
 
-    def _require(self, places: dict[int, Place], first: int, count: int, *, writes: bool) -> None:
+    def _require(self, places: dict[int, RegisterAddress], first: int, count: int, *, writes: bool) -> None:
         """Values are accessed whole, and one at a time."""
         code = self.dials.exceptions.get((first, writes))
         if code is not None:
@@ -187,7 +187,7 @@ class Station:
 
     # Values.
 
-    def _value(self, places: dict[int, Place], first: int) -> Value:
+    def _value(self, places: dict[int, RegisterAddress], first: int) -> Value:
         module = self.module
         if places is INPUTS and first in (POSITION, VELOCITY) and self._is_dead:
             return 0.0

@@ -13,7 +13,7 @@ from axisbus.sim.dictionary import (
     Dictionary,
     Refused,
 )
-from axisbus.sim.fault_injection import NodeDials
+from axisbus.sim.fault_injection import NodeFaults
 
 CANNOT_MAP = 0x0604_0041
 TOO_MANY_BITS = 0x0604_0042
@@ -55,7 +55,7 @@ class Pdo:
         dictionary: Dictionary,
         number: int,
         transmit: bool,
-        dials: NodeDials,
+        dials: NodeFaults,
         changed: Callable[[], None],
     ) -> None:
         """Make PDO ``number`` (from 0) and watch its objects; ``changed`` is called when a parameter has changed."""
@@ -231,7 +231,7 @@ class Pdo:
 class PdoTable:
     """All PDOs that have communication parameters; ``version`` grows with every change of one, or of 1005h, 1006h and 1012h."""
 
-    def __init__(self, dictionary: Dictionary, dials: NodeDials) -> None:
+    def __init__(self, dictionary: Dictionary, dials: NodeFaults) -> None:
         self.version = 0
         receive, transmit = _numbers(dictionary, 0x1400), _numbers(dictionary, 0x1800)
         self.receive = [Pdo(dictionary, n, False, dials, self._count) for n in receive]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from axisbus.errors import SdoAbort
 from axisbus.sim.dictionary import LENGTH, Dictionary
-from axisbus.sim.fault_injection import NodeDials
+from axisbus.sim.fault_injection import NodeFaults
 from axisbus.sim.node.sdo_block import BlockAbort, BlockDownload, BlockUpload
 
 TOGGLE = 0x0503_0000
@@ -25,7 +25,7 @@ class _Abort(Exception):
 class SdoServer:
     """Answers requests; holds the transfer under way."""
 
-    def __init__(self, dictionary: Dictionary, dials: NodeDials) -> None:
+    def __init__(self, dictionary: Dictionary, dials: NodeFaults) -> None:
         self._dictionary = dictionary
         self._dials = dials
         self._multiplexer = b"\0\0\0"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from axisbus.sim.fault_injection import NodeDials
+from axisbus.sim.fault_injection import NodeFaults
 
 Answer = list[bytes]
 
@@ -70,7 +70,7 @@ class BlockUpload:
 class BlockDownload:
     """Data on its way from the client; holds what came in order."""
 
-    def __init__(self, dials: NodeDials, announced: int | None, checksum: bool) -> None:
+    def __init__(self, dials: NodeFaults, announced: int | None, checksum: bool) -> None:
         """``announced`` is the size that the client gave; ``checksum``: both sides can do it."""
         self._dials = dials
         self._announced = announced

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from axisbus.web.access.limits import SOCKETS, SOCKETS_ALWAYS, SOCKETS_OF_BROWSER
 from axisbus.web.access.origin import NOWHERE, Origin
-from axisbus.web.access.tokens import Entry, Keys, Session
+from axisbus.web.access.tokens import LinkRefusal, PageSession, PageSessions
 from axisbus.wording import counted
 
 ENTER = "/enter"
@@ -27,7 +27,7 @@ _FROM_ELSEWHERE = (
 
 
 @dataclass(frozen=True, slots=True)
-class Door:
+class ServedOrigin:
     """Where the page is served: ``scheme`` http or https, and the hosts, with port, by which it may be asked for."""
 
     scheme: str
@@ -40,7 +40,7 @@ class Door:
 
 
 @dataclass(frozen=True, slots=True)
-class Arrival:
+class AdmissionRequest:
     """What a request shows before anything of it is served; ``hosts`` and ``origins`` are all headers of that name."""
 
     method: str
@@ -55,7 +55,7 @@ class Arrival:
 
 
 @dataclass(frozen=True, slots=True)
-class Refused:
+class AccessRefused:
     """Not let in: the HTTP status, and why, for whoever reads it in a browser."""
 
     status: int
@@ -74,10 +74,16 @@ class Entered:
     cookie: str
 
 
-Verdict = Session | Entered | Refused
+Verdict = PageSession | Entered | AccessRefused
 
 
-def decide(arrival: Arrival, door: Door, keys: Keys, sockets: Mapping[int, int], most_bytes: int) -> Verdict:
+def decide(
+    arrival: AdmissionRequest,
+    door: ServedOrigin,
+    keys: PageSessions,
+    sockets: Mapping[int, int],
+    most_bytes: int,
+) -> Verdict:
     """Return the session of an arrival, the cookie for one that comes by a link, or why it is refused.
 
     ``sockets`` are open already, by the number of the session; a request may bring ``most_bytes``. A link is used up by this. What
@@ -90,54 +96,54 @@ def decide(arrival: Arrival, door: Door, keys: Keys, sockets: Mapping[int, int],
         return _entered(arrival, keys)
     session = next((found for cookie in arrival.cookies if (found := keys.session(cookie))), None)
     if session is None:
-        return Refused(_FORBIDDEN, _NEEDS_LINK)
+        return AccessRefused(_FORBIDDEN, _NEEDS_LINK)
     if arrival.path != STOP and not keys.holds_for(session, arrival.origin):
-        return Refused(_FORBIDDEN, _FROM_ELSEWHERE)
+        return AccessRefused(_FORBIDDEN, _FROM_ELSEWHERE)
     holds = keys.renew(session, open_page=bool(sockets.get(session.number)))
     if arrival.path != STOP and not holds:
-        return Refused(_FORBIDDEN, _LATE)
+        return AccessRefused(_FORBIDDEN, _LATE)
     if arrival.socket and (crowded := _crowded(sockets, session)) is not None:
         return crowded
     if arrival.length > most_bytes and arrival.path != STOP:
-        return Refused(_TOO_LARGE, f"A request may bring {counted(most_bytes, 'byte')}.")
+        return AccessRefused(_TOO_LARGE, f"A request may bring {counted(most_bytes, 'byte')}.")
     return session
 
 
-def _crowded(sockets: Mapping[int, int], session: Session) -> Refused | None:
+def _crowded(sockets: Mapping[int, int], session: PageSession) -> AccessRefused | None:
     """Refuse a socket beyond what a browser may have of its own, and beyond its share if the others have many."""
     own, all_of_them = sockets.get(session.number, 0), sum(sockets.values())
     if own < SOCKETS_ALWAYS or (own < SOCKETS_OF_BROWSER and all_of_them < SOCKETS):
         return None
-    return Refused(
+    return AccessRefused(
         _TOO_MANY,
         f"This browser has {counted(own, 'socket')} open already, all together {all_of_them}."
         " Close a page that is not needed.",
     )
 
 
-def _of_host(arrival: Arrival, door: Door) -> Refused | None:
+def _of_host(arrival: AdmissionRequest, door: ServedOrigin) -> AccessRefused | None:
     """A name of somebody else's that was made to lead here (DNS rebinding) is not ours."""
     if len(arrival.hosts) == 1 and arrival.hosts[0].lower() in door.hosts:
         return None
     named = ", ".join(arrival.hosts) or "no host"
-    return Refused(
+    return AccessRefused(
         _WRONG_HOST, f"The page is not served for {named[:80]}. It is for {', '.join(sorted(door.hosts))}."
     )
 
 
-def _of_origin(arrival: Arrival, door: Door) -> Refused | None:
+def _of_origin(arrival: AdmissionRequest, door: ServedOrigin) -> AccessRefused | None:
     """Whatever can command must say that it comes from our page; what only reads may say nothing."""
     if not arrival.origins and arrival.method in _READS and not arrival.socket:
         return None
     if len(arrival.origins) == 1 and arrival.origins[0].lower() in door.origins:
         return None
-    return Refused(_FORBIDDEN, "This comes from another page than ours, or does not say from which.")
+    return AccessRefused(_FORBIDDEN, "This comes from another page than ours, or does not say from which.")
 
 
-def _entered(arrival: Arrival, keys: Keys) -> Entered | Refused:
+def _entered(arrival: AdmissionRequest, keys: PageSessions) -> Entered | AccessRefused:
     if arrival.method != "GET" or arrival.socket or not arrival.token:
-        return Refused(_FORBIDDEN, _NEEDS_LINK)
+        return AccessRefused(_FORBIDDEN, _NEEDS_LINK)
     cookie = keys.enter(arrival.token, arrival.origin)
-    if isinstance(cookie, Entry):
-        return Refused(_FORBIDDEN, f"This link {cookie.value}. {_ANOTHER}")
+    if isinstance(cookie, LinkRefusal):
+        return AccessRefused(_FORBIDDEN, f"This link {cookie.value}. {_ANOTHER}")
     return Entered(cookie)

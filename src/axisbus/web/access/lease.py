@@ -25,7 +25,7 @@ class Refusal:
 
 
 @dataclass(frozen=True, slots=True)
-class Lease:
+class PageLease:
     """The controls of the page; ``holder`` is None while nobody has them."""
 
     holder: Seat | None = None
@@ -34,7 +34,7 @@ class Lease:
         """Whether this page has them."""
         return self.holder is not None and self.holder.number == seat.number
 
-    def taken(self, seat: Seat, *, over: bool) -> Lease | Refusal:
+    def taken(self, seat: Seat, *, over: bool) -> PageLease | Refusal:
         """Return the lease of ``seat``; ``over``: it takes the controls from whoever has them, which is an act of its own."""
         if seat.role is not Role.OPERATOR:
             return Refusal(
@@ -43,8 +43,8 @@ class Lease:
             )
         if self.holder is not None and not self.held_by(seat) and not over:
             return Refusal(f"{self.holder.who} has the controls", "take them over, and tell whoever is there")
-        return Lease(seat)
+        return PageLease(seat)
 
-    def without(self, seat: Seat) -> Lease:
+    def without(self, seat: Seat) -> PageLease:
         """Return the lease when ``seat`` has given the controls back, or is gone."""
-        return Lease() if self.held_by(seat) else self
+        return PageLease() if self.held_by(seat) else self

@@ -10,11 +10,11 @@ from typing import Any, Protocol
 from urllib.parse import parse_qs
 
 from axisbus.client_support.rate import Bucket
-from axisbus.web.access.admission import Arrival, Door, Entered, Refused, decide
+from axisbus.web.access.admission import AccessRefused, AdmissionRequest, Entered, ServedOrigin, decide
 from axisbus.web.access.headers import secured
 from axisbus.web.access.limits import FOREIGN_MESSAGE, PAGES, PAGES_AT_ONCE, most_bytes
 from axisbus.web.access.origin import NOWHERE, origin_of
-from axisbus.web.access.tokens import Keys, Session
+from axisbus.web.access.tokens import PageSession, PageSessions
 
 Message = MutableMapping[str, Any]
 Scope = MutableMapping[str, Any]
@@ -26,7 +26,9 @@ SESSION = "axisbus.session"  # where a scope keeps the session of the browser
 _POLICY_VIOLATED, _TOO_BIG = 1008, 1009
 PAGE = "/"
 OWN_SOCKET = "/live"  # counts by itself, so that no stop is counted
-_TOO_OFTEN = Refused(429, "This browser loads the page too often. Wait a few seconds, and load it again.")
+_TOO_OFTEN = AccessRefused(
+    429, "This browser loads the page too often. Wait a few seconds, and load it again."
+)
 _CLOSE = (b"connection", b"close")
 _BODY = "<!doctype html><meta charset=utf-8><title>axisbus</title><p style='font:16px sans-serif;margin:3em'>{}</p>"
 
@@ -38,11 +40,16 @@ class LetIn(Protocol):
         """Take note of it."""
 
 
-class Gate:
+class AccessMiddleware:
     """An ASGI application around another; holds how many sockets each session has open, and how often it loads the page."""
 
     def __init__(
-        self, inner: Application, door: Door, keys: Keys, cookie: str, let_in: LetIn | None = None
+        self,
+        inner: Application,
+        door: ServedOrigin,
+        keys: PageSessions,
+        cookie: str,
+        let_in: LetIn | None = None,
     ) -> None:
         """``cookie`` is the name of the session's cookie."""
         self._inner = inner
@@ -60,10 +67,10 @@ class Gate:
             return
         arrival = arrival_of(scope, self._cookie)
         verdict = decide(arrival, self._door, self._keys, self._sockets, most_bytes(scope["path"]))
-        if isinstance(verdict, Session) and scope["path"] == PAGE and not self._may_load(verdict):
+        if isinstance(verdict, PageSession) and scope["path"] == PAGE and not self._may_load(verdict):
             verdict = _TOO_OFTEN
         self._tell_of(scope, verdict)
-        if isinstance(verdict, Refused):
+        if isinstance(verdict, AccessRefused):
             await _refuse(scope, send, verdict)
         elif isinstance(verdict, Entered):
             await self._welcome(send, verdict)
@@ -73,13 +80,13 @@ class Gate:
             scope[SESSION] = verdict
             await self._inner(scope, _bounded(receive, most_bytes(scope["path"])), _with_headers(send))
 
-    def _may_load(self, session: Session) -> bool:
+    def _may_load(self, session: PageSession) -> bool:
         bucket = self._loads.setdefault(session.number, Bucket(PAGES, PAGES_AT_ONCE))
         return bucket.take(time.monotonic())
 
-    def _tell_of(self, scope: Scope, verdict: Session | Entered | Refused) -> None:
+    def _tell_of(self, scope: Scope, verdict: PageSession | Entered | AccessRefused) -> None:
         session = self._keys.session(verdict.cookie) if isinstance(verdict, Entered) else verdict
-        if self._let_in is not None and isinstance(session, Session):
+        if self._let_in is not None and isinstance(session, PageSession):
             self._let_in(scope.get("client"), session.number, kept=scope["type"] == "websocket")
 
     async def _welcome(self, send: Send, entered: Entered) -> None:
@@ -89,7 +96,7 @@ class Gate:
         page = "<!doctype html><meta charset=utf-8><title>axisbus</title><meta http-equiv=refresh content='0;url=/'>"
         await _answer(send, 200, page, [(b"set-cookie", cookie.encode())])
 
-    async def _socket(self, scope: Scope, receive: Receive, send: Send, session: Session) -> None:
+    async def _socket(self, scope: Scope, receive: Receive, send: Send, session: PageSession) -> None:
         scope[SESSION] = session
         self._sockets[session.number] += 1
         try:
@@ -100,7 +107,7 @@ class Gate:
             self._keys.renew(session, open_page=True)  # it was open until now
 
 
-def arrival_of(scope: Scope, cookie: str) -> Arrival:
+def arrival_of(scope: Scope, cookie: str) -> AdmissionRequest:
     """Return what a request shows, from its ASGI scope."""
     found: dict[str, list[str]] = {}
     for name, value in scope["headers"]:
@@ -112,7 +119,7 @@ def arrival_of(scope: Scope, cookie: str) -> Arrival:
     token = query.get("token", [None])[0]
     # Of who shows neither it is not asked: it is refused anyway.
     origin = origin_of(scope.get("client"), scope.get("server")) if cookies or token else NOWHERE
-    return Arrival(
+    return AdmissionRequest(
         method=scope.get("method", "GET"),
         path=scope["path"],
         socket=scope["type"] == "websocket",
@@ -125,7 +132,7 @@ def arrival_of(scope: Scope, cookie: str) -> Arrival:
     )
 
 
-async def _refuse(scope: Scope, send: Send, refused: Refused) -> None:
+async def _refuse(scope: Scope, send: Send, refused: AccessRefused) -> None:
     if scope["type"] == "websocket":  # before it was accepted: the server answers 403
         await send({"type": "websocket.close", "code": _POLICY_VIOLATED})
     else:

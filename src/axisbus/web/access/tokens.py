@@ -27,14 +27,14 @@ class Role(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Session:
+class PageSession:
     """A browser that has come in by a link; ``number`` counts them from 1."""
 
     number: int
     role: Role
 
 
-class Entry(Enum):
+class LinkRefusal(Enum):
     """What is wrong with a link."""
 
     USED = "was used already: it opens one browser, once"
@@ -42,7 +42,7 @@ class Entry(Enum):
     UNKNOWN = "is none of this server's: it was mistyped, or it is of one that has ended"
 
 
-class Keys:
+class PageSessions:
     """Links and sessions; holds state: the digests of the links not yet used, of those that were, and of the sessions' cookies."""
 
     def __init__(
@@ -55,7 +55,7 @@ class Keys:
         self._clock = clock
         self._links: dict[str, tuple[Role, float]] = {}
         self._used: set[str] = set()
-        self._sessions: dict[str, Session] = {}
+        self._sessions: dict[str, PageSession] = {}
         self._origins: dict[int, Origin] = {}
         self._seen: dict[int, float] = {}
         self._count = 0
@@ -68,18 +68,18 @@ class Keys:
             del self._links[next(iter(self._links))]
         return token
 
-    def enter(self, token: str, origin: Origin = NOWHERE) -> str | Entry:
+    def enter(self, token: str, origin: Origin = NOWHERE) -> str | LinkRefusal:
         """Use a token up; return the cookie of a new session, which holds for ``origin``, or the reason why there is none."""
         digest = _digest(token)
         role, made = self._links.pop(digest, (None, 0.0))
         if role is None:
-            return Entry.USED if digest in self._used else Entry.UNKNOWN
+            return LinkRefusal.USED if digest in self._used else LinkRefusal.UNKNOWN
         if self._clock() - made > LINK_LIVES:
-            return Entry.LATE
+            return LinkRefusal.LATE
         self._used.add(digest)
         cookie = self._make()
         self._count += 1
-        self._sessions[_digest(cookie)] = Session(self._count, role)
+        self._sessions[_digest(cookie)] = PageSession(self._count, role)
         self._origins[self._count] = origin
         self._seen[self._count] = self._clock()
         while len(self._sessions) > _MOST:
@@ -87,11 +87,11 @@ class Keys:
             del self._origins[over.number], self._seen[over.number]
         return cookie
 
-    def session(self, cookie: str) -> Session | None:
+    def session(self, cookie: str) -> PageSession | None:
         """Return the session of a cookie, None where there is none."""
         return self._sessions.get(_digest(cookie))
 
-    def renew(self, session: Session, *, open_page: bool = False) -> bool:
+    def renew(self, session: PageSession, *, open_page: bool = False) -> bool:
         """Whether a session still holds, as it does while it has an ``open_page``; then it does for another 12 h."""
         seen, now = self._seen.get(session.number), self._clock()
         if seen is None or (now - seen > SESSION_LIVES and not open_page):
@@ -99,7 +99,7 @@ class Keys:
         self._seen[session.number] = now
         return True
 
-    def holds_for(self, session: Session, origin: Origin) -> bool:
+    def holds_for(self, session: PageSession, origin: Origin) -> bool:
         """Whether a session was begun from there."""
         return self._origins.get(session.number) == origin
 

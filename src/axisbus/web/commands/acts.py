@@ -12,8 +12,8 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
 from axisbus.motion.command_status import Status
-from axisbus.web.commands.authorize import Act
-from axisbus.web.commands.verbs import Verb
+from axisbus.web.commands.authorize import PageAction
+from axisbus.web.commands.verbs import PageVerb
 
 
 class _Ramps(TypedDict, total=False):
@@ -41,24 +41,24 @@ def _pressed(axis: Axis, values: Mapping[str, float]) -> Handle:
     return axis.torque_control(values["torque"], slope=values.get("slope"))
 
 
-_CALLS: dict[Verb, Callable[[Axis, Mapping[str, float]], Handle]] = {
-    Verb.QUICK_STOP_ALL: lambda axis, _: axis.quick_stop(),
-    Verb.HALT_ALL: lambda axis, _: axis.halt(),
-    Verb.QUICK_STOP: lambda axis, _: axis.quick_stop(),
-    Verb.HALT: lambda axis, _: axis.halt(),
-    Verb.ENABLE: lambda axis, _: axis.enable(),
-    Verb.DISABLE: lambda axis, _: axis.disable(),
-    Verb.RESET: lambda axis, _: axis.reset(),
-    Verb.RELEASE: lambda axis, _: axis.release(),
-    Verb.HOME: lambda axis, _: axis.home(),
-    Verb.MOVE_ABSOLUTE: _moved,
-    Verb.MOVE_RELATIVE: _stepped,
-    Verb.MOVE_VELOCITY: _turned,
-    Verb.TORQUE_CONTROL: _pressed,
+_CALLS: dict[PageVerb, Callable[[Axis, Mapping[str, float]], Handle]] = {
+    PageVerb.QUICK_STOP_ALL: lambda axis, _: axis.quick_stop(),
+    PageVerb.HALT_ALL: lambda axis, _: axis.halt(),
+    PageVerb.QUICK_STOP: lambda axis, _: axis.quick_stop(),
+    PageVerb.HALT: lambda axis, _: axis.halt(),
+    PageVerb.ENABLE: lambda axis, _: axis.enable(),
+    PageVerb.DISABLE: lambda axis, _: axis.disable(),
+    PageVerb.RESET: lambda axis, _: axis.reset(),
+    PageVerb.RELEASE: lambda axis, _: axis.release(),
+    PageVerb.HOME: lambda axis, _: axis.home(),
+    PageVerb.MOVE_ABSOLUTE: _moved,
+    PageVerb.MOVE_RELATIVE: _stepped,
+    PageVerb.MOVE_VELOCITY: _turned,
+    PageVerb.TORQUE_CONTROL: _pressed,
 }
 
 
-def perform(machine: Machine, act: Act) -> list[Handle]:
+def perform(machine: Machine, act: PageAction) -> list[Handle]:
     """Give the commands of an act, all of them also where one is refused at the call.
 
     Raises:
@@ -91,7 +91,7 @@ def _take_command(machine: Machine, handle: Handle) -> None:
         handle.finish(Status.DONE)
 
 
-def direction_of(act: Act) -> float:
+def direction_of(act: PageAction) -> float:
     """Return 1 or -1, which way a jog is to go.
 
     Raises:
@@ -105,7 +105,7 @@ def direction_of(act: Act) -> float:
     return math.copysign(1.0, direction)
 
 
-def jog(machine: Machine, act: Act, *, renews: bool) -> Handle:
+def jog(machine: Machine, act: PageAction, *, renews: bool) -> Handle:
     """Let an axis jog for 0.2 s, at the velocity of the page or the default of the cell file; ``renews`` as of ``Axis.jog``.
 
     Raises:

@@ -5,22 +5,22 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
-from axisbus.web.access.lease import Lease, Refusal, Seat
+from axisbus.web.access.lease import PageLease, Refusal, Seat
 from axisbus.web.access.tokens import Role
-from axisbus.web.commands.request import Ask
-from axisbus.web.commands.verbs import VERBS, Row, Verb
+from axisbus.web.commands.request import PageRequest
+from axisbus.web.commands.verbs import VERBS, PageVerb, VerbRequirements
 
 
 @dataclass(frozen=True, slots=True)
-class Act:
+class PageAction:
     """What is to be done: ``axes`` by name, ``values`` as numbers in the axis's units."""
 
-    verb: Verb
+    verb: PageVerb
     axes: tuple[str, ...] = ()
     values: Mapping[str, float] = field(default_factory=dict)
 
 
-def decide(seat: Seat, lease: Lease, ask: Ask, axes: Collection[str]) -> Act | Refusal:
+def decide(seat: Seat, lease: PageLease, ask: PageRequest, axes: Collection[str]) -> PageAction | Refusal:
     """Return what is to be done, or why not. A halt and a stop are for everybody, whoever has the controls."""
     row = VERBS[ask.verb]
     if row.axis and ask.axis not in axes:
@@ -31,12 +31,12 @@ def decide(seat: Seat, lease: Lease, ask: Ask, axes: Collection[str]) -> Act | R
     values = _numbers(ask, row)
     if isinstance(values, Refusal):
         return values
-    if ask.verb in (Verb.QUICK_STOP_ALL, Verb.HALT_ALL):
-        return Act(ask.verb, tuple(axes))
-    return Act(ask.verb, (ask.axis,) if row.axis else (), values)
+    if ask.verb in (PageVerb.QUICK_STOP_ALL, PageVerb.HALT_ALL):
+        return PageAction(ask.verb, tuple(axes))
+    return PageAction(ask.verb, (ask.axis,) if row.axis else (), values)
 
 
-def _of_who(seat: Seat, lease: Lease, row: Row) -> Refusal | None:
+def _of_who(seat: Seat, lease: PageLease, row: VerbRequirements) -> Refusal | None:
     if not row.controls or lease.held_by(seat):
         return None
     if seat.role is not Role.OPERATOR:
@@ -51,14 +51,14 @@ def _of_who(seat: Seat, lease: Lease, row: Row) -> Refusal | None:
     )
 
 
-def _of_what(ask: Ask, row: Row) -> Refusal | None:
+def _of_what(ask: PageRequest, row: VerbRequirements) -> Refusal | None:
     if row.sure and not ask.sure:
         asked = f"{ask.axis}.{ask.verb.value}" if row.axis else ask.verb.value
         return Refusal(f"{asked}(): nobody has said yes", "answer the question of the page")
     return None
 
 
-def _numbers(ask: Ask, row: Row) -> dict[str, float] | Refusal:
+def _numbers(ask: PageRequest, row: VerbRequirements) -> dict[str, float] | Refusal:
     """Return the numbers that the verb takes; one that is left out is the cell file's default, where there is one."""
     found: dict[str, float] = {}
     for name in (*row.needs, *row.takes):

@@ -11,27 +11,27 @@ from axisbus.errors import AxisbusError, Interrupted, Replaced, seen_of
 from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from axisbus.web.access.lease import Lease, Refusal, Seat
-from axisbus.web.access.tokens import Role, Session
+from axisbus.web.access.lease import PageLease, Refusal, Seat
+from axisbus.web.access.tokens import PageSession, Role
 from axisbus.web.commands.acts import direction_of, jog, perform, take_command
-from axisbus.web.commands.authorize import Act, decide
+from axisbus.web.commands.authorize import PageAction, decide
 from axisbus.web.commands.object_requests import VERBS as OBJECT_VERBS
-from axisbus.web.commands.object_requests import OfObjects
-from axisbus.web.commands.request import Ask, read
+from axisbus.web.commands.object_requests import ObjectRequests
+from axisbus.web.commands.request import PageRequest, read
 from axisbus.web.commands.stale_requests import too_late
-from axisbus.web.commands.verbs import STOPS, Verb
+from axisbus.web.commands.verbs import STOPS, PageVerb
 from axisbus.web.config import report as config
-from axisbus.web.objects.verifying import Progressed
+from axisbus.web.objects.verifying import VerifyProgress
 from axisbus.web.tuning import trials
 from axisbus.web.tuning.trials import Trials
-from axisbus.web.view.error_text import in_buttons
+from axisbus.web.view.error_text import in_page_terms
 
 _AGAIN = 2.0  # seconds after which the same words are said again
 _UNDER_WAY = 64  # commands of a page that are looked after
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class PageMessage:
     """Something for one page: ``kind`` is refused, failed, note or link."""
 
     kind: str
@@ -40,7 +40,7 @@ class Told:
 
 
 @dataclass(slots=True)
-class Place:
+class PageClient:
     """A page at the desk; holds state: what it holds pressed, what is left of its rate, and what it is to be told."""
 
     seat: Seat
@@ -48,16 +48,16 @@ class Place:
     deadman: DeadMan = field(default_factory=DeadMan)
     under_way: list[Handle] = field(default_factory=list)
     jogs: list[Handle] = field(default_factory=list)
-    told: list[Told] = field(default_factory=list)
+    told: list[PageMessage] = field(default_factory=list)
     last: tuple[str, float] = ("", 0.0)
     session: int = 0  # that of its browser
-    verified: Progressed | None = None  # the state of a verification that it was told last
-    configured: config.Progressed | None = None  # that of a job about a configuration
+    verified: VerifyProgress | None = None  # the state of a verification that it was told last
+    configured: config.ConfigProgress | None = None  # that of a job about a configuration
     heard: float | None = None  # when it sent the last message that was heard, in seconds of its clock
     seen: float | None = None  # when we told what it showed then, in seconds of ours
     moving: bool = False  # whether what it jogs has been seen to be under way
 
-    def tell(self, told: Told, now: float) -> None:
+    def tell(self, told: PageMessage, now: float) -> None:
         """Say something, but not the same again and again."""
         if self.last[0] == told.text and now - self.last[1] < _AGAIN:
             return
@@ -65,7 +65,7 @@ class Place:
         self.told.append(told)
 
 
-class Desk:
+class PageClients:
     """Holds the places of all pages, and the lease; used by one thread. Times are seconds of one clock, which the caller reads."""
 
     def __init__(self, machine: Machine, link: Callable[[], str], *, looks: bool = False) -> None:
@@ -74,21 +74,21 @@ class Desk:
         self._link = link
         self.looks = looks
         self._count = 0
-        self.lease = Lease()
-        self.objects = OfObjects()
+        self.lease = PageLease()
+        self.objects = ObjectRequests()
         self.trials = Trials(machine)
-        self.places: dict[int, Place] = {}
+        self.places: dict[int, PageClient] = {}
 
-    def sit(self, session: Session, peer: str) -> Place:
+    def sit(self, session: PageSession, peer: str) -> PageClient:
         """A page has been opened; return its place."""
         self._count += 1
-        place = Place(
+        place = PageClient(
             Seat(self._count, f"page {self._count} at {peer}", session.role), session=session.number
         )
         self.places[place.seat.number] = place
         return place
 
-    def leave(self, place: Place) -> None:
+    def leave(self, place: PageClient) -> None:
         """A page is gone: what it jogs or tries halts, and the controls are free. Harmless when repeated."""
         self.places.pop(place.seat.number, None)
         self.lease = self.lease.without(place.seat)
@@ -98,17 +98,17 @@ class Desk:
         for handle in (*place.under_way, *place.jogs):
             look_at_end(handle)  # nobody is there who could be told
 
-    def hear(self, place: Place, text: str, now: float) -> None:
+    def hear(self, place: PageClient, text: str, now: float) -> None:
         """A message of a page. Beyond its rate nothing is heard of it but a halt and a stop."""
         within = place.bucket.take(now)
         ask = read(text)
-        if isinstance(ask, Ask) and (within or ask.verb in STOPS):
+        if isinstance(ask, PageRequest) and (within or ask.verb in STOPS):
             self._asked(place, ask, now)
         elif isinstance(ask, Refusal) and within:
-            place.tell(Told("refused", ask.text, ask.remedy), now)
+            place.tell(PageMessage("refused", ask.text, ask.remedy), now)
         elif not within:
             place.tell(
-                Told(
+                PageMessage(
                     "refused",
                     "this page sends too much",
                     "halt and stop are heard; for all else wait a moment",
@@ -131,7 +131,7 @@ class Desk:
             if axes is None or place.deadman.axis in axes:
                 place.deadman = place.deadman.ended()
 
-    def _asked(self, place: Place, ask: Ask, now: float) -> None:
+    def _asked(self, place: PageClient, ask: PageRequest, now: float) -> None:
         if ask.verb not in STOPS:
             place.deadman = place.deadman.told(ask.sent, now)
             place.heard, place.seen = ask.sent, ask.seen
@@ -140,7 +140,7 @@ class Desk:
         )
         if isinstance(verdict, Refusal):
             self._end_jog(place)
-            place.tell(Told("refused", verdict.text, verdict.remedy), now)
+            place.tell(PageMessage("refused", verdict.text, verdict.remedy), now)
             return
         try:
             self._do(place, verdict, ask, now)
@@ -148,39 +148,39 @@ class Desk:
             self._end_jog(place)
             place.tell(_of_error("refused", error), now)
 
-    def _do(self, place: Place, act: Act, ask: Ask, now: float) -> None:
+    def _do(self, place: PageClient, act: PageAction, ask: PageRequest, now: float) -> None:
         number = place.seat.number
-        if act.verb is Verb.JOG:
+        if act.verb is PageVerb.JOG:
             self._jog(place, act, ask, now)
-        elif act.verb is Verb.JOG_END:
+        elif act.verb is PageVerb.JOG_END:
             self._end_jog(place)
-        elif act.verb in (Verb.TAKE, Verb.TAKE_OVER):
-            self._take(place, act.verb is Verb.TAKE_OVER, now)
-        elif act.verb is Verb.GIVE_BACK:
+        elif act.verb in (PageVerb.TAKE, PageVerb.TAKE_OVER):
+            self._take(place, act.verb is PageVerb.TAKE_OVER, now)
+        elif act.verb is PageVerb.GIVE_BACK:
             self._end_jog(place)
             self.lease = self.lease.without(place.seat)
             self._without_controls(number, now)
-        elif act.verb is Verb.LINK:
+        elif act.verb is PageVerb.LINK:
             self._give_link(place, now)
-        elif act.verb is Verb.TAKE_COMMAND:
+        elif act.verb is PageVerb.TAKE_COMMAND:
             self._take_command(place, now)
         elif act.verb in OBJECT_VERBS:
             self._of_objects(place, ask, now)
-        elif act.verb in (Verb.STEP_POSITION, Verb.STEP_VELOCITY):
+        elif act.verb in (PageVerb.STEP_POSITION, PageVerb.STEP_VELOCITY):
             self.trials.ask(number, act, ask, place.deadman, now)
-        elif act.verb is Verb.TRIAL_BEAT:
+        elif act.verb is PageVerb.TRIAL_BEAT:
             self.trials.beat(number, ask, now)
-        elif act.verb is Verb.TRIAL_END:
+        elif act.verb is PageVerb.TRIAL_END:
             self.trials.end(number, trials.ENDED)
-        elif act.verb is not Verb.BEAT:
+        elif act.verb is not PageVerb.BEAT:
             self._perform(place, act)
 
-    def _of_objects(self, place: Place, ask: Ask, now: float) -> None:
+    def _of_objects(self, place: PageClient, ask: PageRequest, now: float) -> None:
         refused = self.objects.do(place.seat.number, ask, controls=self.lease.held_by(place.seat))
         if refused is not None:
-            place.tell(Told("refused", refused.text, refused.remedy), now)
+            place.tell(PageMessage("refused", refused.text, refused.remedy), now)
 
-    def _perform(self, place: Place, act: Act) -> None:
+    def _perform(self, place: PageClient, act: PageAction) -> None:
         if act.verb in STOPS:
             self.let_go(act.axes)
         else:
@@ -188,7 +188,7 @@ class Desk:
         place.under_way += perform(self._machine, act)
         del place.under_way[:-_UNDER_WAY]
 
-    def _jog(self, place: Place, act: Act, ask: Ask, now: float) -> None:
+    def _jog(self, place: PageClient, act: PageAction, ask: PageRequest, now: float) -> None:
         if self._broken_off(place):  # whoever has stopped it meanwhile must not see it go on
             self._end_jog(place)
         before = place.deadman
@@ -200,25 +200,25 @@ class Desk:
         elif before.held:
             self._halt(place, before.axis)
 
-    def _broken_off(self, place: Place) -> bool:
+    def _broken_off(self, place: PageClient) -> bool:
         """Whether what is held was under way and is no more: halted by whoever, in fault, or at a limit."""
         state = self._machine[place.deadman.axis].snapshot.state if place.deadman.held else None
         broken = place.moving and state not in (None, AxisState.CONTINUOUS_MOTION)
         place.moving = state is AxisState.CONTINUOUS_MOTION
         return broken
 
-    def _end_jog(self, place: Place) -> None:
+    def _end_jog(self, place: PageClient) -> None:
         axis, place.deadman = place.deadman.axis, place.deadman.ended()
         if axis:
             self._halt(place, axis)
 
-    def _halt(self, place: Place, axis: str) -> None:
+    def _halt(self, place: PageClient, axis: str) -> None:
         place.under_way.append(self._machine[axis].halt())
 
-    def _take(self, place: Place, over: bool, now: float) -> None:
+    def _take(self, place: PageClient, over: bool, now: float) -> None:
         lease = self.lease.taken(place.seat, over=over)
         if isinstance(lease, Refusal):
-            place.tell(Told("refused", lease.text, lease.remedy), now)
+            place.tell(PageMessage("refused", lease.text, lease.remedy), now)
             return
         before, self.lease = self.lease.holder, lease
         if (
@@ -228,16 +228,16 @@ class Desk:
         ):
             self._end_jog(other)
             self._without_controls(other.seat.number, now)
-            other.tell(Told("note", f"{place.seat.who} has taken the controls over"), now)
+            other.tell(PageMessage("note", f"{place.seat.who} has taken the controls over"), now)
 
     def _without_controls(self, number: int, now: float) -> None:
         self.objects.without_controls(number, now)
         self.trials.end(number, trials.OVER)
 
-    def _take_command(self, place: Place, now: float) -> None:
+    def _take_command(self, place: PageClient, now: float) -> None:
         if self.looks:
             place.tell(
-                Told(
+                PageMessage(
                     "refused",
                     "this page is served to look on: it takes no command",
                     "serve it without --look",
@@ -247,13 +247,15 @@ class Desk:
         else:
             place.under_way.append(take_command(self._machine))
 
-    def _give_link(self, place: Place, now: float) -> None:
+    def _give_link(self, place: PageClient, now: float) -> None:
         if place.seat.role is Role.OPERATOR:
-            place.tell(Told("link", self._link()), now)
+            place.tell(PageMessage("link", self._link()), now)
         else:
-            place.tell(Told("refused", "this page looks on: it makes no links", "ask an operator"), now)
+            place.tell(
+                PageMessage("refused", "this page looks on: it makes no links", "ask an operator"), now
+            )
 
-    def _gather(self, place: Place, now: float) -> None:
+    def _gather(self, place: PageClient, now: float) -> None:
         for handles in (place.under_way, place.jogs):
             ended = [handle for handle in handles if not handle.busy]
             handles[:] = [handle for handle in handles if handle.busy]
@@ -268,7 +270,7 @@ class Desk:
                     place.tell(_of_error("note", error), now)
 
 
-def _of_error(kind: str, error: AxisbusError) -> Told:
+def _of_error(kind: str, error: AxisbusError) -> PageMessage:
     seen = seen_of(error)
     text = f"{error.message} ({seen})" if seen else error.message
-    return Told(kind, in_buttons(text), in_buttons(error.remedy))
+    return PageMessage(kind, in_page_terms(text), in_page_terms(error.remedy))

@@ -3,60 +3,60 @@
 from __future__ import annotations
 
 from axisbus.web.access.lease import Refusal
-from axisbus.web.commands.request import Ask
-from axisbus.web.commands.verbs import Verb
+from axisbus.web.commands.request import PageRequest
+from axisbus.web.commands.verbs import PageVerb
 from axisbus.web.config import report as config
 from axisbus.web.config.job_runner import Configuring
-from axisbus.web.config.report import Kind
-from axisbus.web.objects.jobs import Job, Wish
-from axisbus.web.objects.transfer_queue import WAITING, Turns
-from axisbus.web.objects.verifying import Progressed, Verifying
+from axisbus.web.config.report import ConfigJobKind
+from axisbus.web.objects.jobs import ObjectJob, TransferRequest
+from axisbus.web.objects.transfer_queue import WAITING, TransferQueue
+from axisbus.web.objects.verifying import Verifying, VerifyProgress
 from axisbus.web.view.axes import Values
 
 _JOBS = {
-    Verb.BACKUP: Kind.BACKUP,
-    Verb.COMPARE: Kind.COMPARE,
-    Verb.WOULD_RESTORE: Kind.WOULD_RESTORE,
-    Verb.RESTORE: Kind.RESTORE,
+    PageVerb.BACKUP: ConfigJobKind.BACKUP,
+    PageVerb.COMPARE: ConfigJobKind.COMPARE,
+    PageVerb.WOULD_RESTORE: ConfigJobKind.WOULD_RESTORE,
+    PageVerb.RESTORE: ConfigJobKind.RESTORE,
 }
 VERBS = frozenset(
     {
-        Verb.READ_OBJECTS,
-        Verb.KEEP_READING,
-        Verb.WRITE_OBJECT,
-        Verb.VERIFY,
-        Verb.VERIFY_END,
+        PageVerb.READ_OBJECTS,
+        PageVerb.KEEP_READING,
+        PageVerb.WRITE_OBJECT,
+        PageVerb.VERIFY,
+        PageVerb.VERIFY_END,
         *_JOBS,
-        Verb.JOB_END,
+        PageVerb.JOB_END,
     }
 )
 _FULL = Refusal(f"this page waits for {WAITING} objects already", "wait until they have come")
 
 
-class OfObjects:
+class ObjectRequests:
     """Holds the queue of transfers and the long jobs; used by one thread, and carried out by ``web.objects.worker``."""
 
     def __init__(self) -> None:
-        self.turns = Turns()
+        self.turns = TransferQueue()
         self.verifying = Verifying()
         self.configuring = Configuring()
 
-    def do(self, page: int, ask: Ask, *, controls: bool = False) -> Refusal | None:
+    def do(self, page: int, ask: PageRequest, *, controls: bool = False) -> Refusal | None:
         """Take what a page asks for, which may ask for it; return why not, where that cannot be now.
 
         ``controls``: whether it has them, and so may end what another page has begun; a job of its own does so.
         """
-        if controls and (ask.verb is Verb.VERIFY or ask.verb in _JOBS):
+        if controls and (ask.verb is PageVerb.VERIFY or ask.verb in _JOBS):
             self.configuring.give_way(page)
-        if ask.verb is Verb.KEEP_READING:
+        if ask.verb is PageVerb.KEEP_READING:
             self.turns.keep(page, ask.objects)
-        elif ask.verb is Verb.VERIFY:
+        elif ask.verb is PageVerb.VERIFY:
             return self.configuring.busy or self.verifying.begin(page, ask.node)
-        elif ask.verb is Verb.VERIFY_END:
+        elif ask.verb is PageVerb.VERIFY_END:
             self.verifying.end()
         elif ask.verb in _JOBS:
             return self.verifying.busy or self.configuring.begin(page, _JOBS[ask.verb], ask.node)
-        elif ask.verb is Verb.JOB_END:
+        elif ask.verb is PageVerb.JOB_END:
             self.configuring.end(None if controls else page)
         elif not self.turns.ask(page, _jobs(page, ask)):
             return _FULL
@@ -79,18 +79,18 @@ class OfObjects:
         return [seen.told(now) for seen in self.turns.news(page)]
 
     @property
-    def verified(self) -> Progressed | None:
+    def verified(self) -> VerifyProgress | None:
         """How far the verification is; another value whenever that has changed."""
         return self.verifying.now
 
     @property
-    def configured(self) -> config.Progressed | None:
+    def configured(self) -> config.ConfigProgress | None:
         """How far the job about a configuration is; another value whenever that has changed."""
         return self.configuring.now
 
 
-def _jobs(page: int, ask: Ask) -> list[Job]:
+def _jobs(page: int, ask: PageRequest) -> list[ObjectJob]:
     wish = None
-    if ask.verb is Verb.WRITE_OBJECT:
-        wish = Wish(ask.text, frozenset(ask.values.get("agreed", "").split()))
-    return [Job(each, page, wish) for each in ask.objects]
+    if ask.verb is PageVerb.WRITE_OBJECT:
+        wish = TransferRequest(ask.text, frozenset(ask.values.get("agreed", "").split()))
+    return [ObjectJob(each, page, wish) for each in ask.objects]

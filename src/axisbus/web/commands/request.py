@@ -9,9 +9,9 @@ from typing import Any
 from axisbus.web.access.lease import Refusal
 from axisbus.web.access.limits import MESSAGE
 from axisbus.web.access.messages import as_object
-from axisbus.web.commands.verbs import STOPS, VERBS, Verb
+from axisbus.web.commands.verbs import STOPS, VERBS, PageVerb
 from axisbus.web.objects import key
-from axisbus.web.objects.key import Key
+from axisbus.web.objects.key import ObjectKey
 
 _LONGEST_NAME, _LONGEST_NUMBER, _LONGEST_TEXT = 64, 200, 1024  # characters
 _MOST_VALUES = 8
@@ -19,24 +19,24 @@ _STRANGE = Refusal("a message was none of this page's", "load the page again")
 
 
 @dataclass(frozen=True, slots=True)
-class Ask:
+class PageRequest:
     """What a page asks for. ``values`` are numbers as they were typed; ``press`` counts what is pressed and held, ``sent`` is when
     the page sent it, in seconds of its own clock; ``seen`` is when we told what it showed then, in seconds of ours. ``objects`` are
     those that a verb is about, ``node`` is one that it is about as a whole; ``text`` is the value of an object as it was typed."""
 
-    verb: Verb
+    verb: PageVerb
     axis: str = ""
     values: Mapping[str, str] = field(default_factory=dict)
     sure: bool = False
     press: int = 0
     sent: float = 0.0
     seen: float | None = None
-    objects: tuple[Key, ...] = ()
+    objects: tuple[ObjectKey, ...] = ()
     node: int = 0
     text: str = ""
 
 
-def read(text: str) -> Ask | Refusal:
+def read(text: str) -> PageRequest | Refusal:
     """Return what a message asks for; of a stop only the verb and the axis are looked at, so that nothing else can spoil it."""
     if len(text) > MESSAGE:
         return Refusal("a message was too long", f"it may have {MESSAGE} characters")
@@ -46,14 +46,14 @@ def read(text: str) -> Ask | Refusal:
     axis = found.get("axis", "")
     if not isinstance(axis, str) or len(axis) > _LONGEST_NAME:
         return _STRANGE
-    return Ask(verb, axis) if verb in STOPS else _whole(verb, axis, found)
+    return PageRequest(verb, axis) if verb in STOPS else _whole(verb, axis, found)
 
 
-def _verb(name: object) -> Verb | None:
+def _verb(name: object) -> PageVerb | None:
     return next((verb for verb in VERBS if verb.value == name), None)
 
 
-def _whole(verb: Verb, axis: str, found: dict[str, Any]) -> Ask | Refusal:
+def _whole(verb: PageVerb, axis: str, found: dict[str, Any]) -> PageRequest | Refusal:
     values, press, sent = found.get("values", {}), found.get("press", 0), found.get("sent", 0.0)
     if not isinstance(values, dict) or len(values) > _MOST_VALUES or not all(map(_is_value, values.values())):
         return _STRANGE
@@ -66,10 +66,12 @@ def _whole(verb: Verb, axis: str, found: dict[str, Any]) -> Ask | Refusal:
         return _STRANGE
     if not isinstance(text, str) or len(text) > _LONGEST_TEXT:
         return _STRANGE
-    return Ask(verb, axis, values, found.get("sure") is True, press, float(sent), seen, objects, node, text)
+    return PageRequest(
+        verb, axis, values, found.get("sure") is True, press, float(sent), seen, objects, node, text
+    )
 
 
-def _objects(named: object, counts: range) -> tuple[Key, ...] | None:
+def _objects(named: object, counts: range) -> tuple[ObjectKey, ...] | None:
     """Return the objects that are named, None where they are none, or more or fewer than the verb is about."""
     if not isinstance(named, list) or len(named) not in counts:
         return None

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from axisbus.client_support.dead_man import DeadMan
 from axisbus.web.access.lease import Refusal
-from axisbus.web.commands.request import Ask
-from axisbus.web.commands.verbs import VERBS, Verb
+from axisbus.web.commands.request import PageRequest
+from axisbus.web.commands.verbs import VERBS, PageVerb
 
 _LATE = 1.0  # seconds that a message may be under way longer than the promptest ones
 _OLD = 1.5  # seconds that what a page shows may have been told before what it asks for is heard
@@ -20,7 +20,7 @@ _OLD_HELD = 0.6  # that of what goes on only while it is held
 AHEAD = 1.0  # seconds by which what is told to a page may be ahead of what it shows: no more is to wait on its way
 
 
-def too_late(deadman: DeadMan, ask: Ask, now: float) -> Refusal | None:
+def too_late(deadman: DeadMan, ask: PageRequest, now: float) -> Refusal | None:
     """Return why something is not done that was asked a while ago, or by what was seen a while ago; ``now`` as of ``DeadMan``."""
     if not VERBS[ask.verb].controls:
         return None
@@ -31,7 +31,7 @@ def too_late(deadman: DeadMan, ask: Ask, now: float) -> Refusal | None:
             "look how the axes stand, and ask again",
         )
     old = 0.0 if ask.seen is None else now - ask.seen
-    if old > (_OLD_HELD if ask.verb is Verb.JOG else _OLD):
+    if old > (_OLD_HELD if ask.verb is PageVerb.JOG else _OLD):
         return Refusal(
             f"the connection is slow, {old:.1f} s there and back: {ask.verb.value} is not done",
             "use a faster one, or command from the terminal",

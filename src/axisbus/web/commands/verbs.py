@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 
-class Verb(Enum):
+class PageVerb(Enum):
     """The verbs of the page; those of an axis are the library's."""
 
     BEAT = "beat"
@@ -47,7 +47,7 @@ class Verb(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class VerbRequirements:
     """What a verb needs: the controls, an axis, a question that was answered with yes, numbers by name, so many objects."""
 
     controls: bool = True
@@ -60,48 +60,55 @@ class Row:
 
 KEPT = 8  # objects that a page may keep reading
 ASKED = 32  # objects that it may ask for at a time
-_ANYBODY = Row(controls=False)
-_PAGE = Row(controls=False, axis=False)
+_ANYBODY = VerbRequirements(controls=False)
+_PAGE = VerbRequirements(controls=False, axis=False)
 _RAMPS = ("velocity", "acceleration")
 _STEP = (*_RAMPS, "seconds")
 VERBS = {
-    Verb.BEAT: _PAGE,
-    Verb.TAKE: _PAGE,
-    Verb.TAKE_OVER: _PAGE,
-    Verb.GIVE_BACK: _PAGE,
-    Verb.LINK: _PAGE,
-    Verb.TAKE_COMMAND: Row(axis=False, sure=True),
-    Verb.QUICK_STOP_ALL: _PAGE,
-    Verb.HALT_ALL: _PAGE,
-    Verb.QUICK_STOP: _ANYBODY,
-    Verb.HALT: _ANYBODY,
-    Verb.JOG_END: _PAGE,
-    Verb.ENABLE: Row(sure=True),
-    Verb.DISABLE: Row(),
-    Verb.RESET: Row(),
-    Verb.RELEASE: Row(),
-    Verb.HOME: Row(sure=True),
-    Verb.MOVE_ABSOLUTE: Row(needs=("position",), takes=_RAMPS),
-    Verb.MOVE_RELATIVE: Row(needs=("distance",), takes=_RAMPS),
-    Verb.MOVE_VELOCITY: Row(needs=("velocity",), takes=("acceleration",)),
-    Verb.TORQUE_CONTROL: Row(sure=True, needs=("torque",), takes=("slope",)),
-    Verb.JOG: Row(needs=("direction",), takes=_RAMPS),
-    Verb.READ_OBJECTS: Row(controls=False, axis=False, objects=range(1, ASKED + 1)),
-    Verb.KEEP_READING: Row(controls=False, axis=False, objects=range(KEPT + 1)),
-    Verb.WRITE_OBJECT: Row(axis=False, objects=range(1, 2)),
-    Verb.VERIFY: Row(axis=False),
-    Verb.VERIFY_END: Row(axis=False),
-    Verb.BACKUP: _PAGE,
-    Verb.COMPARE: _PAGE,
-    Verb.WOULD_RESTORE: _PAGE,
-    Verb.RESTORE: Row(axis=False, sure=True),
-    Verb.JOB_END: _PAGE,
-    Verb.STEP_POSITION: Row(needs=("distance", *_STEP)),
-    Verb.STEP_VELOCITY: Row(needs=_STEP),
-    Verb.TRIAL_BEAT: _PAGE,
-    Verb.TRIAL_END: _PAGE,
+    PageVerb.BEAT: _PAGE,
+    PageVerb.TAKE: _PAGE,
+    PageVerb.TAKE_OVER: _PAGE,
+    PageVerb.GIVE_BACK: _PAGE,
+    PageVerb.LINK: _PAGE,
+    PageVerb.TAKE_COMMAND: VerbRequirements(axis=False, sure=True),
+    PageVerb.QUICK_STOP_ALL: _PAGE,
+    PageVerb.HALT_ALL: _PAGE,
+    PageVerb.QUICK_STOP: _ANYBODY,
+    PageVerb.HALT: _ANYBODY,
+    PageVerb.JOG_END: _PAGE,
+    PageVerb.ENABLE: VerbRequirements(sure=True),
+    PageVerb.DISABLE: VerbRequirements(),
+    PageVerb.RESET: VerbRequirements(),
+    PageVerb.RELEASE: VerbRequirements(),
+    PageVerb.HOME: VerbRequirements(sure=True),
+    PageVerb.MOVE_ABSOLUTE: VerbRequirements(needs=("position",), takes=_RAMPS),
+    PageVerb.MOVE_RELATIVE: VerbRequirements(needs=("distance",), takes=_RAMPS),
+    PageVerb.MOVE_VELOCITY: VerbRequirements(needs=("velocity",), takes=("acceleration",)),
+    PageVerb.TORQUE_CONTROL: VerbRequirements(sure=True, needs=("torque",), takes=("slope",)),
+    PageVerb.JOG: VerbRequirements(needs=("direction",), takes=_RAMPS),
+    PageVerb.READ_OBJECTS: VerbRequirements(controls=False, axis=False, objects=range(1, ASKED + 1)),
+    PageVerb.KEEP_READING: VerbRequirements(controls=False, axis=False, objects=range(KEPT + 1)),
+    PageVerb.WRITE_OBJECT: VerbRequirements(axis=False, objects=range(1, 2)),
+    PageVerb.VERIFY: VerbRequirements(axis=False),
+    PageVerb.VERIFY_END: VerbRequirements(axis=False),
+    PageVerb.BACKUP: _PAGE,
+    PageVerb.COMPARE: _PAGE,
+    PageVerb.WOULD_RESTORE: _PAGE,
+    PageVerb.RESTORE: VerbRequirements(axis=False, sure=True),
+    PageVerb.JOB_END: _PAGE,
+    PageVerb.STEP_POSITION: VerbRequirements(needs=("distance", *_STEP)),
+    PageVerb.STEP_VELOCITY: VerbRequirements(needs=_STEP),
+    PageVerb.TRIAL_BEAT: _PAGE,
+    PageVerb.TRIAL_END: _PAGE,
 }
 # Taken whatever the rate of a page is, and whatever it brings with it.
 STOPS = frozenset(
-    {Verb.QUICK_STOP_ALL, Verb.HALT_ALL, Verb.QUICK_STOP, Verb.HALT, Verb.JOG_END, Verb.TRIAL_END}
+    {
+        PageVerb.QUICK_STOP_ALL,
+        PageVerb.HALT_ALL,
+        PageVerb.QUICK_STOP,
+        PageVerb.HALT,
+        PageVerb.JOG_END,
+        PageVerb.TRIAL_END,
+    }
 )

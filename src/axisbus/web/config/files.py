@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 from axisbus.configuration import preconditions
 from axisbus.eds.io import reader
-from axisbus.eds.io.reader import Reading
+from axisbus.eds.io.reader import EdsParseResult
 from axisbus.eds.model import Eds
-from axisbus.errors import AxisbusError, EdsError, StateError, in_a_line
+from axisbus.errors import AxisbusError, EdsError, StateError, one_line
 from axisbus.web.access import limits
 from axisbus.web.view.axes import Values, explained
 from axisbus.wording import counted
@@ -38,7 +38,7 @@ class Dcf:
     name: str
     data: bytes
 
-    def reading(self) -> Reading:
+    def reading(self) -> EdsParseResult:
         """Parse it; may take a second.
 
         Raises:
@@ -57,7 +57,7 @@ class Dcf:
         return found
 
 
-class Files:
+class PageFiles:
     """Holds two files of each page at most; used by one thread."""
 
     def __init__(self) -> None:
@@ -113,7 +113,7 @@ def about_apart(file: Dcf) -> Values:
         told: Values = json.loads(read)
     except (OSError, ValueError, subprocess.TimeoutExpired) as error:
         unread = StateError(
-            f"{file.name} could not be read", observed=in_a_line(error), remedy="choose it again"
+            f"{file.name} could not be read", observed=one_line(error), remedy="choose it again"
         )
         return {"name": file.name, "text": "", "error": explained(unread)}
     return told

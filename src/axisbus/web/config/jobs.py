@@ -33,7 +33,7 @@ from axisbus.errors import BusError, StateError, Stopped
 from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
 from axisbus.web.config.files import MOST, Dcf
-from axisbus.web.config.report import Kind, Report, Wanted
+from axisbus.web.config.report import ConfigJob, ConfigJobKind, ConfigReport
 from axisbus.web.objects.throttled_node import PacedNode
 from axisbus.web.view.axes import explained
 from axisbus.wording import counted
@@ -46,22 +46,22 @@ _IN_RAM = (
 )
 
 
-def carry_out(machine: Machine, node: PacedNode, wanted: Wanted, tell: Tell) -> Report:
+def carry_out(machine: Machine, node: PacedNode, wanted: ConfigJob, tell: Tell) -> ConfigReport:
     """Do a job; blocks for a transfer for each object. ``tell(done, all)`` is called after each.
 
     Raises:
         AxisbusError: whatever the library says of the file, or the node.
     """
-    if wanted.kind is Kind.BACKUP:
+    if wanted.kind is ConfigJobKind.BACKUP:
         return backup(machine, node, tell)
     assert wanted.file is not None
-    if wanted.kind is Kind.COMPARE:
+    if wanted.kind is ConfigJobKind.COMPARE:
         return compare(node, wanted.file, tell)
-    how = restore if wanted.kind is Kind.RESTORE else would_restore
+    how = restore if wanted.kind is ConfigJobKind.RESTORE else would_restore
     return how(machine, node, wanted.file, tell)
 
 
-def backup(machine: Machine, node: PacedNode, tell: Tell) -> Report:
+def backup(machine: Machine, node: PacedNode, tell: Tell) -> ConfigReport:
     """Read every object of a node into a DCF."""
     file = machine.cell.nodes[node.node_id].file
     assert file is not None  # only a node that has no objects needs none
@@ -85,12 +85,12 @@ def backup(machine: Machine, node: PacedNode, tell: Tell) -> Report:
     name = str(settings.file_name)
     lines = (*report_text.device(who, path.name, node.node_id), f"{name}: {counted(len(data), 'octet')}")
     rows = tuple((f"{each.index:04X}h:{each.subindex:02X}", each.name, each.reason) for each in made.left_out)
-    return Report(
+    return ConfigReport(
         report_text.read(made), lines, (_OBJECT, _NAME, "Left out, since"), rows, dcf=Dcf(name, data)
     )
 
 
-def compare(node: PacedNode, file: Dcf, tell: Tell) -> Report:
+def compare(node: PacedNode, file: Dcf, tell: Tell) -> ConfigReport:
     """Compare a file with a node as it is now."""
     found = device_side.against(node, file.reading().eds, tell)
     rows = tuple(
@@ -102,10 +102,10 @@ def compare(node: PacedNode, file: Dcf, tell: Tell) -> Report:
         for each in found.differences
     )
     titles = (_OBJECT, _NAME, report_text.short(file.name), f"node {node.node_id}")
-    return Report(report_text.compared(found), (), titles, rows)
+    return ConfigReport(report_text.compared(found), (), titles, rows)
 
 
-def would_restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> Report:
+def would_restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> ConfigReport:
     """Tell what a restore would write, what of it this page would, and how the rest is restored."""
     chosen = _chosen(machine, node, file)
     restore = Restore(node.sdo, chosen.whole, lambda _, done, whole: tell(done, whole))
@@ -123,7 +123,7 @@ def would_restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> R
         for each in differing
     )
     all_here = here.issuperset(each.key for each in differing) and not guarded_write.energised(node)
-    return Report(
+    return ConfigReport(
         report_text.would(differing, chosen.whole),
         tuple(f"it would skip {line}" for line in report_text.skipped(chosen.whole.skipped)),
         (_OBJECT, _NAME, "It has", "It would get", "By this page"),
@@ -133,7 +133,7 @@ def would_restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> R
     )
 
 
-def restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> Report:
+def restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> ConfigReport:
     """Bring a node's own settings to what the file says, and read them again; the rest is left as it is."""
     chosen = _chosen(machine, node, file)
     preconditions.require_not_energised(node)
@@ -148,7 +148,7 @@ def restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> Report:
         for each in found.results
         if each.outcome is not ValueEnd.SAME
     )
-    return Report(
+    return ConfigReport(
         report_text.restored(found) + (_IN_RAM if found.writes else ""),
         tuple(f"skipped {line}" for line in report_text.skipped(found.skipped)),
         (_OBJECT, _NAME, "It had", "It has", "What came of it"),

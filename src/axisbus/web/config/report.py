@@ -12,7 +12,7 @@ from axisbus.web.view.axes import Values
 MOST = 300  # rows that are shown
 
 
-class Kind(Enum):
+class ConfigJobKind(Enum):
     """What is done with a node, and what that is called."""
 
     BACKUP = "backup"
@@ -27,25 +27,25 @@ class Kind(Enum):
 
 
 _TEXTS = {
-    Kind.BACKUP: "the backup",
-    Kind.COMPARE: "the comparison",
-    Kind.WOULD_RESTORE: "the dry run of a restore",
-    Kind.RESTORE: "the restore of settings",
+    ConfigJobKind.BACKUP: "the backup",
+    ConfigJobKind.COMPARE: "the comparison",
+    ConfigJobKind.WOULD_RESTORE: "the dry run of a restore",
+    ConfigJobKind.RESTORE: "the restore of settings",
 }
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class ConfigJob:
     """A job: ``page`` has asked for it, of a node, with the file that it has brought where the job needs one."""
 
-    kind: Kind
+    kind: ConfigJobKind
     page: int
     node: int
     file: Dcf | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class ConfigReport:
     """``text`` sums it up, ``lines`` say it whole; a table has ``titles`` and ``rows``.
 
     ``refusal`` are the three texts of an error which says why not all is restored here, ``command`` is what to type for that.
@@ -77,14 +77,14 @@ class Report:
 
 
 @dataclass(frozen=True, slots=True)
-class Progressed:
+class ConfigProgress:
     """How far a job is: ``done`` of ``whole`` objects; ``report`` or ``error`` (its three texts) once it is ``over``."""
 
-    wanted: Wanted
+    wanted: ConfigJob
     done: int = 0
     whole: int = 0
     over: bool = False
-    report: Report | None = None
+    report: ConfigReport | None = None
     error: Mapping[str, str] = field(default_factory=dict)
 
     def told(self) -> Values:

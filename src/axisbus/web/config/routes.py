@@ -9,18 +9,18 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 
 from axisbus.web.access.middleware import SESSION
-from axisbus.web.commands.clients import Desk
-from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, Files, about_apart, named
+from axisbus.web.commands.clients import PageClients
+from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, PageFiles, about_apart, named
 
 _NOT_FOUND, _TOO_LARGE, _BUSY = 404, 413, 503
 _AT_ONCE = 2  # files that are read at the same time; the others wait for their turn
 _PATIENCE = 10.0  # seconds that one may take
 
 
-class Routes:
+class ConfigRoutes:
     """Holds the browsers that send a file at present; used by one event loop."""
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: PageClients) -> None:
         """``desk`` has the pages and their files."""
         self._desk = desk
         self._coming: set[int] = set()
@@ -63,7 +63,7 @@ class Routes:
         return Response(json.dumps(told), media_type="application/json")
 
     @property
-    def _files(self) -> Files:
+    def _files(self) -> PageFiles:
         return self._desk.objects.configuring.files
 
     def _page(self, request: Request) -> int | None:

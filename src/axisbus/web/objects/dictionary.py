@@ -9,7 +9,7 @@ from axisbus.eds.model import Object, Variable
 from axisbus.eds.report import wording
 from axisbus.eds.report.show_object import DIRECTIONS
 from axisbus.machine.machine_node import MachineNode
-from axisbus.web.objects.key import Key
+from axisbus.web.objects.key import ObjectKey
 from axisbus.web.view.axes import Values
 
 _MOVES = "can energise the drive, or move it: for the commands of its axis alone"
@@ -36,7 +36,7 @@ def _entry(node: MachineNode, quantities: Quantities, sub: Variable) -> Values:
     node_id = node.node_id
     quantity = quantities.of(node_id, sub.index, sub.subindex)
     return {
-        "key": str(Key(node_id, sub.index, sub.subindex)),
+        "key": str(ObjectKey(node_id, sub.index, sub.subindex)),
         "sub": f"{sub.subindex:02X}",
         "name": sub.denotation or sub.name,
         "type": wording.type_name(sub),

@@ -17,7 +17,7 @@ from axisbus.web.objects.pdos import layouts
 from axisbus.web.view.axes import Values, explained
 
 
-class Books:
+class DictionaryCache:
     """Holds what was made of each node, for as long as its parts stay the same; used by one event loop."""
 
     def __init__(self, machine: Machine) -> None:

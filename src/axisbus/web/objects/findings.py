@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from axisbus.eds import checking
-from axisbus.eds.model import Eds, Finding
+from axisbus.eds.model import Eds, EdsFinding
 from axisbus.errors import AxisbusError
 from axisbus.web.view.axes import Values, explained
 
@@ -19,7 +19,7 @@ def findings(eds: Eds) -> Values:
     return {"all": len(found), "shown": [_finding(each) for each in found[:MOST]], "error": None}
 
 
-def _finding(each: Finding) -> Values:
+def _finding(each: EdsFinding) -> Values:
     where = "" if each.index is None else f"{each.index:04X}"
     return {
         "severity": each.severity.value,

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from axisbus.web.objects.key import Key
+from axisbus.web.objects.key import ObjectKey
 from axisbus.web.view.axes import Values
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class TransferRequest:
     """What is to be written: the value as it was typed, and the reasons for a question that were answered with yes."""
 
     text: str
@@ -18,16 +18,16 @@ class Wish:
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
+class ObjectJob:
     """One transfer: ``page`` has asked for it (0: it is kept being read); ``wish`` is None where it reads."""
 
-    key: Key
+    key: ObjectKey
     page: int = 0
-    wish: Wish | None = None
+    wish: TransferRequest | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class WriteConfirmation:
     """What has to be answered with yes before something is written; ``reasons`` say why it is asked, and go back with the yes."""
 
     text: str
@@ -35,19 +35,19 @@ class Question:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class TransferResult:
     """What a transfer came to at ``stamp`` (s, monotonic).
 
     ``value`` is what the object has, None where that was not learnt; ``error`` are the three texts of an error, ``note`` is what a
     write has come to. ``silent``: the node did not answer.
     """
 
-    job: Job
+    job: ObjectJob
     stamp: float
     value: str | None = None
     error: Mapping[str, str] = field(default_factory=dict)
     note: str = ""
-    question: Question | None = None
+    question: WriteConfirmation | None = None
     silent: bool = False
 
     def told(self, now: float) -> Values:

@@ -9,7 +9,7 @@ _SPELT = re.compile(r"([0-9]{1,3}):([0-9A-F]{4}):([0-9A-F]{2})", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
-class Key:
+class ObjectKey:
     """One object of one node."""
 
     node: int
@@ -20,7 +20,7 @@ class Key:
         return f"{self.node}:{self.index:04X}:{self.subindex:02X}"
 
 
-def read(text: object) -> Key | None:
+def read(text: object) -> ObjectKey | None:
     """Return the object that a text names; None where it is none of this page's."""
     found = _SPELT.fullmatch(text) if isinstance(text, str) else None
-    return None if found is None else Key(int(found[1]), int(found[2], 16), int(found[3], 16))
+    return None if found is None else ObjectKey(int(found[1]), int(found[2], 16), int(found[3], 16))

@@ -15,7 +15,7 @@ PACE = 0.02  # seconds between two transfers
 
 
 class PacedSdo:
-    """The objects of a node, as ``bus.sdo.access.Sdo`` has them."""
+    """The objects of a node, as ``bus.sdo.access.SdoObjectAccess`` has them."""
 
     def __init__(self, node: MachineNode, cancelled: threading.Event, what: str) -> None:
         """``what`` is said to be cancelled, once ``cancelled`` is set."""

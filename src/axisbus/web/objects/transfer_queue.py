@@ -17,8 +17,8 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
-from axisbus.web.objects.jobs import Job, Seen
-from axisbus.web.objects.key import Key
+from axisbus.web.objects.jobs import ObjectJob, TransferResult
+from axisbus.web.objects.key import ObjectKey
 
 PERIOD = 0.5  # seconds between two readings of what is kept being read
 QUIET = 5.0  # seconds in which a node that does not answer is not asked again by itself
@@ -32,22 +32,22 @@ _DROPPED = {
 
 @dataclass(slots=True)
 class _Page:
-    asked: deque[Job] = field(default_factory=deque)
-    kept: tuple[Key, ...] = ()
+    asked: deque[ObjectJob] = field(default_factory=deque)
+    kept: tuple[ObjectKey, ...] = ()
     # by who asked for it (0: it is kept), the newest of each object
-    news: dict[tuple[int, Key], Seen] = field(default_factory=dict)
+    news: dict[tuple[int, ObjectKey], TransferResult] = field(default_factory=dict)
 
 
-class Turns:
+class TransferQueue:
     """Holds what the pages wait for, and what they were not told yet; used by one thread. Times are seconds of one clock."""
 
     def __init__(self) -> None:
         self._pages: dict[int, _Page] = {}
-        self._last: dict[Key, float] = {}
+        self._last: dict[ObjectKey, float] = {}
         self._quiet: dict[int, float] = {}
         self._kept_first = False
 
-    def ask(self, page: int, jobs: Sequence[Job]) -> bool:
+    def ask(self, page: int, jobs: Sequence[ObjectJob]) -> bool:
         """Let transfers of a page wait; False where too many do already, and then none of them is taken."""
         place = self._pages.setdefault(page, _Page())
         if len(place.asked) + len(jobs) > WAITING:
@@ -55,7 +55,7 @@ class Turns:
         place.asked.extend(jobs)
         return True
 
-    def keep(self, page: int, keys: Iterable[Key]) -> None:
+    def keep(self, page: int, keys: Iterable[ObjectKey]) -> None:
         """Let a page keep reading these, and no others any more."""
         self._pages.setdefault(page, _Page()).kept = tuple(dict.fromkeys(keys))
         self._tidy()
@@ -67,14 +67,14 @@ class Turns:
             return
         dropped = [job for job in place.asked if job.wish is not None]
         place.asked = deque(job for job in place.asked if job.wish is None)
-        place.news.update({(page, job.key): Seen(job, now, error=_DROPPED) for job in dropped})
+        place.news.update({(page, job.key): TransferResult(job, now, error=_DROPPED) for job in dropped})
 
     def leave(self, page: int) -> None:
         """A page is gone."""
         self._pages.pop(page, None)
         self._tidy()
 
-    def next(self, now: float) -> Job | None:
+    def next(self, now: float) -> ObjectJob | None:
         """Return the transfer whose turn it is; None while nothing is to be done."""
         job = self._of_kept(now) if self._kept_first else None
         job = job or self._of_asked() or self._of_kept(now)
@@ -82,7 +82,7 @@ class Turns:
             self._kept_first = job.page != 0
         return job
 
-    def done(self, seen: Seen, now: float) -> None:
+    def done(self, seen: TransferResult, now: float) -> None:
         """A transfer has come to something: whoever waits for it, or keeps reading it, is told."""
         job = seen.job
         if seen.silent:
@@ -93,7 +93,7 @@ class Turns:
             if number == job.page or (for_all and job.key in place.kept):
                 place.news[job.page, job.key] = seen
 
-    def news(self, page: int) -> list[Seen]:
+    def news(self, page: int) -> list[TransferResult]:
         """Return what a page was not told yet."""
         place = self._pages.get(page)
         if place is None or not place.news:
@@ -101,31 +101,31 @@ class Turns:
         found, place.news = list(place.news.values()), {}
         return found
 
-    def _of_asked(self) -> Job | None:
+    def _of_asked(self) -> ObjectJob | None:
         for number, place in list(self._pages.items()):
             if place.asked:
                 self._pages[number] = self._pages.pop(number)  # the others come first then
                 return place.asked.popleft()
         return None
 
-    def _of_kept(self, now: float) -> Job | None:
+    def _of_kept(self, now: float) -> ObjectJob | None:
         keys = [key for key in self._kept() if self._quiet.get(key.node, 0.0) <= now]
         key = min(keys, key=self._read_last, default=None)
         if key is None or now - self._read_last(key) < PERIOD:
             return None
         self._last[key] = now
-        return Job(key)
+        return ObjectJob(key)
 
-    def _read_last(self, key: Key) -> float:
+    def _read_last(self, key: ObjectKey) -> float:
         return self._last.get(key, -math.inf)
 
-    def _give_up(self, node: int, seen: Seen) -> None:
+    def _give_up(self, node: int, seen: TransferResult) -> None:
         for number, place in self._pages.items():
             hopeless = [job for job in place.asked if job.key.node == node and job.wish is None]
             place.asked = deque(job for job in place.asked if job not in hopeless)
             place.news.update({(number, job.key): replace(seen, job=job) for job in hopeless})
 
-    def _kept(self) -> set[Key]:
+    def _kept(self) -> set[ObjectKey]:
         return {key for place in self._pages.values() for key in place.kept}
 
     def _tidy(self) -> None:

@@ -15,25 +15,25 @@ from axisbus.cia301.datatypes import Value
 from axisbus.cia402.objects import order
 from axisbus.client_support.object_access import node_of, require_readable, require_writable
 from axisbus.configuration import guarded_write, parse_values
-from axisbus.eds.dictionary import Entry
+from axisbus.eds.dictionary import DictionaryEntry
 from axisbus.errors import AxisbusError, SdoTimeout
 from axisbus.machine.machine import Machine
 from axisbus.machine.machine_node import MachineNode
 from axisbus.trace import text, value_text
-from axisbus.web.objects.jobs import Job, Question, Seen, Wish
+from axisbus.web.objects.jobs import ObjectJob, TransferRequest, TransferResult, WriteConfirmation
 from axisbus.web.view.axes import explained
 
 ORDER, ENERGISED = "order", "energised"  # reasons for a question
 
 
-class Transfers:
+class ObjectTransfers:
     """Carries transfers out; each blocks, for at most as long as the node is waited for."""
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
         self._quantities = Quantities(machine.cell)
 
-    def carry_out(self, job: Job) -> Seen:
+    def carry_out(self, job: ObjectJob) -> TransferResult:
         """Return what a transfer comes to; an error of the library is one of the things that it may come to."""
         try:
             node = node_of(self._machine, job.key.node)
@@ -42,29 +42,33 @@ class Transfers:
                 return self._read(job, node, entry)
             return self._write(job, job.wish, node, entry)
         except AxisbusError as error:
-            return Seen(job, time.monotonic(), error=explained(error), silent=isinstance(error, SdoTimeout))
+            return TransferResult(
+                job, time.monotonic(), error=explained(error), silent=isinstance(error, SdoTimeout)
+            )
 
-    def _read(self, job: Job, node: MachineNode, entry: Entry) -> Seen:
+    def _read(self, job: ObjectJob, node: MachineNode, entry: DictionaryEntry) -> TransferResult:
         require_readable(node, entry)
         value = node.sdo.read(entry.index, entry.subindex)
-        return Seen(job, time.monotonic(), self._shown(node, entry, value))
+        return TransferResult(job, time.monotonic(), self._shown(node, entry, value))
 
-    def _write(self, job: Job, wish: Wish, node: MachineNode, entry: Entry) -> Seen:
+    def _write(
+        self, job: ObjectJob, wish: TransferRequest, node: MachineNode, entry: DictionaryEntry
+    ) -> TransferResult:
         value = self._checked(wish.text, node, entry)
         reasons = {} if guarded_write.moves(node.eds, entry) else _reasons(node, entry)
         if not wish.agreed.issuperset(reasons):
             what = f"Write {self._shown(node, entry, value)} to {entry} of node {node.node_id}?"
-            question = Question(" ".join((what, *reasons.values())), frozenset(reasons))
-            return Seen(job, time.monotonic(), question=question)
+            question = WriteConfirmation(" ".join((what, *reasons.values())), frozenset(reasons))
+            return TransferResult(job, time.monotonic(), question=question)
         written = guarded_write.write_in_machine(node, entry, value, None, may_move=ENERGISED in wish.agreed)
         words = written.words(value, lambda one: self._shown(node, entry, one))
         after = None if written.after is None else self._shown(node, entry, written.after)
         if not written.agrees(value):
             error = {"message": f"{entry} {words}", "observed": "", "remedy": ""}
-            return Seen(job, time.monotonic(), after, error)
-        return Seen(job, time.monotonic(), after, note=words + _to_be_kept(node, entry))
+            return TransferResult(job, time.monotonic(), after, error)
+        return TransferResult(job, time.monotonic(), after, note=words + _to_be_kept(node, entry))
 
-    def _checked(self, typed: str, node: MachineNode, entry: Entry) -> Value:
+    def _checked(self, typed: str, node: MachineNode, entry: DictionaryEntry) -> Value:
         """Return what was typed as a value, where the files let it be written; nothing is sent for that."""
         require_writable(node, entry)
         quantity = self._quantities.of(node.node_id, entry.index, entry.subindex)
@@ -72,7 +76,7 @@ class Transfers:
         checked_bytes(entry, value)
         return value
 
-    def _shown(self, node: MachineNode, entry: Entry, value: Value | None) -> str:
+    def _shown(self, node: MachineNode, entry: DictionaryEntry, value: Value | None) -> str:
         if value is None:
             return "unknown"
         return text.shown(
@@ -80,7 +84,7 @@ class Transfers:
         )
 
 
-def _reasons(node: MachineNode, entry: Entry) -> dict[str, str]:
+def _reasons(node: MachineNode, entry: DictionaryEntry) -> dict[str, str]:
     """Return what a question is to be asked for; blocks for a transfer for each axis of the node."""
     found = {}
     if what := order(entry.index):
@@ -90,6 +94,6 @@ def _reasons(node: MachineNode, entry: Entry) -> dict[str, str]:
     return found
 
 
-def _to_be_kept(node: MachineNode, entry: Entry) -> str:
+def _to_be_kept(node: MachineNode, entry: DictionaryEntry) -> str:
     stores = node.sdo.dictionary.has(c301.STORE_PARAMETERS, 1) and not guarded_write.is_command(entry.index)
     return f"; it is in RAM only, to keep it: axisbus save {node.node_id} ..." if stores else ""

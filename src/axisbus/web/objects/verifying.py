@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from axisbus.bus.node.verify import Difference, Verification, verify
+from axisbus.bus.node.verify import EdsMismatch, Verification, verify
 from axisbus.eds.model import Severity
 from axisbus.errors import AxisbusError
 from axisbus.machine.machine_node import MachineNode
@@ -20,7 +20,7 @@ MOST = 200  # differences that are shown
 
 
 @dataclass(frozen=True, slots=True)
-class Progressed:
+class VerifyProgress:
     """How far it is: ``done`` of ``whole`` objects of a node; ``result`` or ``error`` (its three texts) once it is ``over``."""
 
     node: int
@@ -49,7 +49,7 @@ class Verifying:
     """Holds the one verification that is under way, or the last one; begun and ended by one thread, carried out by another."""
 
     def __init__(self) -> None:
-        self.now: Progressed | None = None
+        self.now: VerifyProgress | None = None
         self._page = 0
         self._wanted: int | None = None
         self._cancelled = threading.Event()
@@ -66,7 +66,7 @@ class Verifying:
         if (busy := self.busy) is not None:
             return busy
         self._cancelled = threading.Event()
-        self._page, self._wanted, self.now = page, node, Progressed(node)
+        self._page, self._wanted, self.now = page, node, VerifyProgress(node)
         return None
 
     def end(self, page: int | None = None) -> None:
@@ -85,18 +85,18 @@ class Verifying:
         assert node.eds is not None
 
         def tell(done: int, whole: int) -> None:
-            self.now = Progressed(node.node_id, done, whole)
+            self.now = VerifyProgress(node.node_id, done, whole)
 
         try:
             result = verify(PacedSdo(node, cancelled, "the verification"), node.eds, tell)
         except AxisbusError as error:
             self.fail(node.node_id, error)
         else:
-            self.now = Progressed(node.node_id, result.read, result.read, True, result)
+            self.now = VerifyProgress(node.node_id, result.read, result.read, True, result)
 
     def fail(self, node: int, error: AxisbusError) -> None:
         """It is over by an error."""
-        before = self.now if self.now is not None and self.now.node == node else Progressed(node)
+        before = self.now if self.now is not None and self.now.node == node else VerifyProgress(node)
         self.now = replace(before, over=True, error=explained(error))
 
 
@@ -107,7 +107,7 @@ def _summary(result: Verification) -> str:
     return f"{counted(result.read, 'entry', 'entries')} read{left_out}: {found}"
 
 
-def _plain(each: Difference) -> Values:
+def _plain(each: EdsMismatch) -> Values:
     return {
         "severity": each.severity.value,
         "kind": each.kind.value,

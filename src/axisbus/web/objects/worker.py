@@ -7,12 +7,12 @@ import logging
 import time
 
 from axisbus.client_support.object_access import node_of
-from axisbus.errors import AxisbusError, ScanError, in_a_line
+from axisbus.errors import AxisbusError, ScanError, one_line
 from axisbus.machine.machine import Machine
-from axisbus.web.commands.object_requests import OfObjects
-from axisbus.web.config.report import Progressed, Wanted
-from axisbus.web.objects.jobs import Job, Seen
-from axisbus.web.objects.transfers import Transfers
+from axisbus.web.commands.object_requests import ObjectRequests
+from axisbus.web.config.report import ConfigJob, ConfigProgress
+from axisbus.web.objects.jobs import ObjectJob, TransferResult
+from axisbus.web.objects.transfers import ObjectTransfers
 from axisbus.web.view.axes import explained
 
 log = logging.getLogger("axisbus")
@@ -20,16 +20,16 @@ PACE = 0.04  # seconds between two transfers: 25 in a second for all pages
 _LOOK = 0.02  # seconds between two looks at whether anything is to be done
 
 
-class Worker:
+class ObjectWorker:
     """Takes turns from the pages' queue; what blocks is done by a thread, and its mistakes end nothing here."""
 
-    def __init__(self, machine: Machine, wanted: OfObjects) -> None:
+    def __init__(self, machine: Machine, wanted: ObjectRequests) -> None:
         """Nothing happens before ``run``."""
         self._machine = machine
         self._turns = wanted.turns
         self._verifying = wanted.verifying
         self._configuring = wanted.configuring
-        self._transfers = Transfers(machine)
+        self._transfers = ObjectTransfers(machine)
 
     async def run(self) -> None:
         """Go on until it is cancelled."""
@@ -57,7 +57,7 @@ class Worker:
                 self._configuring.done(await asyncio.to_thread(self._configure, wanted))
             await asyncio.sleep(_LOOK)
 
-    def _configure(self, wanted: Wanted) -> Progressed:
+    def _configure(self, wanted: ConfigJob) -> ConfigProgress:
         try:
             return self._configuring.carry_out(self._machine, node_of(self._machine, wanted.node), wanted)
         except Exception as error:  # noqa: BLE001  # the page must be told whatever it was
@@ -69,11 +69,11 @@ class Worker:
         except Exception as error:  # noqa: BLE001  # the page must be told whatever it was
             self._verifying.fail(node_id, _of_the_library(error))
 
-    def _carry_out(self, job: Job) -> Seen:
+    def _carry_out(self, job: ObjectJob) -> TransferResult:
         try:
             return self._transfers.carry_out(job)
         except Exception as error:  # noqa: BLE001  # the other pages' transfers go on
-            return Seen(job, time.monotonic(), error=explained(_of_the_library(error)))
+            return TransferResult(job, time.monotonic(), error=explained(_of_the_library(error)))
 
 
 def _of_the_library(error: Exception) -> AxisbusError:
@@ -82,5 +82,5 @@ def _of_the_library(error: Exception) -> AxisbusError:
         return error
     log.error("what a page asked for has broken off", exc_info=error)
     return ScanError(
-        "this broke off by a mistake of the page", observed=in_a_line(error), remedy="please report it"
+        "this broke off by a mistake of the page", observed=one_line(error), remedy="please report it"
     )

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from axisbus.web.page.tags import Tag, scrolled, select
 from axisbus.web.scope.saving import can_save
 from axisbus.web.scope.signal_request import MOST
-from axisbus.web.scope.signals import Signal
+from axisbus.web.scope.signals import ScopeSignal
 
 VIEW = "scope"
 _NEEDS = 'Where the page is served: pip install "axisbus[record]"'
@@ -46,7 +46,7 @@ def scope_view(cell: str) -> Tag:
     return signals
 
 
-def axis_choice(axis: str, signals: Sequence[Signal]) -> None:
+def axis_choice(axis: str, signals: Sequence[ScopeSignal]) -> None:
     """Put the signals of an axis into the page."""
     with Tag("fieldset"):
         Tag("legend", axis)

@@ -14,13 +14,13 @@ from array import array
 from collections.abc import Sequence
 from struct import Struct
 
-from axisbus.web.scope.cycles import Cycle
-from axisbus.web.scope.signals import Reader
+from axisbus.web.scope.cycles import ScopeCycle
+from axisbus.web.scope.signals import SignalReader
 
 HEAD = Struct("<IIII")
 
 
-def batch(choice: int, cycles: Sequence[Cycle], reader: Reader, lost: int) -> bytes:
+def batch(choice: int, cycles: Sequence[ScopeCycle], reader: SignalReader, lost: int) -> bytes:
     """Return some cycles as a page takes them."""
     times = array("d", [cycle.time for cycle in cycles])
     rows = [reader.values(cycle) for cycle in cycles]

@@ -16,7 +16,7 @@ KEPT = 4096  # cycles: 4 s at 1 kHz
 Row = tuple[float | str | bool | None, ...]
 
 
-class Cycle:
+class ScopeCycle:
     """One cycle: its ``number`` since somebody looks, its time (s) and the images of its axes; keeps the rows that it made."""
 
     __slots__ = ("_rows", "number", "snapshots", "time")
@@ -40,21 +40,21 @@ class Cycle:
 class Fetched(NamedTuple):
     """The cycles since a page fetched last, how many of them are gone already, and the number from which it goes on."""
 
-    cycles: Sequence[Cycle]
+    cycles: Sequence[ScopeCycle]
     lost: int
     next: int
 
 
-class Cycles:
+class ScopeBuffer:
     """Holds the last cycles; one thread adds, another fetches."""
 
     def __init__(self, kept: int = KEPT) -> None:
-        self._kept: deque[Cycle] = deque(maxlen=kept)
+        self._kept: deque[ScopeCycle] = deque(maxlen=kept)
         self.end = 0  # the number that the next one has
 
     def add(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:
         """Keep one cycle; for ``Session.observe``."""
-        self._kept.append(Cycle(self.end, now, dict(snapshots)))
+        self._kept.append(ScopeCycle(self.end, now, dict(snapshots)))
         self.end += 1
 
     def since(self, at: int, most: int) -> Fetched:

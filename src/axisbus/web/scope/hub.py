@@ -9,9 +9,9 @@ from starlette.websockets import WebSocket
 
 from axisbus.machine.machine import Machine
 from axisbus.web.scope.batch import batch
-from axisbus.web.scope.cycles import Cycles
+from axisbus.web.scope.cycles import ScopeBuffer
 from axisbus.web.scope.signal_request import Choice, read
-from axisbus.web.scope.signals import Reader, all_signals
+from axisbus.web.scope.signals import SignalReader, all_signals
 from axisbus.web.sockets import GONE, SLOW, end, next_text
 
 _PERIOD = 1.0 / 30.0  # s
@@ -23,7 +23,7 @@ class Hub:
     def __init__(self, machine: Machine) -> None:
         """Nothing happens before ``serve``."""
         self._machine = machine
-        self._cycles = Cycles()
+        self._cycles = ScopeBuffer()
         self._looking = 0
         # A batch may be longer than usual, after a page was slow, but no longer than it can catch up by.
         self._most = max(64, math.ceil(4 * _PERIOD / machine.cell.bus.scan_period))
@@ -50,7 +50,7 @@ class Hub:
 
     async def _send(self, socket: WebSocket, choice: Choice) -> None:
         facts = self._machine.session.axes
-        reader = Reader(choice.signals, {axis: facts[axis].parameters for axis in facts})
+        reader = SignalReader(choice.signals, {axis: facts[axis].parameters for axis in facts})
         at = self._cycles.end
         try:
             while choice.signals:
@@ -66,7 +66,7 @@ class Hub:
     def _enter(self) -> None:
         self._looking += 1
         if self._looking == 1:
-            self._cycles = Cycles()
+            self._cycles = ScopeBuffer()
             self._machine.session.observe(self._cycles.add)
 
     def _leave(self) -> None:

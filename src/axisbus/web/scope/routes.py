@@ -8,7 +8,7 @@ import json
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 
-from axisbus.errors import AxisbusError, StateError, in_a_line
+from axisbus.errors import AxisbusError, StateError, one_line
 from axisbus.machine.machine import Machine
 from axisbus.web.access.middleware import SESSION
 from axisbus.web.scope.saving import mcap
@@ -18,7 +18,7 @@ _PATIENCE = 20.0  # seconds that the samples may take to come
 _BUSY = StateError("another file of this browser is being made", remedy="save it again in a moment")
 
 
-class Routes:
+class ScopeRoutes:
     """Holds for which browsers a file is being made; used by one event loop."""
 
     def __init__(self, machine: Machine) -> None:
@@ -42,7 +42,7 @@ class Routes:
         except AxisbusError as error:
             return _told(error)
         except (ClientDisconnect, TimeoutError, OSError) as error:
-            return _told(StateError("the file could not be made", observed=in_a_line(error)))
+            return _told(StateError("the file could not be made", observed=one_line(error)))
         finally:
             self._busy.discard(browser)
 

@@ -33,7 +33,7 @@ _FACTS = {"from": "what a page showed on its scope"}
 
 
 @dataclass(frozen=True, slots=True)
-class Samples:
+class ScopeSamples:
     """Times (s), and as many values of each signal by its name."""
 
     times: array[float]
@@ -45,7 +45,7 @@ def can_save() -> bool:
     return find_spec("mcap") is not None
 
 
-def read(data: bytes, there: Collection[str]) -> Samples | None:
+def read(data: bytes, there: Collection[str]) -> ScopeSamples | None:
     """Return what a page has sent, of the signals that are ``there``; None where it is none of this page's."""
     if len(data) < HEAD.size:
         return None
@@ -59,7 +59,7 @@ def read(data: bytes, there: Collection[str]) -> Samples | None:
         return None
     begin += 8 * count
     columns = (data[at : at + 4 * count] for at in range(begin, len(data), 4 * count))
-    return Samples(times, {name: _numbers("f", each) for name, each in zip(names, columns, strict=True)})
+    return ScopeSamples(times, {name: _numbers("f", each) for name, each in zip(names, columns, strict=True)})
 
 
 def mcap(machine: Machine, data: bytes) -> bytes:

@@ -9,13 +9,13 @@ from typing import NamedTuple
 from axisbus.machine.machine import Machine
 from axisbus.motion.parameters import AxisParameters
 from axisbus.record.columns import COLUMNS, AxisForm
-from axisbus.web.scope.cycles import Cycle, Row
+from axisbus.web.scope.cycles import Row, ScopeCycle
 
 NUMBERS = tuple(column for column in COLUMNS if column.type == "number")
 _PLACE = {column.name: place for place, column in enumerate(COLUMNS)}
 
 
-class Signal(NamedTuple):
+class ScopeSignal(NamedTuple):
     """One signal of one axis: ``name`` as ``x.position``, the lane that it shares with others of its unit, and what it says."""
 
     name: str
@@ -23,20 +23,20 @@ class Signal(NamedTuple):
     text: str
 
 
-def signals_of(axis: str, parameters: AxisParameters) -> list[Signal]:
+def signals_of(axis: str, parameters: AxisParameters) -> list[ScopeSignal]:
     """Return the signals of an axis."""
     form = AxisForm.of(parameters)
-    return [Signal(f"{axis}.{each.name}", form.units[each.quantity], each.text) for each in NUMBERS]
+    return [ScopeSignal(f"{axis}.{each.name}", form.units[each.quantity], each.text) for each in NUMBERS]
 
 
-def all_signals(machine: Machine) -> list[Signal]:
+def all_signals(machine: Machine) -> list[ScopeSignal]:
     """Return the signals of every axis that is there."""
     facts = machine.session.axes
     there = [axis for axis in machine.axes if axis in facts]
     return [each for axis in there for each in signals_of(axis, facts[axis].parameters)]
 
 
-class Reader:
+class SignalReader:
     """Reads the values of some signals out of a cycle; what is not known is NaN."""
 
     def __init__(self, wanted: Iterable[str], parameters: Mapping[str, AxisParameters]) -> None:
@@ -47,7 +47,7 @@ class Reader:
         self._forms = {axis: AxisForm.of(parameters[axis]) for axis, _ in self._places}
         self.count = len(self._places)
 
-    def values(self, cycle: Cycle) -> list[float]:
+    def values(self, cycle: ScopeCycle) -> list[float]:
         """Return a value for each signal, in their order; NaN where it is not known, or its axis is not there."""
         rows = {axis: cycle.row(axis, form) for axis, form in self._forms.items()}
         return [_number(rows[axis], place) for axis, place in self._places]

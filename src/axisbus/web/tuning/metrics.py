@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 
 from axisbus.step_response import BAND, Response, measure
-from axisbus.web.tuning.step import Kind, Step
-from axisbus.web.tuning.trial import Phase, Point, Side
+from axisbus.web.tuning.step import TuningStep, TuningStepKind
+from axisbus.web.tuning.trial import TrialPhase, TrialSample, TrialSide
 
 FIGURES = (
     ("overshoot", "Overshoot"),
@@ -18,37 +18,37 @@ FIGURES = (
 )
 
 
-def goal(step: Step, phase: Phase, side: Side) -> tuple[float, float]:
+def goal(step: TuningStep, phase: TrialPhase, side: TrialSide) -> tuple[float, float]:
     """Return from where to where a side leads, in what the step is of."""
-    if step.kind is Kind.VELOCITY:
-        return (0.0, step.size) if phase is Phase.THERE else (step.size, 0.0)
+    if step.kind is TuningStepKind.VELOCITY:
+        return (0.0, step.size) if phase is TrialPhase.THERE else (step.size, 0.0)
     start, target = side.sent.actual, side.points[-1].target
-    if phase is Phase.BACK and not math.isnan(side.sent.target):
+    if phase is TrialPhase.BACK and not math.isnan(side.sent.target):
         start = side.sent.target
     if math.isnan(target):
-        target = start + (step.size if phase is Phase.THERE else -step.size)
+        target = start + (step.size if phase is TrialPhase.THERE else -step.size)
     return start, target
 
 
-def measured(step: Step, phase: Phase, side: Side) -> Response | None:
+def measured(step: TuningStep, phase: TrialPhase, side: TrialSide) -> Response | None:
     """Measure a side from when it was seen to begin; None where too little was seen."""
     start, target = goal(step, phase, side)
     return measure([(at, point.actual) for at, point in since(side) if at >= 0.0], start, target)
 
 
-def since(side: Side) -> list[tuple[float, Point]]:
+def since(side: TrialSide) -> list[tuple[float, TrialSample]]:
     """Return the points of a side with their times from when it was seen to begin; none where it was not."""
     if side.begun is None:
         return []
     return [(point.time - side.begun, point) for point in side.points]
 
 
-def highest_error(points: Sequence[Point]) -> float | None:
+def highest_error(points: Sequence[TrialSample]) -> float | None:
     """Return the highest following error, as a magnitude; None where none is known."""
     return max((abs(point.error) for point in points if not math.isnan(point.error)), default=None)
 
 
-def told(step: Step, phase: Phase, side: Side, units: tuple[str, str]) -> dict[str, str]:
+def told(step: TuningStep, phase: TrialPhase, side: TrialSide, units: tuple[str, str]) -> dict[str, str]:
     """Return the figures of a side by name; ``units`` are those of what the step is of, and of positions."""
     found, error = measured(step, phase, side), highest_error(side.points)
     lag = "unknown" if error is None else f"{error:.4g} {units[1]}"

@@ -9,21 +9,21 @@ from dataclasses import dataclass
 from axisbus.errors import AxisbusError
 from axisbus.motion.parameters import AxisParameters
 from axisbus.web.tuning.metrics import goal, since, told
-from axisbus.web.tuning.step import Kind, Step
-from axisbus.web.tuning.trial import Phase, Side, Trial
+from axisbus.web.tuning.step import TuningStep, TuningStepKind
+from axisbus.web.tuning.trial import TrialPhase, TrialSide, TuningTrial
 from axisbus.web.view.axes import Values, explained
 
-_SIDES = (Phase.THERE, Phase.BACK)
+_SIDES = (TrialPhase.THERE, TrialPhase.BACK)
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class TrialOutcome:
     """One trial that is over: ``told`` is what its page is told of it, ``sides`` are those that were seen."""
 
     told: Values
-    step: Step
+    step: TuningStep
     unit: str
-    sides: tuple[tuple[Phase, Side], ...]
+    sides: tuple[tuple[TrialPhase, TrialSide], ...]
 
     def samples(self) -> Values:
         """Return every cycle of it, in the units of what the step is of; the unknown is None. May take a tenth of a second."""
@@ -37,16 +37,18 @@ class Outcome:
         }
 
 
-def outcome(number: int, trial: Trial, parameters: AxisParameters, error: AxisbusError | None) -> Outcome:
+def outcome(
+    number: int, trial: TuningTrial, parameters: AxisParameters, error: AxisbusError | None
+) -> TrialOutcome:
     """Return what came of a trial that is over; one that was disturbed has no figures."""
     step, units = trial.step, parameters.units
-    of = units.velocity.unit if step.kind is Kind.VELOCITY else units.position.unit
+    of = units.velocity.unit if step.kind is TuningStepKind.VELOCITY else units.position.unit
     whole = not trial.why
     sides = tuple((phase, trial.sides[phase]) for phase in _SIDES if phase in trial.sides)
     values: Values = {
         "number": number,
         "axis": step.axis,
-        "phase": Phase.OVER.value,
+        "phase": TrialPhase.OVER.value,
         "text": _text(step, of, units.position.unit),
         "why": trial.why,
         "error": None if error is None else explained(error),
@@ -55,19 +57,19 @@ def outcome(number: int, trial: Trial, parameters: AxisParameters, error: Axisbu
         if whole
         else {},
     }
-    return Outcome(values, step, of, sides)
+    return TrialOutcome(values, step, of, sides)
 
 
-def _text(step: Step, of: str, unit: str) -> str:
-    fast = f", {step.velocity:g} {unit}/s" if step.kind is Kind.POSITION else ""
+def _text(step: TuningStep, of: str, unit: str) -> str:
+    fast = f", {step.velocity:g} {unit}/s" if step.kind is TuningStepKind.POSITION else ""
     return f"{step.kind.value} {step.size:g} {of}{fast}, {step.acceleration:g} {unit}/s², {step.seconds:g} s"
 
 
-def _drawn(step: Step, phase: Phase, side: Side) -> Values:
+def _drawn(step: TuningStep, phase: TrialPhase, side: TrialSide) -> Values:
     """Return the columns of a side; a step of velocity has its commanded velocity as target, and no demand."""
     found = since(side)
     points = [point for _, point in found]
-    position = step.kind is Kind.POSITION
+    position = step.kind is TuningStepKind.POSITION
     start, target = goal(step, phase, side)
     commanded = [target if at >= 0.0 else start for at, _ in found]
     return {

@@ -11,18 +11,18 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.columns import NAMES, AxisForm
 from axisbus.record.sample_packing import sample_of
-from axisbus.web.tuning.step import Kind
-from axisbus.web.tuning.trial import Point
+from axisbus.web.tuning.step import TuningStepKind
+from axisbus.web.tuning.trial import TrialSample
 
 _KEPT = 1 << 16  # cycles that wait to be taken; where more do, the oldest are missing, which is seen as a gap
-_ACTUAL = {kind: NAMES.index(kind.value) for kind in Kind}
+_ACTUAL = {kind: NAMES.index(kind.value) for kind in TuningStepKind}
 _TARGET, _DEMAND, _ERROR = (NAMES.index(name) for name in ("target", "demand", "following_error"))
 
 
-class Recording:
+class TrialRecording:
     """Holds the cycles of an axis that were not taken yet, from its making until ``end``."""
 
-    def __init__(self, machine: Machine, axis: str, kind: Kind) -> None:
+    def __init__(self, machine: Machine, axis: str, kind: TuningStepKind) -> None:
         self._session = machine.session
         self._axis = axis
         self._actual = _ACTUAL[kind]
@@ -30,7 +30,7 @@ class Recording:
         self._waiting: deque[tuple[float, Snapshot]] = deque(maxlen=_KEPT)
         self._session.observe(self._add)
 
-    def taken(self) -> list[Point]:
+    def taken(self) -> list[TrialSample]:
         """Return the cycles since, oldest first."""
         found = []
         with suppress(IndexError):
@@ -46,10 +46,10 @@ class Recording:
         if self._axis in snapshots:
             self._waiting.append((now, snapshots[self._axis]))
 
-    def _point(self, now: float, snapshot: Snapshot) -> Point:
+    def _point(self, now: float, snapshot: Snapshot) -> TrialSample:
         row = self._form.values(sample_of(snapshot))
         places = (self._actual, _TARGET, _DEMAND, _ERROR)
-        return Point(now, snapshot.state, *(_number(row[place]) for place in places))
+        return TrialSample(now, snapshot.state, *(_number(row[place]) for place in places))
 
 
 def _number(value: object) -> float:

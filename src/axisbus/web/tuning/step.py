@@ -10,8 +10,8 @@ from enum import Enum
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import ArgumentError, StateError
 from axisbus.machine.axis import Axis
-from axisbus.machine.request import Request
-from axisbus.motion.parameters import AxisParameters, Limits
+from axisbus.machine.request import AxisCall
+from axisbus.motion.parameters import AxisLimits, AxisParameters
 from axisbus.motion.states import REFUSAL, AxisState
 from axisbus.step_response import END
 
@@ -19,7 +19,7 @@ LONGEST = 10.0  # s on each side
 _MOVES = "moves", "wait for its end, or halt it first: axis.halt()"
 
 
-class Kind(Enum):
+class TuningStepKind(Enum):
     """Of what the step is."""
 
     POSITION = "position"
@@ -27,7 +27,7 @@ class Kind(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class TuningStep:
     """A step there and back, in the axis's units; nothing of it has a default.
 
     ``size`` is signed, a distance or a velocity; ``velocity`` is how fast a distance is gone, of a step of velocity its magnitude.
@@ -35,25 +35,25 @@ class Step:
     """
 
     axis: str
-    kind: Kind
+    kind: TuningStepKind
     size: float
     velocity: float
     acceleration: float
     seconds: float
 
     @classmethod
-    def of(cls, axis: str, values: Mapping[str, float]) -> Step:
+    def of(cls, axis: str, values: Mapping[str, float]) -> TuningStep:
         """Return the step of the values that a page has sent: one of position where there is a distance."""
         velocity, acceleration, seconds = (values[each] for each in ("velocity", "acceleration", "seconds"))
         if "distance" in values:
-            return cls(axis, Kind.POSITION, values["distance"], velocity, acceleration, seconds)
-        return cls(axis, Kind.VELOCITY, velocity, abs(velocity), acceleration, seconds)
+            return cls(axis, TuningStepKind.POSITION, values["distance"], velocity, acceleration, seconds)
+        return cls(axis, TuningStepKind.VELOCITY, velocity, abs(velocity), acceleration, seconds)
 
     @property
     def takes(self) -> float:
         """Seconds that one side takes by its ramps, where the axis follows them."""
         ramp = self.velocity / self.acceleration
-        if self.kind is Kind.VELOCITY:
+        if self.kind is TuningStepKind.VELOCITY:
             return ramp
         way = abs(self.size)
         if way >= self.velocity * ramp:
@@ -61,7 +61,7 @@ class Step:
         return 2.0 * math.sqrt(way / self.acceleration)
 
 
-def question(step: Step, axis: Axis, parameters: AxisParameters) -> str:
+def question(step: TuningStep, axis: Axis, parameters: AxisParameters) -> str:
     """Return what is to be asked before a step: what moves, by how much and how fast, and within which limits.
 
     Raises:
@@ -69,34 +69,37 @@ def question(step: Step, axis: Axis, parameters: AxisParameters) -> str:
         StateError: the axis does not stand enabled, or its drive does not claim the mode.
         StaleError: its position is not known.
     """
-    unit, text = axis.unit, f"step({step.size:g} {axis.unit}{'/s' if step.kind is Kind.VELOCITY else ''})"
-    _require_values(step, Request(parameters, text))
+    unit, text = (
+        axis.unit,
+        f"step({step.size:g} {axis.unit}{'/s' if step.kind is TuningStepKind.VELOCITY else ''})",
+    )
+    _require_values(step, AxisCall(parameters, text))
     _require_ready(step, axis, f"{axis.name}.{text}")
     here = axis.position
     kept = axis.homed or not parameters.homing.required
     limits = f"Its limits: {_limits(axis.limits, unit, '' if kept else ', once it is homed')}."
-    if step.kind is Kind.VELOCITY:
+    if step.kind is TuningStepKind.VELOCITY:
         about = abs(step.size) * (step.seconds + step.takes)
         return (
             f"Let {axis.name} turn at {step.size:g} {unit}/s, with {step.acceleration:g} {unit}/s², and stop it after "
             f"{step.seconds:g} s? It goes from {here:.3f} {unit} by up to {about:.4g} {unit}, and does not come back. {limits}"
         )
     if axis.modulo is None and kept:
-        Request(parameters, text).target(here + step.size)
+        AxisCall(parameters, text).target(here + step.size)
     return (
         f"Let {axis.name} move by {step.size:g} {unit}, from {here:.3f} to {here + step.size:.3f} {unit}, at up to "
         f"{step.velocity:g} {unit}/s with {step.acceleration:g} {unit}/s², and back again after {step.seconds:g} s? {limits}"
     )
 
 
-def _require_values(step: Step, request: Request) -> None:
+def _require_values(step: TuningStep, request: AxisCall) -> None:
     seconds = request.positive("seconds", step.seconds, "s")
     if request.finite("size", step.size) == 0.0:
         raise ArgumentError(
             f"{request.text}: a step of 0 is none", remedy="give how far, or how fast, it is to go"
         )
     acceleration = request.positive("acceleration", step.acceleration)
-    if step.kind is Kind.VELOCITY:
+    if step.kind is TuningStepKind.VELOCITY:
         request.turning(step.size, acceleration)
     else:
         _require_increments(step, request)
@@ -113,18 +116,22 @@ def _require_values(step: Step, request: Request) -> None:
         )
 
 
-def _require_increments(step: Step, request: Request) -> None:
+def _require_increments(step: TuningStep, request: AxisCall) -> None:
     if not request.distance(step.size):
         raise ArgumentError(
             f"{request.text}: the step is less than one increment of the drive", remedy="give a larger step"
         )
 
 
-def _require_ready(step: Step, axis: Axis, text: str) -> None:
+def _require_ready(step: TuningStep, axis: Axis, text: str) -> None:
     if axis.state is not AxisState.STANDSTILL:
         why, remedy = REFUSAL.get(axis.state, _MOVES)
         raise StateError(f"{text}: {axis.name} {why}", remedy=remedy)
-    if step.kind is Kind.VELOCITY and axis.modes and ModeOfOperation.PROFILE_VELOCITY not in axis.modes:
+    if (
+        step.kind is TuningStepKind.VELOCITY
+        and axis.modes
+        and ModeOfOperation.PROFILE_VELOCITY not in axis.modes
+    ):
         raise StateError(
             f"{text}: {axis.name} does not take a velocity",
             observed="its drive does not claim the profile velocity mode (6502h)",
@@ -132,7 +139,7 @@ def _require_ready(step: Step, axis: Axis, text: str) -> None:
         )
 
 
-def _limits(limits: Limits, unit: str, when: str) -> str:
+def _limits(limits: AxisLimits, unit: str, when: str) -> str:
     position = (
         "none"
         if limits.position is None

@@ -17,14 +17,14 @@ from typing import NamedTuple
 
 from axisbus.motion.states import AxisState
 from axisbus.step_response import BAND
-from axisbus.web.tuning.step import Kind, Step
+from axisbus.web.tuning.step import TuningStep, TuningStepKind
 
 START = 3.0  # s from a command until the axis is seen to be under way
 DEAF = 0.5  # s without any cycle
 GAP = 3.5  # periods between two cycles, from which on some are missing
 
 
-class Phase(Enum):
+class TrialPhase(Enum):
     """How far a trial is."""
 
     ASKED = "asked"
@@ -33,7 +33,7 @@ class Phase(Enum):
     OVER = "over"
 
 
-class Do(Enum):
+class NextAction(Enum):
     """What is to be done next."""
 
     WAIT = "wait"
@@ -42,7 +42,7 @@ class Do(Enum):
     END = "end"
 
 
-class Point(NamedTuple):
+class TrialSample(NamedTuple):
     """What was seen of the axis in one cycle, in its units; NaN is unknown. ``actual`` is of what the step is of."""
 
     time: float
@@ -53,13 +53,16 @@ class Point(NamedTuple):
     error: float
 
 
-_MOTION = {Kind.POSITION: AxisState.DISCRETE_MOTION, Kind.VELOCITY: AxisState.CONTINUOUS_MOTION}
+_MOTION = {
+    TuningStepKind.POSITION: AxisState.DISCRETE_MOTION,
+    TuningStepKind.VELOCITY: AxisState.CONTINUOUS_MOTION,
+}
 
 
-class Side:
+class TrialSide:
     """One way of a trial; holds its points, and when it was seen to begin."""
 
-    def __init__(self, sent: Point) -> None:
+    def __init__(self, sent: TrialSample) -> None:
         """``sent`` is the last point before the command."""
         self.sent = sent
         self.points = [sent]
@@ -67,31 +70,31 @@ class Side:
         self.arrived = False
 
 
-class Trial:
+class TuningTrial:
     """One trial; holds how far it is and what was seen. ``why`` says what has disturbed it, empty where nothing has."""
 
-    def __init__(self, step: Step, period: float, now: float) -> None:
+    def __init__(self, step: TuningStep, period: float, now: float) -> None:
         """``period`` is that of the cycles in s; ``now`` is of the clock of ``hear`` and ``next``, not that of the points."""
         self.step = step
-        self.phase = Phase.ASKED
-        self.sides: dict[Phase, Side] = {}
+        self.phase = TrialPhase.ASKED
+        self.sides: dict[TrialPhase, TrialSide] = {}
         self.why = ""
         self._gap = GAP * period
         self._seconds = step.seconds - 0.5 * period
         self._heard = now
-        self._last: Point | None = None
+        self._last: TrialSample | None = None
 
     @property
     def over(self) -> bool:
         """Whether it has ended, well or not."""
-        return self.phase is Phase.OVER
+        return self.phase is TrialPhase.OVER
 
     def disturb(self, why: str) -> None:
         """End it by what has come between; the first reason is kept."""
         if not self.over:
-            self.phase, self.why = Phase.OVER, why
+            self.phase, self.why = TrialPhase.OVER, why
 
-    def hear(self, points: Iterable[Point], now: float) -> None:
+    def hear(self, points: Iterable[TrialSample], now: float) -> None:
         """Take in the cycles since."""
         for point in points:
             self._heard = now
@@ -99,48 +102,48 @@ class Trial:
                 self._follow(point)
             self._last = point
 
-    def next(self, now: float) -> Do:
+    def next(self, now: float) -> NextAction:
         """Return what is to be done now: going there, going back and the end are each returned once."""
         if self.over:
-            return Do.WAIT
+            return NextAction.WAIT
         if now - self._heard > DEAF:
             self.disturb(f"no cycle of the axis was seen for {DEAF:g} s")
-        elif self._last is not None and self.phase is Phase.ASKED:
-            return self._send(Phase.THERE, self._last, Do.GO)
+        elif self._last is not None and self.phase is TrialPhase.ASKED:
+            return self._send(TrialPhase.THERE, self._last, NextAction.GO)
         elif self._last is not None:
             return self._look_on(self.sides[self.phase], self._last)
-        return Do.WAIT
+        return NextAction.WAIT
 
-    def _look_on(self, side: Side, last: Point) -> Do:
+    def _look_on(self, side: TrialSide, last: TrialSample) -> NextAction:
         if side.begun is None:
             if last.time - side.sent.time > START:
                 self.disturb(f"the axis was not under way within {START:g} s")
-            return Do.WAIT
+            return NextAction.WAIT
         if last.time - side.begun < self._seconds:
-            return Do.WAIT
-        if self.phase is Phase.THERE:
-            return self._send(Phase.BACK, last, Do.RETURN)
-        self.phase = Phase.OVER
-        return Do.END
+            return NextAction.WAIT
+        if self.phase is TrialPhase.THERE:
+            return self._send(TrialPhase.BACK, last, NextAction.RETURN)
+        self.phase = TrialPhase.OVER
+        return NextAction.END
 
-    def _send(self, phase: Phase, last: Point, do: Do) -> Do:
+    def _send(self, phase: TrialPhase, last: TrialSample, do: NextAction) -> NextAction:
         self.phase = phase
-        self.sides[phase] = Side(last)
+        self.sides[phase] = TrialSide(last)
         return do
 
-    def _follow(self, point: Point) -> None:
+    def _follow(self, point: TrialSample) -> None:
         gap = 0.0 if self._last is None else point.time - self._last.time
         if gap > self._gap:
             self.disturb(f"cycles are missing: {gap * 1000:.0f} ms between two of them")
         elif math.isnan(point.actual):
             self.disturb(f"the {self.step.kind.value} of the axis is not known")
-        elif self.phase is Phase.ASKED:
+        elif self.phase is TrialPhase.ASKED:
             if point.state is not AxisState.STANDSTILL:
                 self.disturb(f"the axis was in {point.state.value}")
         else:
             self._go_on(self.sides[self.phase], point)
 
-    def _go_on(self, side: Side, point: Point) -> None:
+    def _go_on(self, side: TrialSide, point: TrialSample) -> None:
         side.points.append(point)
         if point.state is _MOTION[self.step.kind]:
             if side.arrived:
@@ -151,15 +154,15 @@ class Trial:
             self.disturb(f"the axis came into {point.state.value}")
         elif side.begun is not None:
             side.arrived = True
-            if self.step.kind is Kind.VELOCITY:
+            if self.step.kind is TuningStepKind.VELOCITY:
                 self.disturb("the axis came to rest")
 
-    def _is_under_way(self, side: Side, point: Point) -> bool:
+    def _is_under_way(self, side: TrialSide, point: TrialSample) -> bool:
         """Whether it goes by the new command, as its demand tells, or what it does itself.
 
         One that has not arrived by the command before is told by its target.
         """
-        sent, position = side.sent, self.step.kind is Kind.POSITION
+        sent, position = side.sent, self.step.kind is TuningStepKind.POSITION
         if position and sent.state is not AxisState.STANDSTILL and point.target == sent.target:
             return False
         led = position and abs(point.demand - sent.demand) > 0.0  # never so where one is not known

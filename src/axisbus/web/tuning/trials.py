@@ -10,12 +10,12 @@ from axisbus.errors import AxisbusError, StateError
 from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import MOVING, AxisState
-from axisbus.web.commands.authorize import Act
-from axisbus.web.commands.request import Ask
-from axisbus.web.tuning.outcome import Outcome, outcome
-from axisbus.web.tuning.recording import Recording
-from axisbus.web.tuning.step import Kind, Step, question
-from axisbus.web.tuning.trial import Do, Trial
+from axisbus.web.commands.authorize import PageAction
+from axisbus.web.commands.request import PageRequest
+from axisbus.web.tuning.outcome import TrialOutcome, outcome
+from axisbus.web.tuning.recording import TrialRecording
+from axisbus.web.tuning.step import TuningStep, TuningStepKind, question
+from axisbus.web.tuning.trial import NextAction, TuningTrial
 from axisbus.web.view.axes import Values
 
 KEPT = 4  # trials whose samples may be fetched
@@ -34,9 +34,9 @@ class _Running:
 
     number: int
     page: int
-    trial: Trial
+    trial: TuningTrial
     hold: DeadMan
-    recording: Recording
+    recording: TrialRecording
     broken: frozenset[str]  # axes that were in ErrorStop before
     handle: Handle | None = None
     told: str = ""
@@ -53,10 +53,10 @@ class Trials:
         self._machine = machine
         self._count = 0
         self._running: _Running | None = None
-        self._outcomes: dict[int, Outcome] = {}
+        self._outcomes: dict[int, TrialOutcome] = {}
         self._news: dict[int, Values] = {}
 
-    def ask(self, page: int, act: Act, ask: Ask, clock: DeadMan, now: float) -> None:
+    def ask(self, page: int, act: PageAction, ask: PageRequest, clock: DeadMan, now: float) -> None:
         """Check a step, and ask its question, or begin it where that was answered with yes.
 
         ``clock``: what is known of the page's own clock. A question goes back with the number that the page gave it, so that a yes
@@ -66,7 +66,7 @@ class Trials:
             AxisbusError: as ``question``, or another trial goes on, or the yes came too late.
         """
         name = act.axes[0]
-        step = Step.of(name, act.values)
+        step = TuningStep.of(name, act.values)
         if self._running is not None:
             raise StateError("another trial goes on", remedy="wait for its end, or end it")
         facts = self._machine.session.axes[name].parameters
@@ -78,12 +78,12 @@ class Trials:
         if not hold.held:
             raise StateError("the yes to a trial came too late: nothing moves", remedy="try it again")
         self._count += 1
-        trial = Trial(step, facts.scan_period, now)
-        recording = Recording(self._machine, name, step.kind)
+        trial = TuningTrial(step, facts.scan_period, now)
+        recording = TrialRecording(self._machine, name, step.kind)
         self._running = _Running(self._count, page, trial, hold, recording, self._in_error())
         self._tell(self._running)
 
-    def beat(self, page: int, ask: Ask, now: float) -> None:
+    def beat(self, page: int, ask: PageRequest, now: float) -> None:
         """The page says that it still answers for its trial; late words revive nothing."""
         running = self._running
         if running is not None and running.page == page:
@@ -121,7 +121,7 @@ class Trials:
         running.trial.hear(running.recording.taken(), now)
         self._watch(running, now)
         do = running.trial.next(now)
-        if do in (Do.GO, Do.RETURN):
+        if do in (NextAction.GO, NextAction.RETURN):
             self._send(running, do)
         if running.trial.over:
             self._end(running, running.trial.why)
@@ -132,7 +132,7 @@ class Trials:
         """Return what a page was not told yet of its trial."""
         return self._news.pop(page, None)
 
-    def outcome(self, number: int) -> Outcome | None:
+    def outcome(self, number: int) -> TrialOutcome | None:
         """Return what came of one of the last trials."""
         return self._outcomes.get(number)
 
@@ -146,19 +146,19 @@ class Trials:
             running.error = error
             trial.disturb(error.message)
 
-    def _send(self, running: _Running, do: Do) -> None:
+    def _send(self, running: _Running, do: NextAction) -> None:
         step = running.trial.step
         if running.handle is not None:
             look_at_end(running.handle)  # one that has not arrived is replaced by the way back
         try:
-            running.handle = self._command(step, step.size if do is Do.GO else _home(step))
+            running.handle = self._command(step, step.size if do is NextAction.GO else _home(step))
         except AxisbusError as error:
             running.error = error
             running.trial.disturb(error.message)
 
-    def _command(self, step: Step, size: float) -> Handle:
+    def _command(self, step: TuningStep, size: float) -> Handle:
         axis = self._machine[step.axis]
-        if step.kind is Kind.VELOCITY:
+        if step.kind is TuningStepKind.VELOCITY:
             return axis.move_velocity(size, acceleration=step.acceleration)
         return axis.move_relative(size, velocity=step.velocity, acceleration=step.acceleration)
 
@@ -199,5 +199,5 @@ class Trials:
         return frozenset(name for name in snapshots if snapshots[name].state is AxisState.ERRORSTOP)
 
 
-def _home(step: Step) -> float:
-    return 0.0 if step.kind is Kind.VELOCITY else -step.size
+def _home(step: TuningStep) -> float:
+    return 0.0 if step.kind is TuningStepKind.VELOCITY else -step.size

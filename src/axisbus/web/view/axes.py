@@ -9,7 +9,7 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
 from axisbus.motion.parameters import AxisParameters
 from axisbus.web.view.bars import UNKNOWN, marks, number, places
-from axisbus.web.view.error_text import in_buttons
+from axisbus.web.view.error_text import in_page_terms
 
 Values = dict[str, object]
 _OLD = 1.0  # seconds after which the image of a cycle is not of now
@@ -50,7 +50,7 @@ def one_axis(axis: Axis, parameters: AxisParameters, now: float) -> Values:
 def explained(error: AxisbusError) -> dict[str, str]:
     """Return the three texts of an error, and the name of its symptom's page."""
     texts = {"message": error.message, "observed": seen_of(error), "remedy": error.remedy}
-    return {**{name: in_buttons(text) for name, text in texts.items()}, "page": error.page}
+    return {**{name: in_page_terms(text) for name, text in texts.items()}, "page": error.page}
 
 
 def _state(axis: Axis) -> object | None:

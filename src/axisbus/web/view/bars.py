@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.motion.modes import FOLLOWED
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.snapshot import Snapshot
@@ -47,7 +47,7 @@ class Bar(NamedTuple):
     decimals: int = _DECIMALS[0]
 
 
-class Mark(NamedTuple):
+class BarValue(NamedTuple):
     """What a bar shows: its value as a text and, in parts of its length, where that lies and where 0 does (None: not known).
 
     ``told``: what is to be known of it, in words; ``kind`` of that for its looks.
@@ -76,14 +76,14 @@ def bars_of(parameters: AxisParameters) -> list[Bar]:
     ]
 
 
-def mark(bar: Bar, value: float | None, loose: str = "") -> Mark:
+def mark(bar: Bar, value: float | None, loose: str = "") -> BarValue:
     """Return what a bar shows of a value, None if unknown; ``loose``: why its limits do not hold at present, empty if they do."""
     if value is None or bar.span is None:
-        return Mark(UNKNOWN if value is None else number(value, bar.decimals))
+        return BarValue(UNKNOWN if value is None else number(value, bar.decimals))
     low, high = bar.span
     at, zero = (min(1.0, max(0.0, (each - low) / (high - low))) for each in (value, 0.0))
     kind, told = ("loose", loose) if loose else _judged(bar.span, bar.slack, value)
-    return Mark(number(value, bar.decimals), min(high, max(low, value)), at, zero, kind, told)
+    return BarValue(number(value, bar.decimals), min(high, max(low, value)), at, zero, kind, told)
 
 
 def marks(
@@ -103,7 +103,7 @@ def _loose(parameters: AxisParameters, snapshot: Snapshot) -> dict[str, str]:
     found = {}
     if parameters.homing.required and not snapshot.homed:
         found["position"] = _NOT_HOMED
-    if snapshot.power is not State.OPERATION_ENABLED or snapshot.mode not in FOLLOWED:
+    if snapshot.power is not PowerState.OPERATION_ENABLED or snapshot.mode not in FOLLOWED:
         found["following_error"] = _NOT_LED
     return found
 

@@ -5,23 +5,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from axisbus.boot.report import NodeReport
-from axisbus.bus.link.errorframe import WHAT_TO_CHECK, Condition
+from axisbus.bus.link.errorframe import WHAT_TO_CHECK, CanErrorState
 from axisbus.bus.node.events import BAD
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AxisbusError, seen_of
 from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
-from axisbus.machine.signal_shutdown import Leaving
+from axisbus.machine.signal_shutdown import ShutdownRequest
 from axisbus.web.view.axes import Values, explained
 from axisbus.web.view.bars import UNKNOWN
-from axisbus.web.view.error_text import in_buttons
+from axisbus.web.view.error_text import in_page_terms
 from axisbus.wording import with_subject
 
 _SHOWN = 30  # incidents
 
 
 @dataclass(frozen=True, slots=True)
-class Happening:
+class PageIncident:
     """Something that has gone wrong: when (seconds, monotonic; None: it is so now), what, its cause in lines, and what to do."""
 
     stamp: float | None
@@ -53,7 +53,7 @@ def _command(machine: Machine) -> Values:
     return {"ours": machine.has_command, "by": holder}
 
 
-def happenings(machine: Machine) -> list[Happening]:
+def happenings(machine: Machine) -> list[PageIncident]:
     """Return what has gone wrong, the newest first; what an axis is in ErrorStop for comes before all."""
     found = [*_of_nodes(machine), *_of_bus(machine), *_events(machine)]
     found.sort(key=lambda happening: happening.stamp or 0.0, reverse=True)
@@ -93,7 +93,7 @@ def _wrong(machine: Machine, report: NodeReport) -> dict[str, str] | None:
     if errors:
         first, *others = errors.values()
         return (
-            {**explained(first), "message": "\n".join(map(in_buttons, errors))}
+            {**explained(first), "message": "\n".join(map(in_page_terms, errors))}
             if others
             else explained(first)
         )
@@ -113,40 +113,40 @@ def _controller(machine: Machine) -> list[str]:
     return [*map(str, events), *(str(drop) for drop in machine.dropped)]
 
 
-def _of_axes(machine: Machine) -> list[Happening]:
+def _of_axes(machine: Machine) -> list[PageIncident]:
     return [_of_error(axis.name, axis.error) for axis in machine if axis.error is not None]
 
 
-def _of_error(name: str, error: AxisbusError) -> Happening:
+def _of_error(name: str, error: AxisbusError) -> PageIncident:
     what = with_subject(name, error.message)
-    return Happening(None, what, tuple(seen_of(error).splitlines()), in_buttons(error.remedy))
+    return PageIncident(None, what, tuple(seen_of(error).splitlines()), in_page_terms(error.remedy))
 
 
-def _of_nodes(machine: Machine) -> list[Happening]:
+def _of_nodes(machine: Machine) -> list[PageIncident]:
     return [found for report in machine.reports for found in _incidents(machine.node(report.node_id))]
 
 
-def _incidents(node: NodeAccess) -> list[Happening]:
+def _incidents(node: NodeAccess) -> list[PageIncident]:
     found = []
     for incident in node.incidents:
         first, *rest = node.incident_words(incident)
         found.append(
-            Happening(incident.began, f"node {node.node_id}, {first.rpartition(',')[0]}", tuple(rest))
+            PageIncident(incident.began, f"node {node.node_id}, {first.rpartition(',')[0]}", tuple(rest))
         )
     return found
 
 
-def _of_bus(machine: Machine) -> list[Happening]:
+def _of_bus(machine: Machine) -> list[PageIncident]:
     return [
-        Happening(event.stamp, str(event), (), f"check {WHAT_TO_CHECK}")
+        PageIncident(event.stamp, str(event), (), f"check {WHAT_TO_CHECK}")
         for event in machine.bus_events
-        if event.condition is not Condition.ACTIVE
+        if event.condition is not CanErrorState.ACTIVE
     ]
 
 
-def _events(machine: Machine) -> list[Happening]:
+def _events(machine: Machine) -> list[PageIncident]:
     return [
-        Happening(event.stamp, str(event))
+        PageIncident(event.stamp, str(event))
         for event in machine.events
-        if isinstance(event, Leaving) or event.kind in BAD
+        if isinstance(event, ShutdownRequest) or event.kind in BAD
     ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 
 _WIDTH, _HEIGHT = 156, 34
 
@@ -16,7 +16,7 @@ class Box(NamedTuple):
     y: int
 
 
-_S = State
+_S = PowerState
 # As the standard draws it: what is off above, what is on below, faults at the right.
 BOXES = {
     _S.NOT_READY_TO_SWITCH_ON: Box(90, 30),
@@ -63,7 +63,7 @@ def svg(number: int = 0) -> str:
     )
 
 
-def _state(state: State) -> str:
+def _state(state: PowerState) -> str:
     x, y = BOXES[state]
     return (
         f'<g class="power" data-power="{state.value}"><rect x="{x - _WIDTH // 2}" y="{y - _HEIGHT // 2}" width="{_WIDTH}" '

@@ -25,7 +25,7 @@ _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
 _BUTTON = re.compile(r"axis\.(enable|disable|reset|release|home|halt)\(\)")
 
 
-def in_buttons(text: str) -> str:
+def in_page_terms(text: str) -> str:
     """Return a text of the library for who looks at the page."""
     for call, words in _TABLE:
         text = call.sub(words, text)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from axisbus import eds
 from axisbus.cell.model import AxisConfig
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import ValueTransport
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, DriveError, ModeError, SdoAbort
 from axisbus.machine.machine import Machine
@@ -209,7 +209,7 @@ def _port(recipe: CellRecipe, devices: Mapping[int, Device], axis: AxisConfig, d
     made = recipe.axes[axis.node - FIRST_NODE]
     has = device.dictionary.has
     objects = {"velocity": 0x606C, "torque": 0x6077, "demand": 0x6062}
-    polled = {name: Source.SDO for name in made.polled if has(objects[name])}
+    polled = {name: ValueTransport.SDO for name in made.polled if has(objects[name])}
     period = recipe.period / 1000.0
     slow = {name: every for name, every in made.slow if has(objects[name]) and name not in polled}
     ages = dict.fromkeys(("statusword", "mode", "position"), max(0.1, 4.0 * period))

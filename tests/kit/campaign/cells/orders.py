@@ -13,8 +13,8 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.cam import Cam
 from axisbus.machine.groups import Group
 from axisbus.machine.handle import Handle
-from axisbus.machine.streaming.controller import Measured
-from axisbus.motion.trajectory import Trapezoid
+from axisbus.machine.streaming.controller import AxisFeedback
+from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.campaign.cells.opening import ENCODER, PAIR, VIRTUAL, DrawnCell
 from kit.campaign.cells.recipe import AxisRecipe
 
@@ -237,7 +237,7 @@ def _follow(args: Args) -> Handle:
         recipe.velocity * args.chance.choice((0.3, 0.9)),
         recipe.acceleration / recipe.scale * args.chance.choice((0.3, 0.5, 0.9)),
     )
-    return args.axis.follow(Trapezoid(start, target, *pace))
+    return args.axis.follow(TrapezoidalTrajectory(start, target, *pace))
 
 
 def _gear(args: Args) -> Handle:
@@ -264,7 +264,7 @@ def _loop(args: Args) -> Handle:
     """A controller that keeps the axis near where it is; it fails after some seconds."""
     end, here, gain = args.cell.now + _LOOP, args.here, 0.1 * args.recipe.velocity
 
-    def loop(seen: Measured) -> float:
+    def loop(seen: AxisFeedback) -> float:
         if seen.position is None or args.cell.now > end:
             raise ValueError("seen enough")
         return gain * args.value * math.sin(2.0 * seen.time) - 0.5 * (seen.position - here)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from axisbus.cia402.modes import FACTS
 from axisbus.motion.stop import promises
-from axisbus.motion.stop.promises import Kept
+from axisbus.motion.stop.promises import LimitEnforcement
 from kit.campaign.cells.files import GENERIC
 from kit.campaign.cells.recipe import AxisRecipe
 from kit.cell import Cell
@@ -32,13 +32,13 @@ def promise_of(cell: Cell, name: str) -> Promise:
     """Return the promises that ``boot`` prints for an axis."""
     found = cell[name].promises
     return Promise(
-        frozenset(_modes(found, promises.POSITION, Kept.AHEAD, Kept.REFUSED)),
-        frozenset(_modes(found, promises.VELOCITY, Kept.WATCHED)),
+        frozenset(_modes(found, promises.POSITION, LimitEnforcement.AHEAD, LimitEnforcement.REFUSED)),
+        frozenset(_modes(found, promises.VELOCITY, LimitEnforcement.WATCHED)),
         tuple(f"{each.limit} in {each.mode}: {each.kept.value}" for each in found),
     )
 
 
-def _modes(found: tuple[promises.Promise, ...], limit: str, *kept: Kept) -> Iterator[int]:
+def _modes(found: tuple[promises.Promise, ...], limit: str, *kept: LimitEnforcement) -> Iterator[int]:
     return (_MODES[each.mode] for each in found if each.limit == limit and each.kept in kept)
 
 
@@ -49,7 +49,7 @@ def missing(cell: Cell, name: str, recipe: AxisRecipe) -> list[str]:
     )
     if not (whole and recipe.counted):
         return []
-    best = {promises.POSITION: Kept.AHEAD, promises.VELOCITY: Kept.WATCHED}
+    best = {promises.POSITION: LimitEnforcement.AHEAD, promises.VELOCITY: LimitEnforcement.WATCHED}
     return [
         f"{each.limit} in {each.mode}: {each.kept.value} {each.why}"
         for each in cell[name].promises

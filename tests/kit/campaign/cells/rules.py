@@ -395,7 +395,7 @@ class Physics(Travel):
         self._allowed_beyond[name] = None
 
     def _blind_speed(self, name: str) -> float:
-        """As in ``Travel``; the speed added by a torque counts until the motor has braked, even without the torque."""
+        """As in ``PathSpeed``; the speed added by a torque counts until the motor has braked, even without the torque."""
         speed, since = self._blind.get(name, (0.0, 0.0))
         found = super()._blind_speed(name)
         if found >= speed or self._facts.now - since > _BLIND_FOR:

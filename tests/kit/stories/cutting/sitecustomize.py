@@ -24,20 +24,20 @@ def _cut(name: str) -> None:
     from axisbus.ipc import own_socket, stream
 
     if name == "the core's eye on its program":
-        server.Server._leave = _nothing  # type: ignore[method-assign]
+        server.CoreServer._leave = _nothing  # type: ignore[method-assign]
     elif name == "the core's eye on the process of its program":
-        server.Server.watch = _nothing  # type: ignore[method-assign]
+        server.CoreServer.watch = _nothing  # type: ignore[method-assign]
     elif name == "the eyes on the program's descriptors":
-        stream.Stream.look = _nothing  # type: ignore[method-assign]
+        stream.MessageStream.look = _nothing  # type: ignore[method-assign]
         own_socket.FarEnd.lost = False  # type: ignore[method-assign,assignment]
     elif name == "the core's eye on its warden":
-        server.Server._watch_warden = _nothing  # type: ignore[method-assign]
+        server.CoreServer._watch_warden = _nothing  # type: ignore[method-assign]
     elif name == "the core's ear for its program":
-        signal_forwarding.Ear.look = _nothing  # type: ignore[method-assign,assignment]
+        signal_forwarding.SignalForwarder.look = _nothing  # type: ignore[method-assign,assignment]
     elif name == "the rescue":
-        stop_after_crash.Rescuer.rescue = _nothing  # type: ignore[method-assign]
+        stop_after_crash.CrashStop.rescue = _nothing  # type: ignore[method-assign]
     elif name == "the warden's patience":
-        stop_after_crash.Rescuer.runs = False  # type: ignore[method-assign,assignment]
+        stop_after_crash.CrashStop.runs = False  # type: ignore[method-assign,assignment]
     else:
         raise SystemExit(f"no such net: {name}")
 

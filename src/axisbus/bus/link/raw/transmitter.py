@@ -16,7 +16,7 @@ EXTENDED, REMOTE = 0x8000_0000, 0x4000_0000
 _DONT_WAIT = getattr(socket, "MSG_DONTWAIT", 0)
 
 
-class Line(Protocol):
+class FrameTransmitter(Protocol):
     """One attempt for one frame; whatever goes wrong is raised as python-can does, or its driver.
 
     ``for_all``: several threads may send at once, and none of them waits.
@@ -45,13 +45,13 @@ class PythonCanLine:
         self._timeout = timeout
 
     def send(self, can_id: int, data: bytes) -> None:
-        """As ``Line.send``."""
+        """As ``FrameTransmitter.send``."""
         self._give(
             can.Message(arbitration_id=can_id, data=data, is_extended_id=_is_extended(can_id), check=False)
         )
 
     def send_remote(self, can_id: int, length: int) -> None:
-        """As ``Line.send_remote``."""
+        """As ``FrameTransmitter.send_remote``."""
         extended = _is_extended(can_id)
         self._give(
             can.Message(
@@ -60,7 +60,7 @@ class PythonCanLine:
         )
 
     def send_all(self, frames: Sequence[tuple[int, bytes]]) -> int:  # noqa: ARG002
-        """As ``Line.send_all``: one at a time."""
+        """As ``FrameTransmitter.send_all``: one at a time."""
         return 0
 
     def _give(self, message: can.Message) -> None:
@@ -79,21 +79,21 @@ class SocketCanLine:
         self._batch = SendBatch() if available() else None
 
     def send(self, can_id: int, data: bytes) -> None:
-        """As ``Line.send``."""
+        """As ``FrameTransmitter.send``."""
         try:
             self._send(FRAME.pack(_on_wire(can_id), len(data), data), _DONT_WAIT)
         except OSError as error:
             raise _failed(error) from error
 
     def send_remote(self, can_id: int, length: int) -> None:
-        """As ``Line.send_remote``."""
+        """As ``FrameTransmitter.send_remote``."""
         try:
             self._send(FRAME.pack(_on_wire(can_id) | REMOTE, length, b""), _DONT_WAIT)
         except OSError as error:
             raise _failed(error) from error
 
     def send_all(self, frames: Sequence[tuple[int, bytes]]) -> int:
-        """As ``Line.send_all``, by one call of the kernel for all of them; why one was not taken is told by who tries it again."""
+        """As ``FrameTransmitter.send_all``, in one system call; whoever sends a refused frame again gets the reason."""
         if self._batch is None:
             return 0
         taken = 0
@@ -114,7 +114,7 @@ def _failed(error: OSError) -> can.CanOperationError:
     return can.CanOperationError(f"Failed to transmit: {error.strerror}", error.errno)
 
 
-def line_of(bus: can.BusABC, timeout: float | None) -> Line:
+def line_of(bus: can.BusABC, timeout: float | None) -> FrameTransmitter:
     """Return the quickest way to an open adapter."""
     raw = raw_socket(bus)
     return PythonCanLine(bus, timeout) if raw is None else SocketCanLine(raw)

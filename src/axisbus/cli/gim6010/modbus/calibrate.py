@@ -6,7 +6,7 @@ import click
 
 from axisbus.cli.gim6010.calibrate import PRE_CALIBRATED, tell_judged
 from axisbus.cli.gim6010.confirm import ask, yes_option
-from axisbus.cli.gim6010.modbus.target_module import Target, guard, list_options, opened, parameters
+from axisbus.cli.gim6010.modbus.target_module import ModbusTarget, guard, list_options, opened, parameters
 from axisbus.cli.gim6010.params.endpoint_list import read_list
 from axisbus.cli.shared.common import say, say_note
 
@@ -15,17 +15,17 @@ from axisbus.cli.shared.common import say, say_note
 @click.argument("what", type=click.Choice(["motor", "encoder", "full"]))
 @list_options
 @yes_option
-def command(what: str, target: Target, yes: bool) -> int:
+def command(what: str, target: ModbusTarget, yes: bool) -> int:
     """Calibrate the motor, the encoder, or both: THE OUTPUT MAY TURN BY ITSELF. It explains, asks, follows, and judges.
 
     Needs the list of endpoints (--list): by it is seen how far the rotor turns. Only where the module is idle and without an error.
     Ctrl-C, SIGTERM, a lost module, a state that is none of a calibration's, and too many turns end it by idle, then emergency stop,
     and how the module was left is said. Nothing is saved. Exit code 0 only where it came to its end without an error.
     """
-    from axisbus.drives.gim6010.calibration.kinds import Kind, explanation
+    from axisbus.drives.gim6010.calibration.kinds import CalibrationKind, explanation
     from axisbus.drives.gim6010.modbus.motion.calibrating import Calibrating
 
-    kind = Kind[what.upper()]
+    kind = CalibrationKind[what.upper()]
     read_list(target.listed, target.made_for)  # before anything is asked, or opened
     ask(explanation(kind, target.node, warden=True), yes=yes)
     with opened(target) as module, guard(target) as warden:

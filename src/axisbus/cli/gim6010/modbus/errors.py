@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from axisbus.cli.gim6010.modbus.target_module import Target, opened, target_options
+from axisbus.cli.gim6010.modbus.target_module import ModbusTarget, opened, target_options
 from axisbus.cli.shared.common import OK, WRONG, say, say_json
 
 
@@ -12,12 +12,12 @@ from axisbus.cli.shared.common import OK, WRONG, say, say_json
 @target_options
 @click.option("--clear", is_flag=True, help="Clear them, and tell what is left; in idle only.")
 @click.option("--json", "as_json", is_flag=True, help="Print the error words as JSON.")
-def command(target: Target, clear: bool, as_json: bool) -> int:
+def command(target: ModbusTarget, clear: bool, as_json: bool) -> int:
     """Tell every error of a module: its category, what each bit means, and what to check. Exit code 1 when there is one."""
     return tell_errors(target, clear=clear, as_json=as_json)
 
 
-def tell_errors(target: Target, *, clear: bool = False, as_json: bool = False) -> int:
+def tell_errors(target: ModbusTarget, *, clear: bool = False, as_json: bool = False) -> int:
     """Print a module's errors, cleared before where asked; return the exit code."""
     with opened(target) as module:
         found = module.errors()

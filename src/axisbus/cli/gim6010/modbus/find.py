@@ -6,7 +6,7 @@ import sys
 
 import click
 
-from axisbus.cli.gim6010.modbus.target_module import PARITIES, Target
+from axisbus.cli.gim6010.modbus.target_module import PARITIES, ModbusTarget
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
 from axisbus.drives.gim6010.modbus.registers import RATES
 from axisbus.wording import counted
@@ -48,14 +48,14 @@ def command(port: str, rates: str, parity: str, highest: int) -> int:
     asked = RATES[::-1] if rates == "all" else (int(rates),)
     good: list[bool] = []
     for rate in asked:
-        good += _at(Target(port, 1, rate, parity), highest)
+        good += _at(ModbusTarget(port, 1, rate, parity), highest)
     if not good:
         say_error(_nobody(port, highest, asked))
         return FAILURE
     return OK if all(good) else WRONG
 
 
-def _at(line: Target, highest: int) -> list[bool]:
+def _at(line: ModbusTarget, highest: int) -> list[bool]:
     """Ask at one rate; return of each module whether it is well."""
     from axisbus.drives.gim6010.modbus.discovery import Present, present
     from axisbus.drives.gim6010.modbus.serial_wire import Parity, SerialWire
@@ -69,7 +69,7 @@ def _at(line: Target, highest: int) -> list[bool]:
                 continue
             say(f"{found}, at {line.rate} bit/s" if not found.trouble else f"at {line.rate} bit/s {found}")
             verb = "errors" if found.trouble else "state"
-            words = Target(line.port, found.device, line.rate, line.parity).words
+            words = ModbusTarget(line.port, found.device, line.rate, line.parity).words
             say_next(f"axisbus gim6010 modbus {verb} {words}")
             good.append(not found.trouble)
     finally:

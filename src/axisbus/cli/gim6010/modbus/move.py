@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from axisbus.cli.gim6010.modbus.target_module import Target, axis, target_options
+from axisbus.cli.gim6010.modbus.target_module import ModbusTarget, axis, target_options
 from axisbus.cli.shared.common import OK, say
 
 
@@ -16,7 +16,7 @@ from axisbus.cli.shared.common import OK, say
 @click.option("--acceleration", type=float, required=True, help="In turns/s².")
 @click.option("--deceleration", type=float, required=True, help="In turns/s².")
 def command(
-    target: Target,
+    target: ModbusTarget,
     to: float | None,
     by: float | None,
     velocity: float,
@@ -29,7 +29,11 @@ def command(
     it has no power: a load that hangs falls.
     """
     from axisbus.drives.gim6010.modbus.constants import turns
-    from axisbus.drives.gim6010.modbus.motion.course import Control, require_finite, require_positive
+    from axisbus.drives.gim6010.modbus.motion.course import (
+        ModbusControlMode,
+        require_finite,
+        require_positive,
+    )
 
     if (to is None) == (by is None):
         raise click.UsageError("give a position with --to, or a distance with --by")
@@ -37,7 +41,7 @@ def command(
     require_finite(position=wanted)
     require_positive(velocity=velocity, acceleration=acceleration, deceleration=deceleration)
     with axis(target) as moved:
-        moved.enable(Control.POSITION)
+        moved.enable(ModbusControlMode.POSITION)
         say(f"module {target.node}: enabled; moving {'by' if relative else 'to'} {turns(wanted)}")
         found = moved.move(
             wanted, velocity=velocity, acceleration=acceleration, deceleration=deceleration, relative=relative

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from axisbus.cli.gim6010.modbus.target_module import Target, list_options, opened, parameters
+from axisbus.cli.gim6010.modbus.target_module import ModbusTarget, list_options, opened, parameters
 from axisbus.cli.gim6010.modbus.values import is_parameter, show
 from axisbus.cli.shared.common import OK, say, say_json
 
@@ -13,7 +13,7 @@ from axisbus.cli.shared.common import OK, say, say_json
 @click.argument("names", nargs=-1, metavar="[NAME]...")
 @list_options
 @click.option("--json", "as_json", is_flag=True, help="Print the values as JSON.")
-def command(target: Target, names: tuple[str, ...], as_json: bool) -> int:
+def command(target: ModbusTarget, names: tuple[str, ...], as_json: bool) -> int:
     """Read values by name: registers (all without a NAME), and with --list parameters as they are called over USB.
 
     Values of several registers are read whole. Position and velocity may be dead but in closed loop; in JSON they

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from axisbus.cli.gim6010.modbus.target_module import Target, opened, target_options
+from axisbus.cli.gim6010.modbus.target_module import ModbusTarget, opened, target_options
 from axisbus.cli.gim6010.modbus.values import show
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
 
@@ -25,7 +25,7 @@ _SHOWN = (
 @click.command("state")
 @target_options
 @click.option("--json", "as_json", is_flag=True, help="Print the values as JSON.")
-def command(target: Target, as_json: bool) -> int:
+def command(target: ModbusTarget, as_json: bool) -> int:
     """Tell how a module is: its state, errors, modes, set-points, limits, supply, and in closed loop where it is.
 
     It commands nothing. Exit code 1 when there is an error. In idle position and velocity are not told: they may be dead.

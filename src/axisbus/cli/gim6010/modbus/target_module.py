@@ -29,7 +29,7 @@ _WARDEN = "where this program alone is killed its warden stops the module; not w
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class ModbusTarget:
     """Which module was asked for; the list only where the command takes one."""
 
     port: str
@@ -53,7 +53,7 @@ def target_options(function: Decorated) -> Decorated:
 
     @functools.wraps(command)
     def packed(port: str, node: int, rate: str, parity: str, **rest: Any) -> Any:
-        return command(target=Target(port, node, int(rate), parity), **rest)
+        return command(target=ModbusTarget(port, node, int(rate), parity), **rest)
 
     function = packed
     for decorate in (
@@ -85,8 +85,8 @@ def list_options(function: Decorated) -> Decorated:
     command = function
 
     @functools.wraps(command)
-    def packed(target: Target, listed: Path | None, made_for: str | None, **rest: Any) -> Any:
-        full = Target(target.port, target.node, target.rate, target.parity, listed, made_for)
+    def packed(target: ModbusTarget, listed: Path | None, made_for: str | None, **rest: Any) -> Any:
+        full = ModbusTarget(target.port, target.node, target.rate, target.parity, listed, made_for)
         return command(target=full, **rest)
 
     function = packed
@@ -103,7 +103,7 @@ def list_options(function: Decorated) -> Decorated:
 
 
 @contextmanager
-def opened(target: Target) -> Iterator[ModbusModule]:
+def opened(target: ModbusTarget) -> Iterator[ModbusModule]:
     """Open the port for the module; sends nothing.
 
     Raises:
@@ -120,7 +120,7 @@ def opened(target: Target) -> Iterator[ModbusModule]:
 
 
 @contextmanager
-def axis(target: Target) -> Iterator[ModbusAxis]:
+def axis(target: ModbusTarget) -> Iterator[ModbusAxis]:
     """Open the module to move it, with a warden; however the block ends it is stopped, and how that went is told.
 
     Raises:
@@ -138,7 +138,7 @@ def axis(target: Target) -> Iterator[ModbusAxis]:
 
 
 @contextmanager
-def guard(target: Target) -> Iterator[Warden]:
+def guard(target: ModbusTarget) -> Iterator[Warden]:
     """Have a warden stop the module where this program is killed within the block; say what it does not help against.
 
     Raises:
@@ -153,7 +153,7 @@ def guard(target: Target) -> Iterator[Warden]:
         yield warden
 
 
-def parameters(target: Target, module: ModbusModule) -> ModbusParameters:
+def parameters(target: ModbusTarget, module: ModbusModule) -> ModbusParameters:
     """Return the module's parameters, once its list is shown to fit; blocks.
 
     Raises:

@@ -6,7 +6,7 @@ import math
 
 import click
 
-from axisbus.cli.gim6010.modbus.target_module import Target, axis, target_options
+from axisbus.cli.gim6010.modbus.target_module import ModbusTarget, axis, target_options
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.numbers import Seconds
 
@@ -24,7 +24,7 @@ from axisbus.cli.shared.numbers import Seconds
 )
 @click.option("--for", "seconds", type=Seconds(), help="How long, once it has it; without, until Ctrl-C.")
 def command(
-    target: Target, torque: float, slope: float, most: float, max_velocity: float, seconds: float | None
+    target: ModbusTarget, torque: float, slope: float, most: float, max_velocity: float, seconds: float | None
 ) -> int:
     """Enable a module and let it push with TORQUE (N·m at the rotor) on a slope, then stop it and switch it off.
 
@@ -32,7 +32,7 @@ def command(
     depends on the module's torque constant, of which the manual has three values. Ctrl-C as in modbus move.
     """
     from axisbus.drives.gim6010.modbus.motion.course import (
-        Control,
+        ModbusControlMode,
         require_finite,
         require_positive,
         require_torque,
@@ -42,7 +42,7 @@ def command(
     require_positive(slope=slope, most=most, max_velocity=max_velocity)
     require_torque(torque, most)
     with axis(target) as pushed:
-        pushed.enable(Control.TORQUE)
+        pushed.enable(ModbusControlMode.TORQUE)
         pushed.push(torque, slope=slope, most=most, max_velocity=max_velocity)
         say(f"module {target.node}: has a set-point of {torque:g} N·m")
         pushed.watch(math.inf if seconds is None else seconds)

@@ -6,7 +6,7 @@ import math
 
 import click
 
-from axisbus.cli.gim6010.modbus.target_module import Target, axis, target_options
+from axisbus.cli.gim6010.modbus.target_module import ModbusTarget, axis, target_options
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.numbers import Seconds
 
@@ -18,17 +18,21 @@ from axisbus.cli.shared.numbers import Seconds
     "--acceleration", type=float, required=True, help="In turns/s²; the module's own ramp may be slower."
 )
 @click.option("--for", "seconds", type=Seconds(), help="How long, once it has it; without, until Ctrl-C.")
-def command(target: Target, velocity: float, acceleration: float, seconds: float | None) -> int:
+def command(target: ModbusTarget, velocity: float, acceleration: float, seconds: float | None) -> int:
     """Enable a module and let it turn at VELOCITY (turns/s of the rotor) on a ramp, then stop it and switch it off.
 
     MOVES A REAL MOTOR. Where the computer or the cable fails it turns on: nothing in the module notices. Ctrl-C as in modbus move.
     """
-    from axisbus.drives.gim6010.modbus.motion.course import Control, require_finite, require_positive
+    from axisbus.drives.gim6010.modbus.motion.course import (
+        ModbusControlMode,
+        require_finite,
+        require_positive,
+    )
 
     require_finite(velocity=velocity)
     require_positive(acceleration=acceleration)
     with axis(target) as turned:
-        turned.enable(Control.VELOCITY)
+        turned.enable(ModbusControlMode.VELOCITY)
         turned.turn(velocity, acceleration=acceleration)
         say(f"module {target.node}: has {velocity:g} turns/s")
         turned.watch(math.inf if seconds is None else seconds)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.modbus.target_module import Target, list_options, opened, parameters
+from axisbus.cli.gim6010.modbus.target_module import ModbusTarget, list_options, opened, parameters
 from axisbus.cli.gim6010.modbus.values import is_parameter, pair, parse, show
 from axisbus.cli.shared.common import OK, say, say_next
 
@@ -21,7 +21,7 @@ _NODE_ID = "node_id"
 @click.argument("pairs", nargs=-1, metavar="[NAME=VALUE]...")
 @list_options
 @click.option("--save", is_flag=True, help="Bring RAM to flash in the end; the module restarts.")
-def command(target: Target, pairs: tuple[str, ...], save: bool) -> int:
+def command(target: ModbusTarget, pairs: tuple[str, ...], save: bool) -> int:
     """Write settings into RAM by name, each read back: registers, and with --list parameters as they are called over USB.
 
     node_id=NEW stands alone: nobody may have that ID, and the module is found under it. What enables, moves or stops is no
@@ -86,7 +86,7 @@ def _saved(module: ModbusModule, known: ModbusParameters | None) -> str:
     )
 
 
-def rename(target: Target, new: int, *, save: bool) -> int:
+def rename(target: ModbusTarget, new: int, *, save: bool) -> int:
     """Give a module another node ID, and tell how it is reached then; return the exit code."""
     from axisbus.drives.gim6010.modbus.set_node_id import set_node_id
 

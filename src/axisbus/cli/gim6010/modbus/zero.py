@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import click
 
-from axisbus.cli.gim6010.modbus.target_module import Target, list_options, opened, parameters
+from axisbus.cli.gim6010.modbus.target_module import ModbusTarget, list_options, opened, parameters
 from axisbus.cli.gim6010.settings.zero import set_zero
 from axisbus.cli.shared.common import OK, say, say_next
 
 
 @click.command("zero")
 @list_options
-def command(target: Target) -> int:
+def command(target: ModbusTarget) -> int:
     """Let the position where a module stands be 0, by its parameters (--list); it is saved, and restarts.
 
     In idle only. After a start a module knows its place within one turn of the rotor, so it is the zero of this turn. Refused where

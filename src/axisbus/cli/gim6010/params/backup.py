@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from axisbus.cli.gim6010.params.module import Asked, module_options, opened
+from axisbus.cli.gim6010.params.module import ModuleSelection, module_options, opened
 from axisbus.cli.shared.common import OK, progress_bar, say, say_next
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.wording import counted
@@ -16,7 +16,7 @@ from axisbus.wording import counted
 @module_options
 @output_option("The file; by default named by the module's serial number and firmware.")
 @force_option
-def command(asked: Asked, output: Path | None, force: bool) -> int:
+def command(asked: ModuleSelection, output: Path | None, force: bool) -> int:
     """Write the settings of a module, as they are in RAM, into a file; writes nothing to the module.
 
     What is in flash may be something else: save first, or switch it off and on before, to back that up.

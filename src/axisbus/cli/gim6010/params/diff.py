@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.params.module import Asked, backup_of, module_options, opened
+from axisbus.cli.gim6010.params.module import ModuleSelection, backup_of, module_options, opened
 from axisbus.cli.shared.common import OK, WRONG, say
 from axisbus.cli.shared.paths import PATH
 from axisbus.wording import counted
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @click.argument("one", type=PATH)
 @click.argument("other", type=PATH, required=False)
 @module_options
-def command(asked: Asked, one: Path, other: Path | None) -> int:
+def command(asked: ModuleSelection, one: Path, other: Path | None) -> int:
     """Tell what differs between the backups ONE and OTHER, or between ONE and the module that is named; writes nothing.
 
     Exit code 1 when something differs.
@@ -41,7 +41,7 @@ def command(asked: Asked, one: Path, other: Path | None) -> int:
     return WRONG if found else OK
 
 
-def _of_module(asked: Asked) -> Mapping[str, Value]:
+def _of_module(asked: ModuleSelection) -> Mapping[str, Value]:
     from axisbus.drives.gim6010.parameters import bulk_read
 
     with opened(asked) as module:

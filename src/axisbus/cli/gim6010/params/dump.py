@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from axisbus.cli.gim6010.params.module import Asked, module_options, opened
+from axisbus.cli.gim6010.params.module import ModuleSelection, module_options, opened
 from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json
 
 
@@ -12,7 +12,7 @@ from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json
 @click.argument("under", default="")
 @module_options
 @click.option("--json", "as_json", is_flag=True, help="Print the values as JSON.")
-def command(asked: Asked, under: str, as_json: bool) -> int:
+def command(asked: ModuleSelection, under: str, as_json: bool) -> int:
     """Read every parameter that can be read, or those UNDER a path (axis0.motor); writes nothing.
 
     What has more than 32 bits travels over USB alone, and is left out else. Exit code 1 when one is not answered.

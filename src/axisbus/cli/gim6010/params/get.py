@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from axisbus.cli.gim6010.params.module import Asked, module_options, opened
+from axisbus.cli.gim6010.params.module import ModuleSelection, module_options, opened
 from axisbus.cli.shared.common import OK, say, say_json
 
 
@@ -12,7 +12,7 @@ from axisbus.cli.shared.common import OK, say, say_json
 @click.argument("paths", nargs=-1, required=True, metavar="PATH...")
 @module_options
 @click.option("--json", "as_json", is_flag=True, help="Print the values as JSON.")
-def command(asked: Asked, paths: tuple[str, ...], as_json: bool) -> int:
+def command(asked: ModuleSelection, paths: tuple[str, ...], as_json: bool) -> int:
     """Read parameters by PATH, such as axis0.controller.config.vel_limit, as they are in RAM."""
     from axisbus.drives.gim6010.parameters import values
 

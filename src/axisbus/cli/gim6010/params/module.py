@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from axisbus.cli.gim6010.discovery import Line
+from axisbus.cli.gim6010.discovery import BusOptions
 from axisbus.cli.gim6010.params.endpoint_list import read_list, text_of
 from axisbus.cli.gim6010.serial_port import modbus_options, words_of
 from axisbus.cli.gim6010.usb_port import on_usb, usb_options
@@ -22,23 +22,23 @@ from axisbus.cli.shared.paths import PATH
 
 if TYPE_CHECKING:
     from axisbus.bus.gim6010.endpoints import CanSimpleParameters
-    from axisbus.cli.gim6010.modbus.target_module import Target
+    from axisbus.cli.gim6010.modbus.target_module import ModbusTarget
     from axisbus.drives.gim6010.can_simple.endpoints import EndpointList
     from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
     from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
-    from axisbus.drives.gim6010.parameters.backup import Backup
-    from axisbus.drives.gim6010.parameters.interface import Parameters
+    from axisbus.drives.gim6010.parameters.backup import ParameterBackup
+    from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class ModuleSelection:
     """Which module was asked for, over CAN, by its ``serial`` port or by ``usb``, and by which list."""
 
-    line: Line
+    line: BusOptions
     node: int | None
     listed: Path | None
     made_for: str | None
-    serial: Target | None = None
+    serial: ModbusTarget | None = None
     usb: str | None = None
 
     @property
@@ -69,12 +69,12 @@ def module_options(function: Decorated) -> Decorated:
         node: int | None,
         listed: Path | None,
         made_for: str | None,
-        serial: Target | None,
+        serial: ModbusTarget | None,
         usb: str | None,
         **rest: Any,
     ) -> Any:
-        line = Line(interface, channel, bitrate, option)
-        return command(asked=Asked(line, node, listed, made_for, serial, usb), **rest)
+        line = BusOptions(interface, channel, bitrate, option)
+        return command(asked=ModuleSelection(line, node, listed, made_for, serial, usb), **rest)
 
     function = modbus_options(usb_options(packed))
     for decorate in (
@@ -91,7 +91,7 @@ def module_options(function: Decorated) -> Decorated:
 
 
 @contextmanager
-def opened(asked: Asked) -> Iterator[Parameters]:
+def opened(asked: ModuleSelection) -> Iterator[ModuleParameters]:
     """Open the module; blocks some 1.5 s.
 
     Raises:
@@ -110,7 +110,7 @@ def opened(asked: Asked) -> Iterator[Parameters]:
 
 
 @contextmanager
-def _over_can(asked: Asked) -> Iterator[CanSimpleParameters]:
+def _over_can(asked: ModuleSelection) -> Iterator[CanSimpleParameters]:
     if asked.node is None:
         raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
     asked.line.check()
@@ -125,7 +125,7 @@ def _over_can(asked: Asked) -> Iterator[CanSimpleParameters]:
 
 
 @contextmanager
-def _over_modbus(serial: Target) -> Iterator[ModbusParameters]:
+def _over_modbus(serial: ModbusTarget) -> Iterator[ModbusParameters]:
     from axisbus.cli.gim6010.modbus import target_module
     from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 
@@ -133,7 +133,7 @@ def _over_modbus(serial: Target) -> Iterator[ModbusParameters]:
         yield ModbusParameters(module)
 
 
-def require_can(asked: Asked, why: str) -> None:
+def require_can(asked: ModuleSelection, why: str) -> None:
     """Refuse another way to the module for what goes over CAN alone.
 
     Raises:
@@ -144,18 +144,18 @@ def require_can(asked: Asked, why: str) -> None:
         raise click.UsageError(f"this does not go over {way}: {why}")
 
 
-def require_list(asked: Asked) -> None:
+def require_list(asked: ModuleSelection) -> None:
     """Check the list of endpoints where one is needed, before anything is opened; raises as ``read_list``."""
     if asked.usb is None:
         list_of(asked)
 
 
-def list_of(asked: Asked) -> tuple[EndpointList, Firmware]:
+def list_of(asked: ModuleSelection) -> tuple[EndpointList, Firmware]:
     """Return the list of endpoints that was given, and the firmware that it is for; raises as ``read_list``."""
     return read_list(asked.listed, asked.made_for)
 
 
-def backup_of(path: Path) -> Backup:
+def backup_of(path: Path) -> ParameterBackup:
     """Return the backup in a file.
 
     Raises:

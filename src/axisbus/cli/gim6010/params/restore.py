@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.params.module import Asked, backup_of, module_options, opened
+from axisbus.cli.gim6010.params.module import ModuleSelection, backup_of, module_options, opened
 from axisbus.cli.shared.common import OK, say, say_error
 from axisbus.cli.shared.paths import PATH
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
-    from axisbus.drives.gim6010.parameters.backup import Plan
-    from axisbus.drives.gim6010.parameters.interface import Parameters
+    from axisbus.drives.gim6010.parameters.backup import RestorePlan
+    from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 
 
 @click.command("restore")
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     "--save", is_flag=True, help="Then bring RAM to flash; the module restarts, and all is read again."
 )
 def command(
-    asked: Asked,
+    asked: ModuleSelection,
     file: Path,
     include: tuple[str, ...],
     other_module: bool,
@@ -56,7 +56,7 @@ def command(
     return OK
 
 
-def _tell(plan: Plan, *, dry_run: bool) -> None:
+def _tell(plan: RestorePlan, *, dry_run: bool) -> None:
     from axisbus.drives.gim6010.parameters import values
 
     for path, why in plan.left:
@@ -67,7 +67,7 @@ def _tell(plan: Plan, *, dry_run: bool) -> None:
         say("there is nothing to be written")
 
 
-def _write(module: Parameters, plan: Plan, named: frozenset[str], *, save: bool) -> None:
+def _write(module: ModuleParameters, plan: RestorePlan, named: frozenset[str], *, save: bool) -> None:
     from axisbus.drives.gim6010.parameters import values
 
     done = 0

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.params.module import Asked, module_options, opened
+from axisbus.cli.gim6010.params.module import ModuleSelection, module_options, opened
 from axisbus.cli.shared.common import OK, say, say_error, say_next
 
 if TYPE_CHECKING:
-    from axisbus.drives.gim6010.parameters.interface import Parameters, Value
+    from axisbus.drives.gim6010.parameters.interface import ModuleParameters, Value
 
 
 @click.command("set")
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @click.option(
     "--save", is_flag=True, help="Then bring RAM to flash; the module restarts, and all is read again."
 )
-def command(asked: Asked, settings: tuple[str, ...], save: bool) -> int:
+def command(asked: ModuleSelection, settings: tuple[str, ...], save: bool) -> int:
     """Write parameters into RAM, each read back; only to a module that is idle. Without --save a restart undoes it.
 
     What was measured on this module, its zero and what it is reached by may be written here, since each is named; what moves or
@@ -49,7 +49,7 @@ def command(asked: Asked, settings: tuple[str, ...], save: bool) -> int:
     return OK
 
 
-def _parsed(module: Parameters, text: str) -> tuple[str, Value]:
+def _parsed(module: ModuleParameters, text: str) -> tuple[str, Value]:
     """Return path and value of ``PATH=VALUE``.
 
     Raises:
@@ -76,7 +76,7 @@ def _warn(path: str) -> None:
         say(f"  note: {found.why}")
 
 
-def _end(module: Parameters, asked: Asked, *, saved: bool) -> None:
+def _end(module: ModuleParameters, asked: ModuleSelection, *, saved: bool) -> None:
     if saved:
         say(f"saved: module {module.serial:08X}h restarted, and holds all of it")
     else:

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.params.module import Asked, module_options
+from axisbus.cli.gim6010.params.module import ModuleSelection, module_options
 from axisbus.cli.gim6010.settings.common import end, put, save_option, show, with_module
 from axisbus.cli.shared.common import OK
 
 if TYPE_CHECKING:
-    from axisbus.drives.gim6010.parameters.interface import Parameters
+    from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 
 Ramp = tuple[float, float]
 
@@ -26,7 +26,7 @@ Ramp = tuple[float, float]
 @module_options
 @save_option
 def command(
-    asked: Asked,
+    asked: ModuleSelection,
     ohm: float | None,
     max_regen: float | None,
     ramp: Ramp | None,
@@ -49,7 +49,7 @@ def command(
         raise click.UsageError("give what the resistor has with --ohm")
     wanted = resistor.off() if ohm is None else resistor.wanted(ohm, max_regen, ramp)
 
-    def act(module: Parameters) -> None:
+    def act(module: ModuleParameters) -> None:
         resistor.require_below_trip(module, ramp)
         put(module, wanted, save=save)
 

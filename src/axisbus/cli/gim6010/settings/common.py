@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.params.module import Asked, opened, require_list
+from axisbus.cli.gim6010.params.module import ModuleSelection, opened, require_list
 from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_next
 from axisbus.cli.shared.options import Decorated
 from axisbus.errors import NodeError
 
 if TYPE_CHECKING:
-    from axisbus.drives.gim6010.parameters.interface import Parameters
-    from axisbus.drives.gim6010.settings.parameter_batch import Wanted
+    from axisbus.drives.gim6010.parameters.interface import ModuleParameters
+    from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch
 
-Act = Callable[["Parameters"], None]
+Act = Callable[["ModuleParameters"], None]
 
 
 def save_option(function: Decorated) -> Decorated:
@@ -33,7 +33,7 @@ def over_usb(steps: Sequence[str]) -> None:
         say(f"  {step}")
 
 
-def with_module(asked: Asked, act: Act, steps: Sequence[str]) -> int:
+def with_module(asked: ModuleSelection, act: Act, steps: Sequence[str]) -> int:
     """Open a module and do something with its parameters; where it does not take it, tell the ``steps`` over USB.
 
     Raises:
@@ -50,18 +50,18 @@ def with_module(asked: Asked, act: Act, steps: Sequence[str]) -> int:
     return OK
 
 
-def show(asked: Asked, paths: tuple[str, ...]) -> int:
+def show(asked: ModuleSelection, paths: tuple[str, ...]) -> int:
     """Print the present values of parameters."""
     from axisbus.drives.gim6010.settings.parameter_batch import shown
 
-    def act(module: Parameters) -> None:
+    def act(module: ModuleParameters) -> None:
         for line in shown(module, paths):
             say(line)
 
     return with_module(asked, act, [f"odrv0.{path}, typed in odrivetool, shows it" for path in paths])
 
 
-def put(module: Parameters, wanted: Wanted, *, save: bool) -> None:
+def put(module: ModuleParameters, wanted: ParameterBatch, *, save: bool) -> None:
     """Write all of it, and save it where asked; where it breaks off, say what is in RAM."""
     from axisbus.drives.gim6010.settings.parameter_batch import apply
 
@@ -85,7 +85,7 @@ def put(module: Parameters, wanted: Wanted, *, save: bool) -> None:
         say(f"  note: {note}")
 
 
-def end(asked: Asked, command: str, *, saved: bool) -> None:
+def end(asked: ModuleSelection, command: str, *, saved: bool) -> None:
     """Say where it is now, and how it is kept."""
     if saved:
         say("saved: it restarted, and holds all of it")

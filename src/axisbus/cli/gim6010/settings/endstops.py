@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.params.module import Asked, module_options
+from axisbus.cli.gim6010.params.module import ModuleSelection, module_options
 from axisbus.cli.gim6010.settings.common import end, put, save_option, show, with_module
 from axisbus.cli.shared.common import OK
 
 if TYPE_CHECKING:
-    from axisbus.drives.gim6010.parameters.interface import Parameters
+    from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 
 _SWITCH = click.Choice(["on", "off"])
 
@@ -21,7 +21,7 @@ _SWITCH = click.Choice(["on", "off"])
 @click.option("--max", "highest", type=_SWITCH, help="LW2, at the highest position.")
 @module_options
 @save_option
-def command(asked: Asked, lowest: str | None, highest: str | None, save: bool) -> int:
+def command(asked: ModuleSelection, lowest: str | None, highest: str | None, save: bool) -> int:
     """Switch the module's own limit switches on or off; with neither option, show them.
 
     Written as parameters and read back, only to a module that is idle. Refused for hardware that has none (3.7).
@@ -32,7 +32,7 @@ def command(asked: Asked, lowest: str | None, highest: str | None, save: bool) -
         return show(asked, endstops.PATHS)
     wanted = endstops.wanted(*(None if each is None else each == "on" for each in (lowest, highest)))
 
-    def act(module: Parameters) -> None:
+    def act(module: ModuleParameters) -> None:
         endstops.require_hardware(module)
         put(module, wanted, save=save)
 

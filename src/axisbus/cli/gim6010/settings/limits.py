@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.params.module import Asked, module_options
+from axisbus.cli.gim6010.params.module import ModuleSelection, module_options
 from axisbus.cli.gim6010.settings.common import end, put, save_option, show, with_module
 from axisbus.cli.shared.common import OK, say
 
 if TYPE_CHECKING:
-    from axisbus.cli.gim6010.modbus.target_module import Target
+    from axisbus.cli.gim6010.modbus.target_module import ModbusTarget
 
 
 @click.command("limits")
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @click.option("--current", type=float, help="In A of the motor, at most 50.")
 @module_options
 @save_option
-def command(asked: Asked, velocity: float | None, current: float | None, save: bool) -> int:
+def command(asked: ModuleSelection, velocity: float | None, current: float | None, save: bool) -> int:
     """Set the module's own limits of velocity and motor current, only where it is idle; with neither, show them.
 
     With --list, or over --usb, they are written as parameters and read back. Else both have to be given, and go out in one message
@@ -50,7 +50,9 @@ def _typed(limits: Mapping[str, float | None]) -> str:
     )
 
 
-def _by_register(asked: Asked, serial: Target, limits: Mapping[str, float | None], *, save: bool) -> int:
+def _by_register(
+    asked: ModuleSelection, serial: ModbusTarget, limits: Mapping[str, float | None], *, save: bool
+) -> int:
     from axisbus.cli.gim6010.modbus.target_module import opened
     from axisbus.cli.gim6010.modbus.values import show
     from axisbus.drives.gim6010.modbus.registers import named
@@ -75,7 +77,7 @@ def _say_output(velocity: float | None) -> None:
         )
 
 
-def _by_message(asked: Asked, velocity: float | None, current: float | None, *, save: bool) -> int:
+def _by_message(asked: ModuleSelection, velocity: float | None, current: float | None, *, save: bool) -> int:
     if velocity is None or current is None:
         raise click.UsageError(
             "without --list both limits go out in one message: give --velocity and --current"

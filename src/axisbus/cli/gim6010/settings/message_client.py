@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.params.module import Asked, require_can
+from axisbus.cli.gim6010.params.module import ModuleSelection, require_can
 from axisbus.cli.shared.buses import open_bus
 
 if TYPE_CHECKING:
     from axisbus.bus.gim6010.can_simple_client import SimpleLine
 
 
-def line_of(asked: Asked, stack: ExitStack) -> SimpleLine:
+def line_of(asked: ModuleSelection, stack: ExitStack) -> SimpleLine:
     """Open the bus, which ``stack`` closes, and return the line to the module, not yet open.
 
     Raises:

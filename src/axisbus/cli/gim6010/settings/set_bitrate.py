@@ -6,8 +6,8 @@ import time
 
 import click
 
-from axisbus.cli.gim6010.discovery import Line, survey
-from axisbus.cli.gim6010.params.module import Asked, module_options, opened, require_list
+from axisbus.cli.gim6010.discovery import BusOptions, survey
+from axisbus.cli.gim6010.params.module import ModuleSelection, module_options, opened, require_list
 from axisbus.cli.gim6010.settings.common import over_usb, put
 from axisbus.cli.shared.buses import opening_of
 from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_next
@@ -20,7 +20,7 @@ _BACK = 25.0  # s that owners gave a restart
 @click.command("set-bitrate")
 @click.argument("rate", type=BitRate())
 @module_options
-def command(asked: Asked, rate: int) -> int:
+def command(asked: ModuleSelection, rate: int) -> int:
     """Give a module that speaks CAN Simple the bit rate RATE (bit/s), save it, and find it again at that.
 
     Needs its list of endpoints. First all that is on the bus is looked for (some 10 s): refused where the module is not alone,
@@ -58,7 +58,7 @@ def command(asked: Asked, rate: int) -> int:
     return _found_again(asked, node, rate)
 
 
-def _found_again(asked: Asked, node: int, rate: int) -> int:
+def _found_again(asked: ModuleSelection, node: int, rate: int) -> int:
     from axisbus.bus.link import socketcan
     from axisbus.bus.link.bitrate_change import OwnRate
 
@@ -87,7 +87,7 @@ def _found_again(asked: Asked, node: int, rate: int) -> int:
     return FAILURE
 
 
-def _is_there(line: Line, node: int) -> bool:
+def _is_there(line: BusOptions, node: int) -> bool:
     end = time.monotonic() + _BACK
     while time.monotonic() < end:
         if any(each.node == node and each.heartbeat and each.state for each in survey(line, node)[1]):

@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.params.module import Asked, module_options
+from axisbus.cli.gim6010.params.module import ModuleSelection, module_options
 from axisbus.cli.gim6010.settings.common import end, put, save_option, show, with_module
 from axisbus.cli.shared.common import OK
 
 if TYPE_CHECKING:
-    from axisbus.drives.gim6010.parameters.interface import Parameters
+    from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 
 
 @click.command("termination")
 @click.argument("state", type=click.Choice(["on", "off"]), required=False)
 @module_options
 @save_option
-def command(asked: Asked, state: str | None, save: bool) -> int:
+def command(asked: ModuleSelection, state: str | None, save: bool) -> int:
     """Switch the module's own terminating resistor of 120 Ω on or off; without ON or OFF, show it.
 
     Written as a parameter and read back, only to a module that is idle. Where it answers no endpoint, the steps over USB are told.
@@ -29,7 +29,7 @@ def command(asked: Asked, state: str | None, save: bool) -> int:
         return show(asked, (termination.ENABLED, termination.PIN))
     wanted = termination.wanted(on=state == "on")
 
-    def act(module: Parameters) -> None:
+    def act(module: ModuleParameters) -> None:
         termination.require_switch(module)
         put(module, wanted, save=save)
 

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.params.module import Asked, module_options
+from axisbus.cli.gim6010.params.module import ModuleSelection, module_options
 from axisbus.cli.gim6010.settings.common import end, put, save_option, show, with_module
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.numbers import Seconds
 
 if TYPE_CHECKING:
-    from axisbus.drives.gim6010.parameters.interface import Parameters
+    from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 
 
 @click.command("watchdog")
@@ -25,7 +25,9 @@ if TYPE_CHECKING:
 )
 @module_options
 @save_option
-def command(asked: Asked, broken: float | None, axis: float | None, switched_off: bool, save: bool) -> int:
+def command(
+    asked: ModuleSelection, broken: float | None, axis: float | None, switched_off: bool, save: bool
+) -> int:
     """Arm what makes a module give up when no set-point comes for so long, or switch it off; with no option, show it.
 
     Written as parameters and read back, only to a module that is idle. What is armed counts from then on, also in idle.
@@ -38,7 +40,7 @@ def command(asked: Asked, broken: float | None, axis: float | None, switched_off
         return show(asked, watchdog.PATHS)
     wanted = watchdog.off() if switched_off else watchdog.wanted(broken, axis)
 
-    def act(module: Parameters) -> None:
+    def act(module: ModuleParameters) -> None:
         put(module, wanted, save=save)
         if switched_off and not save:
             _clear(module)
@@ -51,7 +53,7 @@ def command(asked: Asked, broken: float | None, axis: float | None, switched_off
     return code
 
 
-def _clear(module: Parameters) -> None:
+def _clear(module: ModuleParameters) -> None:
     """Clear what a trip has left, where the axis reports nothing else."""
     from axisbus.drives.gim6010.settings.watchdog import LATCHED
 

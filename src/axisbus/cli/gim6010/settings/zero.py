@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.gim6010.params.module import Asked, module_options
+from axisbus.cli.gim6010.params.module import ModuleSelection, module_options
 from axisbus.cli.gim6010.settings.common import over_usb, put, with_module
 from axisbus.cli.shared.common import OK, say
 from axisbus.errors import StateError
 
 if TYPE_CHECKING:
-    from axisbus.drives.gim6010.parameters.interface import Parameters
+    from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 
 _BETWEEN = 0.3  # s between two looks at whether it turns
 
@@ -26,7 +26,7 @@ _BETWEEN = 0.3  # s between two looks at whether it turns
     is_flag=True,
     help="By a message and without --list: its count is 0 until its next start.",
 )
-def command(asked: Asked, until_restart: bool) -> int:
+def command(asked: ModuleSelection, until_restart: bool) -> int:
     """Make the place where a module stands the zero of its position; only where it is idle and does not turn.
 
     With --list, or over --usb, the user's zero (index_offset) is written, read back and saved, which restarts the module, and its
@@ -42,7 +42,7 @@ def command(asked: Asked, until_restart: bool) -> int:
     return code
 
 
-def set_zero(module: Parameters) -> None:
+def set_zero(module: ModuleParameters) -> None:
     """Set and save a module's zero, and look where it is after its restart; blocks.
 
     Raises:
@@ -64,7 +64,7 @@ def set_zero(module: Parameters) -> None:
     zero.verify(int(module.read(rules.NODE_ID)), float(wanted.values[0][1]), zero.look(module))
 
 
-def _until_restart(asked: Asked) -> int:
+def _until_restart(asked: ModuleSelection) -> int:
     from axisbus.bus.gim6010.limits_by_message import ModuleByMessage
     from axisbus.cli.gim6010.settings.message_client import line_of
 

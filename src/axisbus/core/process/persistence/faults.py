@@ -21,17 +21,17 @@ from axisbus.cell.model import SIMULATED, CellConfig
 from axisbus.cia301.incident import Incident
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.process.persistence.journal import FAULT, faults_of, folder_of
-from axisbus.core.process.publisher import Outlet
+from axisbus.core.process.publisher import Publisher
 from axisbus.drives.emcy_text import incident_words
 from axisbus.drives.registry import make_of
 from axisbus.ipc.image import ImageReader
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record import fault_file
 from axisbus.record.columns import AxisForm
-from axisbus.record.events import Happenings
+from axisbus.record.events import RecordingEventSource
 from axisbus.record.output_file import facts_of
 from axisbus.record.sample_packing import RowForm
-from axisbus.session import Session
+from axisbus.session import MachineSession
 
 log = logging.getLogger("axisbus")
 _BEFORE, _AFTER = 1.5, 1.0  # seconds
@@ -48,9 +48,9 @@ class Faults:
     def __init__(
         self,
         cell: CellConfig,
-        session: Session,
+        session: MachineSession,
         nodes: Mapping[int, NodeParts],
-        outlet: Outlet,
+        outlet: Publisher,
         reader: ImageReader,
         degree: str,
     ) -> None:
@@ -121,7 +121,9 @@ class Faults:
         }
         facts = facts_of(self.cell, simulated=self.cell.bus.interface == SIMULATED, degree=self._degree)
         path = self._free_path()
-        fault_file.write(path, forms, bytes(rows), Happenings(self).take(began), {**facts, **clocks})
+        fault_file.write(
+            path, forms, bytes(rows), RecordingEventSource(self).take(began), {**facts, **clocks}
+        )
         log.info("what the axes did around a fault is in %s", path)
         for old in faults_of(self.cell_path)[:-_MOST]:
             old.unlink(missing_ok=True)

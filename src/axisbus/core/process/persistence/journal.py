@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from logging.handlers import QueueHandler, QueueListener, RotatingFileHandler
 from pathlib import Path
 
-from axisbus.errors import StateError, in_a_line
+from axisbus.errors import StateError, one_line
 from axisbus.wording import PrintableFormatter
 
 _LARGEST = 500_000  # bytes; as many again are kept of before
@@ -60,7 +60,7 @@ def journal(cell: str) -> Iterator[None]:
     try:
         file = _file(path_of(cell))
     except (OSError, StateError) as error:
-        log.warning("there is no journal of this core: %s", in_a_line(error))
+        log.warning("there is no journal of this core: %s", one_line(error))
         yield
         return
     lines: queue.Queue[logging.LogRecord] = queue.Queue()

@@ -9,8 +9,8 @@ from types import TracebackType
 
 from axisbus.cell.model import CellConfig
 from axisbus.core.can_simple.simulated_modules import ModuleStandIn
-from axisbus.core.simulated_nodes import StandIn
-from axisbus.errors import ConfigError, in_a_line
+from axisbus.core.simulated_nodes import SimulatedNode
+from axisbus.errors import ConfigError, one_line
 from axisbus.sim.can_simple.module import Module
 from axisbus.sim.drive import Drive
 from axisbus.sim.io import IoModule
@@ -38,7 +38,7 @@ def history_path(cell: CellConfig) -> Path | None:
     except FileNotFoundError:
         return path
     except OSError as error:
-        raise _not_written(cell, path, in_a_line(error)) from error
+        raise _not_written(cell, path, one_line(error)) from error
     if head not in (b"", _BEGINS):
         raise _not_written(cell, path, "it is there already, and is no history of simulated drives")
     return path
@@ -53,20 +53,20 @@ def _not_written(cell: CellConfig, path: Path, why: str) -> ConfigError:
     )
 
 
-class History:
+class PlantLog:
     """A CSV file under way: seconds of the monotonic clock, position and velocity in increments, the power stage by its number.
 
     A module of inputs and outputs has a line too, in which only ``outputs`` stands: ``6200h:01=8 6200h:02=0``. Of one that speaks
     CAN Simple the stage is the state of its axis: 1 is idle, 8 closed loop.
     """
 
-    def __init__(self, path: Path, stand_ins: Mapping[int, StandIn]) -> None:
+    def __init__(self, path: Path, stand_ins: Mapping[int, SimulatedNode]) -> None:
         """``path`` is replaced (see ``history_path``)."""
         self._stand_ins = stand_ins
         self._file = path.open("w", encoding="utf-8", buffering=1)
         self._file.write(",".join(COLUMNS) + "\n")
 
-    def __enter__(self) -> History:
+    def __enter__(self) -> PlantLog:
         return self
 
     def __exit__(

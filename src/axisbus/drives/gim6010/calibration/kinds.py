@@ -11,7 +11,7 @@ from axisbus.drives.gim6010.make import GEAR_RATIO
 _MOTOR_STATE, _ENCODER_STATE = 4, 7
 
 
-class Kind(Enum):
+class CalibrationKind(Enum):
     """A calibration by the state that asks for it; ``parts`` are the states that have to be seen, since 3 is never shown."""
 
     MOTOR = 4
@@ -26,7 +26,11 @@ class Kind(Enum):
     @property
     def parts(self) -> frozenset[int]:
         """The states that it runs through, at the least."""
-        return frozenset({_MOTOR_STATE, _ENCODER_STATE}) if self is Kind.FULL else frozenset({self.value})
+        return (
+            frozenset({_MOTOR_STATE, _ENCODER_STATE})
+            if self is CalibrationKind.FULL
+            else frozenset({self.value})
+        )
 
     @property
     def turns(self) -> bool:
@@ -47,7 +51,7 @@ _PARTS = {
 }
 
 
-def explanation(kind: Kind, node: int, *, warden: bool = False) -> Iterator[str]:
+def explanation(kind: CalibrationKind, node: int, *, warden: bool = False) -> Iterator[str]:
     """Yield what will turn and by how much, and what has to be seen to before; ``warden``: one ends it for a killed program."""
     yield f"{kind.words} of module {node}, which moves by itself:"
     for part in sorted(kind.parts):

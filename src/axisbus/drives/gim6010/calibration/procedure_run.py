@@ -13,19 +13,19 @@ from __future__ import annotations
 
 from enum import Enum
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.calibration import result
-from axisbus.drives.gim6010.calibration.kinds import ON_THE_WAY, Kind
-from axisbus.drives.gim6010.calibration.result import Verdict
-from axisbus.drives.gim6010.calibration.rotation import Turning
+from axisbus.drives.gim6010.calibration.kinds import ON_THE_WAY, CalibrationKind
+from axisbus.drives.gim6010.calibration.result import CalibrationResult
+from axisbus.drives.gim6010.calibration.rotation import RotorRotation
 from axisbus.drives.gim6010.can_simple import error_query
 from axisbus.drives.gim6010.can_simple.codec import Outgoing, decode, encode, request
-from axisbus.drives.gim6010.can_simple.decoded_message import Reading
+from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage
 from axisbus.drives.gim6010.can_simple.error_query import ErrorType
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
 from axisbus.drives.gim6010.direct_motion.heartbeat_monitor import PERIODS
-from axisbus.drives.gim6010.direct_motion.motion_procedure import Led, Stage
+from axisbus.drives.gim6010.direct_motion.motion_procedure import ModuleMotionProcedure, ModuleMotionStage
 
 _STATE, _COUNT = named("Set_Axis_State"), named("Get_Encoder_Count")
 BEGINS = 2.0  # s in which the heartbeat has to show it
@@ -34,7 +34,7 @@ _COUNTS = 0.03  # s between two questions for the count
 _WORD, _TRIES = 0.15, 2  # s for an answer
 
 
-class Phase(Enum):
+class CalibrationPhase(Enum):
     """How far the module is with it."""
 
     BEGINNING = "asked for"
@@ -42,10 +42,10 @@ class Phase(Enum):
     READING = "reading its errors"
 
 
-class Calibration(Led):
+class Calibration(ModuleMotionProcedure):
     """One calibration; holds what was heard. ``verdict`` is None where it did not come to its own end: ``why`` then says why."""
 
-    def __init__(self, node: int, kind: Kind, *, remote: bool = True) -> None:
+    def __init__(self, node: int, kind: CalibrationKind, *, remote: bool = True) -> None:
         """``node`` 0 to 63; ``remote``: whether the bus carries remote frames.
 
         Raises:
@@ -53,10 +53,10 @@ class Calibration(Led):
         """
         super().__init__(node)
         self.kind = kind
-        self.verdict: Verdict | None = None
-        self.turned = Turning()
+        self.verdict: CalibrationResult | None = None
+        self.turned = RotorRotation()
         self._remote = remote
-        self._phase = Phase.BEGINNING
+        self._phase = CalibrationPhase.BEGINNING
         self._seen: list[int] = []
         self._words: dict[str, int] = {}
         self._to_read: list[ErrorType] = list(ErrorType)
@@ -65,14 +65,18 @@ class Calibration(Led):
 
     # What is heard.
 
-    def _hear(self, command: int, frame: Frame) -> None:
-        if self.stage is not Stage.LED:
+    def _hear(self, command: int, frame: CanFrame) -> None:
+        if self.stage is not ModuleMotionStage.LED:
             return
         if command == _COUNT.command:
             found = decode(frame.can_id, frame.data, from_module=True)
-            if isinstance(found, Reading):
+            if isinstance(found, DecodedMessage):
                 self.turned.take(int(found.values["Count_In_Cpr"]))
-        elif command == error_query.GET_ERROR.command and self._phase is Phase.READING and self._tried:
+        elif (
+            command == error_query.GET_ERROR.command
+            and self._phase is CalibrationPhase.READING
+            and self._tried
+        ):
             word = error_query.read(self.node, frame.data, self._to_read[0])
             if isinstance(word, int):
                 self._words[self._to_read.pop(0).category] = word
@@ -81,17 +85,17 @@ class Calibration(Led):
     def _follow(self, time: float) -> None:
         """Take the state of a heartbeat that came after the request."""
         last = self._pulse.last
-        if self._phase is Phase.READING or last is None:
+        if self._phase is CalibrationPhase.READING or last is None:
             return
         if last.state != IDLE and last.state not in ON_THE_WAY:
             self._end(f"the module is in {state_words(last.state)}, which is none of a calibration's")
         elif last.state != IDLE:
-            self._phase = Phase.RUNNING
+            self._phase = CalibrationPhase.RUNNING
             if last.state not in self._seen[-1:]:
                 self._seen.append(last.state)
                 self.news.append(f"{state_words(last.state)}, {time - self._begun:.1f} s")
-        elif self._phase is Phase.RUNNING or last.axis_error:
-            self._phase = Phase.READING
+        elif self._phase is CalibrationPhase.RUNNING or last.axis_error:
+            self._phase = CalibrationPhase.READING
 
     # What is sent.
 
@@ -104,10 +108,10 @@ class Calibration(Led):
         if lost:  # one that restarts shows idle, too
             self._end(lost)
             return None
-        return self._read(now) if self._phase is Phase.READING else self._run(now)
+        return self._read(now) if self._phase is CalibrationPhase.READING else self._run(now)
 
     def _run(self, now: float) -> Outgoing | None:
-        waits = self._phase is Phase.BEGINNING
+        waits = self._phase is CalibrationPhase.BEGINNING
         if waits and now - self._begun > max(BEGINS, PERIODS * self._pulse.period):
             self._end("the module does not begin: its heartbeat goes on to show idle")
         elif self.turned.farthest > self.kind.farthest:
@@ -129,7 +133,7 @@ class Calibration(Led):
             self.verdict = result.judge(
                 self.kind, self._seen, errors, self.turned, words_told=bool(self._words)
             )
-            self.left, self.stage = f"module {self.node} is idle by its heartbeat", Stage.DONE
+            self.left, self.stage = f"module {self.node} is idle by its heartbeat", ModuleMotionStage.DONE
         elif not now - self._asked < _WORD:
             return self._ask_word(now)
         return None

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from axisbus.drives.gim6010 import faults
-from axisbus.drives.gim6010.calibration.kinds import Kind
-from axisbus.drives.gim6010.calibration.rotation import Turning
+from axisbus.drives.gim6010.calibration.kinds import CalibrationKind
+from axisbus.drives.gim6010.calibration.rotation import RotorRotation
 from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat
 from axisbus.drives.gim6010.can_simple.states import state_words
 from axisbus.drives.gim6010.make import GEAR_RATIO
@@ -17,7 +17,7 @@ _DEGREES = 360.0 / GEAR_RATIO
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class CalibrationResult:
     """Whether it is good; ``wrong`` is what speaks against it, ``notes`` what else has to be known."""
 
     good: bool
@@ -33,8 +33,13 @@ def errors(beat: Heartbeat, words: Mapping[str, int]) -> list[str]:
 
 
 def judge(
-    kind: Kind, seen: Sequence[int], errors: Sequence[str], turned: Turning, *, words_told: bool = True
-) -> Verdict:
+    kind: CalibrationKind,
+    seen: Sequence[int],
+    errors: Sequence[str],
+    turned: RotorRotation,
+    *,
+    words_told: bool = True,
+) -> CalibrationResult:
     """Judge a calibration that has ended by itself, in idle.
 
     ``seen`` are its states, ``errors`` what it reports, a sentence each; ``words_told``: it has told its error words.
@@ -43,10 +48,10 @@ def judge(
         f"{state_words(part)} was not seen among its states" for part in sorted(kind.parts - set(seen))
     ]
     wrong = [*errors, *missing, *_turned_wrongly(kind, turned)]
-    return Verdict(not wrong, tuple(wrong), tuple(_notes(kind, turned, words_told=words_told)))
+    return CalibrationResult(not wrong, tuple(wrong), tuple(_notes(kind, turned, words_told=words_told)))
 
 
-def _turned_wrongly(kind: Kind, turned: Turning) -> list[str]:
+def _turned_wrongly(kind: CalibrationKind, turned: RotorRotation) -> list[str]:
     if not kind.turns or not turned.heard:
         return []
     if turned.farthest < _TURNS:
@@ -58,7 +63,7 @@ def _turned_wrongly(kind: Kind, turned: Turning) -> list[str]:
     return []
 
 
-def _notes(kind: Kind, turned: Turning, *, words_told: bool) -> list[str]:
+def _notes(kind: CalibrationKind, turned: RotorRotation, *, words_told: bool) -> list[str]:
     notes = []
     if not words_told:
         notes.append("its error words were not told over CAN: judged by its heartbeat alone")

@@ -8,7 +8,7 @@ from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN as TURN
 
 
 @dataclass(slots=True)
-class Turning:
+class RotorRotation:
     """Rotor turns from where the first count was: now, and the farthest either way; ``heard`` counts."""
 
     now: float = 0.0

@@ -14,14 +14,19 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from axisbus.drives.gim6010.can_simple import messages
-from axisbus.drives.gim6010.can_simple.decoded_message import Reading, Reason, Request, Unexpected
-from axisbus.drives.gim6010.can_simple.fields import Field, Number
+from axisbus.drives.gim6010.can_simple.decoded_message import (
+    DecodedMessage,
+    MessageRequest,
+    Reason,
+    Unexpected,
+)
+from axisbus.drives.gim6010.can_simple.fields import MessageField, Number
 from axisbus.drives.gim6010.can_simple.identifier import Identifier, can_id, split
-from axisbus.drives.gim6010.can_simple.messages import LENGTH, Asked, Message
+from axisbus.drives.gim6010.can_simple.messages import LENGTH, Message, MessageRequestMethod
 from axisbus.errors import ArgumentError
 from axisbus.wording import counted
 
-Outcome = Reading | Request | Unexpected
+Outcome = DecodedMessage | MessageRequest | Unexpected
 _MIT = messages.named("Mit_Control").command
 _OWN_ENCODERS = {"Mit_Control": "mit", "RxSdo": "endpoint_messages", "TxSdo": "endpoint_messages"}
 
@@ -90,8 +95,8 @@ def request(node: int, message: Message, *, remote: bool = True) -> Outgoing:
     Raises:
         ArgumentError: the node is none, or the message is not one that an empty request asks for.
     """
-    if message.asked is not Asked.EMPTY:
-        possible = [each.name for each in messages.MESSAGES if each.asked is Asked.EMPTY]
+    if message.asked is not MessageRequestMethod.EMPTY:
+        possible = [each.name for each in messages.MESSAGES if each.asked is MessageRequestMethod.EMPTY]
         raise ArgumentError(
             f"{message.name} is not answered to an empty request", remedy=f"these are: {', '.join(possible)}"
         )
@@ -133,9 +138,9 @@ def readings(
 
 
 def _asked(place: Identifier, message: Message, data: bytes, *, from_module: bool) -> Outcome:
-    if from_module or message.asked is not Asked.EMPTY:
+    if from_module or message.asked is not MessageRequestMethod.EMPTY:
         return _unexpected(place, data, Reason.NOT_SENT, f"a remote frame of {message.name}")
-    return Request(place.node, message)
+    return MessageRequest(place.node, message)
 
 
 def _from_module(place: Identifier, message: Message, data: bytes) -> Outcome:
@@ -148,10 +153,10 @@ def _from_module(place: Identifier, message: Message, data: bytes) -> Outcome:
 
 
 def _to_module(place: Identifier, message: Message, data: bytes) -> Outcome:
-    if message.asked is Asked.EMPTY:
+    if message.asked is MessageRequestMethod.EMPTY:
         if any(data):
             return _unexpected(place, data, Reason.NOT_SENT, f"{message.name} with data")
-        return Request(place.node, message)
+        return MessageRequest(place.node, message)
     if message.answer and not message.sent:
         return _unexpected(place, data, Reason.NOT_SENT, f"{message.name} by a master")
     if len(data) < message.sent_bytes:
@@ -160,7 +165,7 @@ def _to_module(place: Identifier, message: Message, data: bytes) -> Outcome:
 
 
 def _read(
-    place: Identifier, message: Message, fields: tuple[Field, ...], data: bytes, *, from_module: bool
+    place: Identifier, message: Message, fields: tuple[MessageField, ...], data: bytes, *, from_module: bool
 ) -> Outcome:
     values = {each.name: each.take(data) for each in fields}
     wild = [name for name, value in values.items() if not math.isfinite(value)]
@@ -172,7 +177,7 @@ def _read(
         return _unexpected(place, data, Reason.VALUE, listed)
     if from_module and values.get("Node_ID", place.node) != place.node:
         return _unexpected(place, data, Reason.WRONG_NODE, f"node {values['Node_ID']}")
-    return Reading(place.node, message, values, from_module)
+    return DecodedMessage(place.node, message, values, from_module)
 
 
 def short(place: Identifier, data: bytes, needed: int) -> Unexpected:

@@ -23,7 +23,7 @@ class Reason(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class DecodedMessage:
     """A message of a node; ``values`` by the manual's names of the fields, each in its field's unit and at its field's side."""
 
     node: int
@@ -33,7 +33,7 @@ class Reading:
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class MessageRequest:
     """A master asks a node for a message, by a remote frame or by a data frame of zeros."""
 
     node: int

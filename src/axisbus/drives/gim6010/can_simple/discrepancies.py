@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Note:
+class ManualDiscrepancy:
     """One contradiction, in words for a person; ``commands`` are the messages that it is about (none: the module as a whole)."""
 
     subject: str
@@ -18,21 +18,21 @@ class Note:
 
 
 NOTES = (
-    Note(
+    ManualDiscrepancy(
         "number of messages",
         "30 commands, from 01h to 1Fh without 15h",
         "the same",
         "15h is no command",
         "never 15h",
     ),
-    Note(
+    ManualDiscrepancy(
         "length",
         "8 data bytes in every frame",
         "answers with fewer, or padded",
         "any length that holds the fields",
         "8 bytes, filled up with 0",
     ),
-    Note(
+    ManualDiscrepancy(
         "asking for a message",
         "not said how",
         "remote frames for 09h, 0Ah, 14h, 17h; the maker's program: 8 bytes of 0",
@@ -40,7 +40,7 @@ NOTES = (
         "a remote frame, or on demand 8 bytes of 0",
         (0x09, 0x0A, 0x14, 0x17),
     ),
-    Note(
+    ManualDiscrepancy(
         "Get_Error",
         "a type in the request",
         "no answer to a remote or an empty frame; with 8 bytes not tried",
@@ -48,7 +48,7 @@ NOTES = (
         "8 bytes, one request at a time",
         (0x03,),
     ),
-    Note(
+    ManualDiscrepancy(
         "direction of RxSdo",
         "overview: from the module; detail: to the module",
         "to the module",
@@ -56,7 +56,7 @@ NOTES = (
         "to the module",
         (0x04,),
     ),
-    Note(
+    ManualDiscrepancy(
         "where endpoints answer",
         'RxSdo reads, TxSdo "as RxSdo when it writes"',
         "the maker's program writes on 05h and takes answers on 04h; owners got no answer at all",
@@ -64,7 +64,7 @@ NOTES = (
         "requests on 04h only",
         (0x04, 0x05),
     ),
-    Note(
+    ManualDiscrepancy(
         "heartbeat, trajectory done",
         "first layout: bit 7 of byte 7",
         "bit 3 of byte 7",
@@ -72,7 +72,7 @@ NOTES = (
         "nothing",
         (0x01,),
     ),
-    Note(
+    ManualDiscrepancy(
         "heartbeat, flag of 1",
         'first layout: 1 is a fault; later ones: "whether the error is 0"',
         "two owners: 1 is a fault; one: 1 is no error",
@@ -80,8 +80,10 @@ NOTES = (
         "nothing",
         (0x01,),
     ),
-    Note("heartbeat, byte 6", "reserved", "a temperature, on a sibling", "any value", "nothing", (0x01,)),
-    Note(
+    ManualDiscrepancy(
+        "heartbeat, byte 6", "reserved", "a temperature, on a sibling", "any value", "nothing", (0x01,)
+    ),
+    ManualDiscrepancy(
         "position in idle",
         "not said",
         "09h is 0 or invalid until closed loop was seen; 0Ah is alive",
@@ -89,7 +91,7 @@ NOTES = (
         "nothing",
         (0x09, 0x0A),
     ),
-    Note(
+    ManualDiscrepancy(
         "shadow count",
         "the encoder's multi-turn count",
         "does not convert to turns; Count_In_Cpr/16384 is a part of a rotor turn",
@@ -97,8 +99,10 @@ NOTES = (
         "nothing",
         (0x0A,),
     ),
-    Note("torque of Set_Input_Vel", "float32 in 4.1.2", "float32 too", "float32", "float32", (0x0D,)),
-    Note(
+    ManualDiscrepancy(
+        "torque of Set_Input_Vel", "float32 in 4.1.2", "float32 too", "float32", "float32", (0x0D,)
+    ),
+    ManualDiscrepancy(
         "highest current",
         "50 A in 3.1.3, 100 A in 3.1.8",
         "factory settings of 45 A and 60 A",
@@ -106,7 +110,7 @@ NOTES = (
         "at most 50 A",
         (0x0F,),
     ),
-    Note(
+    ManualDiscrepancy(
         "torque constant",
         "0.47 N·m/A in 1.2, about 0.67 in 3.1.3 and 3.1.7",
         "0.097 N·m/A read from five modules",
@@ -114,7 +118,7 @@ NOTES = (
         "torques as they are asked for: what they come to depends on the module's setting",
         (0x0D, 0x0E, 0x1C),
     ),
-    Note(
+    ManualDiscrepancy(
         "node ID of the factory",
         "0",
         "0 or 1, and 0 to 11 on twelve modules",
@@ -122,7 +126,7 @@ NOTES = (
         "0 to 63",
         (0x06,),
     ),
-    Note(
+    ManualDiscrepancy(
         "MIT, range",
         "±12.5 rad, ±65 rad/s, 500, 5, ±50 N·m",
         "from 0.6.0 on five parameters mit_max_* change it",
@@ -130,7 +134,7 @@ NOTES = (
         "by the ranges that are given",
         (0x08,),
     ),
-    Note(
+    ManualDiscrepancy(
         "MIT, beyond the range",
         "not said",
         "the firmware wraps: +12.625 rad is -12.376 rad; feedback too",
@@ -138,7 +142,7 @@ NOTES = (
         "brought to the range, which is told",
         (0x08,),
     ),
-    Note(
+    ManualDiscrepancy(
         "MIT, all bytes 0",
         "not said",
         "full negative torque",
@@ -146,7 +150,7 @@ NOTES = (
         "never",
         (0x08,),
     ),
-    Note(
+    ManualDiscrepancy(
         "MIT, gains",
         "N·m per turn for USB, no unit for CAN",
         "taken for turns of the rotor, unscaled (another joint's code)",
@@ -154,7 +158,7 @@ NOTES = (
         "as they are asked for",
         (0x08,),
     ),
-    Note(
+    ManualDiscrepancy(
         "MIT, length of the answer",
         "6 bytes",
         "8 bytes, of which 6 are used",
@@ -162,7 +166,7 @@ NOTES = (
         "nothing",
         (0x08,),
     ),
-    Note(
+    ManualDiscrepancy(
         "axis error 0x40",
         "MOTOR_FAILED",
         "one owner reads MISSING_INPUT, by another maker's table",
@@ -170,7 +174,7 @@ NOTES = (
         "nothing",
         (0x01,),
     ),
-    Note(
+    ManualDiscrepancy(
         "axis error, bit 20",
         "not there",
         "CAN_BUS_FAILED, latched (another joint of the maker)",
@@ -178,21 +182,21 @@ NOTES = (
         "nothing",
         (0x01,),
     ),
-    Note(
+    ManualDiscrepancy(
         "break_timeout",
         "not there",
         "0 is off; older firmware took 0 for 100 ms; another value arms it at once",
         "as it comes",
         "only where it is named by itself",
     ),
-    Note(
+    ManualDiscrepancy(
         "watchdog_timeout",
         "not there",
         "the maker: without effect in new firmware",
         "as it comes",
         "nobody may count on it",
     ),
-    Note(
+    ManualDiscrepancy(
         "trapezoid's parameters",
         "axis0.traj_traj.config",
         "not reported",
@@ -200,7 +204,7 @@ NOTES = (
         "by messages, not by path",
         (0x11, 0x12),
     ),
-    Note(
+    ManualDiscrepancy(
         "IDs of endpoints",
         "lists for 0.5.13 and 0.5.14",
         "86 % moved to a later one; a wrong one may erase",
@@ -211,6 +215,6 @@ NOTES = (
 )
 
 
-def about(command: int) -> tuple[Note, ...]:
+def about(command: int) -> tuple[ManualDiscrepancy, ...]:
     """Return the notes on a message (1 to 31)."""
     return tuple(each for each in NOTES if command in each.commands)

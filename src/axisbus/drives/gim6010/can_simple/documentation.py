@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple.discrepancies import NOTES
-from axisbus.drives.gim6010.can_simple.fields import Field
+from axisbus.drives.gim6010.can_simple.fields import MessageField
 from axisbus.drives.gim6010.can_simple.messages import MESSAGES, Message
 
 Row = tuple[str, ...]
@@ -45,17 +45,17 @@ def table(header: Row, rows: Iterable[Row]) -> str:
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
-def _fields(fields: Iterable[Field]) -> str:
+def _fields(fields: Iterable[MessageField]) -> str:
     return "; ".join(map(_field, fields)) or "none"
 
 
-def _field(field: Field) -> str:
+def _field(field: MessageField) -> str:
     unit = f"{1 / field.per_unit:g} {field.unit}" if field.per_unit != 1 else field.unit
     facts = (field.type.name, _place(field), unit, field.side.value)
     return f"{field.name} ({', '.join(filter(None, facts))})"
 
 
-def _place(field: Field) -> str:
+def _place(field: MessageField) -> str:
     byte, bit = divmod(field.start, 8)
     whole = not bit and field.type.bits % 8 == 0
     if whole:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from axisbus.drives.gim6010.can_simple import protected as protection
 from axisbus.drives.gim6010.can_simple.codec import Outgoing, decode, packed
-from axisbus.drives.gim6010.can_simple.decoded_message import Reading, Reason, Unexpected
+from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage, Reason, Unexpected
 from axisbus.drives.gim6010.can_simple.endpoints import FORMATS, Endpoint
 from axisbus.drives.gim6010.can_simple.fields import Number
 from axisbus.drives.gim6010.can_simple.identifier import can_id, split
@@ -122,7 +122,7 @@ def answer(identifier: int, data: bytes) -> EndpointAnswer | Unexpected:
     found = decode(identifier, data, from_module=True)
     if isinstance(found, Unexpected):
         return found
-    if not isinstance(found, Reading) or found.message.command not in COMMANDS:
+    if not isinstance(found, DecodedMessage) or found.message.command not in COMMANDS:
         return Unexpected(*split(identifier), data, Reason.NOT_SENT, "no answer of an endpoint")
     opcode, number = int(found.values["opcode"]), int(found.values["Endpoint_ID"])
     return EndpointAnswer(found.node, number, opcode == _WRITE, data[_VALUE.start : _VALUE.stop])

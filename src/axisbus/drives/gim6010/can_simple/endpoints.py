@@ -55,7 +55,7 @@ class Endpoint:
 
 
 @dataclass(frozen=True, slots=True)
-class Function:
+class FirmwareFunction:
     """A function of the firmware: calling it is writing to its ``id`` once its ``inputs`` are written."""
 
     path: str
@@ -70,7 +70,7 @@ class EndpointList:
 
     source: str
     endpoints: Mapping[str, Endpoint]
-    functions: Mapping[str, Function]
+    functions: Mapping[str, FirmwareFunction]
 
     def under(self, path: str) -> tuple[Endpoint, ...]:
         """Return the parameters of an object and of those in it, in the list's order; of "" all."""
@@ -102,7 +102,7 @@ class _Reader:
     def __init__(self, source: str) -> None:
         self._source = source
         self.endpoints: dict[str, Endpoint] = {}
-        self.functions: dict[str, Function] = {}
+        self.functions: dict[str, FirmwareFunction] = {}
         self._ids: dict[int, str] = {}
 
     def members(self, nodes: Any, prefix: str, depth: int) -> None:
@@ -119,7 +119,7 @@ class _Reader:
             self.members(node.get("members"), path, depth + 1)
         elif kind == "function":
             inputs, outputs = (tuple(self._arguments(node, key, path)) for key in ("inputs", "outputs"))
-            self._add(self.functions, path, Function(path, self._id(node, path), inputs, outputs))
+            self._add(self.functions, path, FirmwareFunction(path, self._id(node, path), inputs, outputs))
         else:
             self._add(self.endpoints, path, self._leaf(node, path))
 
@@ -155,7 +155,7 @@ class _Reader:
         self._ids[number] = path
         return number
 
-    def _add(self, found: dict[str, Any], path: str, what: Endpoint | Function) -> None:
+    def _add(self, found: dict[str, Any], path: str, what: Endpoint | FirmwareFunction) -> None:
         if path in self.endpoints or path in self.functions:
             raise self._wrong(path, "stands in it twice")
         found[path] = what

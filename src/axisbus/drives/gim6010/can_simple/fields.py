@@ -18,7 +18,7 @@ from axisbus.errors import ArgumentError, LimitError
 Number = int | float
 
 
-class Kind(Enum):
+class FieldEncoding(Enum):
     """How the bits of a field are a number."""
 
     UNSIGNED = "unsigned"
@@ -26,7 +26,7 @@ class Kind(Enum):
     FLOAT = "IEEE 754"
 
 
-class Side(Enum):
+class GearSide(Enum):
     """Which side of the gear a value counts on; there are ``gear ratio`` turns of the rotor in one of the output."""
 
     NONE = ""
@@ -35,37 +35,37 @@ class Side(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class DataType:
+class FieldType:
     """A type of the manual's tables: its size in bits, and whether its highest bit comes first on the wire."""
 
     name: str
     bits: int
-    kind: Kind = Kind.UNSIGNED
+    kind: FieldEncoding = FieldEncoding.UNSIGNED
     high_first: bool = False
 
     @property
     def bounds(self) -> tuple[int, int]:
         """The lowest and the highest whole number that it holds."""
         half = 1 << self.bits - 1
-        return (-half, half - 1) if self.kind is Kind.SIGNED else (0, 2 * half - 1)
+        return (-half, half - 1) if self.kind is FieldEncoding.SIGNED else (0, 2 * half - 1)
 
 
-BIT = DataType("bit", 1)
-UINT8 = DataType("uint8", 8)
-UINT16 = DataType("uint16", 16)
-UINT32 = DataType("uint32", 32)
-UINT64 = DataType("uint64", 64)
-INT16 = DataType("int16", 16, Kind.SIGNED)
-INT32 = DataType("int32", 32, Kind.SIGNED)
-FLOAT32 = DataType("float32", 32, Kind.FLOAT)
-BYTES4 = DataType("4 bytes", 32)
-MIT8 = DataType("8 bits", 8, high_first=True)
-MIT12 = DataType("12 bits, highest first", 12, high_first=True)
-MIT16 = DataType("16 bits, highest first", 16, high_first=True)
+BIT = FieldType("bit", 1)
+UINT8 = FieldType("uint8", 8)
+UINT16 = FieldType("uint16", 16)
+UINT32 = FieldType("uint32", 32)
+UINT64 = FieldType("uint64", 64)
+INT16 = FieldType("int16", 16, FieldEncoding.SIGNED)
+INT32 = FieldType("int32", 32, FieldEncoding.SIGNED)
+FLOAT32 = FieldType("float32", 32, FieldEncoding.FLOAT)
+BYTES4 = FieldType("4 bytes", 32)
+MIT8 = FieldType("8 bits", 8, high_first=True)
+MIT12 = FieldType("12 bits, highest first", 12, high_first=True)
+MIT16 = FieldType("16 bits, highest first", 16, high_first=True)
 
 
 @dataclass(frozen=True, slots=True)
-class Field:
+class MessageField:
     """One field; ``name`` is the manual's.
 
     ``start`` is its first bit as the module's docstring counts. One of its ``unit`` is ``per_unit`` on the wire. ``values`` are all
@@ -74,11 +74,11 @@ class Field:
     """
 
     name: str
-    type: DataType
+    type: FieldType
     start: int = 0
     unit: str = ""
     per_unit: int = 1
-    side: Side = Side.NONE
+    side: GearSide = GearSide.NONE
     values: Mapping[int, str] = field(default_factory=dict)
     low: float = -math.inf
     high: float = math.inf
@@ -101,7 +101,7 @@ class Field:
     def raw(self, value: Number) -> int:
         """Return the field's bits for a value in its unit; raises as ``place``."""
         self._check(value)
-        if self.type.kind is Kind.FLOAT:
+        if self.type.kind is FieldEncoding.FLOAT:
             return int.from_bytes(self._packed(value), "little")
         whole = round(value * self.per_unit)
         low, high = self.type.bounds
@@ -126,10 +126,10 @@ class Field:
     def take(self, data: bytes) -> Number:
         """Return the field's value in its unit out of data that are long enough; a float32 may be NaN or infinite."""
         raw = self.take_raw(data)
-        if self.type.kind is Kind.FLOAT:
+        if self.type.kind is FieldEncoding.FLOAT:
             (value,) = struct.unpack("<f", raw.to_bytes(4, "little"))
             return float(value)
-        if self.type.kind is Kind.SIGNED and raw >> self.type.bits - 1:
+        if self.type.kind is FieldEncoding.SIGNED and raw >> self.type.bits - 1:
             raw -= 1 << self.type.bits
         return raw if self.per_unit == 1 else raw / self.per_unit
 
@@ -148,7 +148,7 @@ class Field:
 
     @property
     def _whole(self) -> bool:
-        return self.type.kind is not Kind.FLOAT and self.per_unit == 1
+        return self.type.kind is not FieldEncoding.FLOAT and self.per_unit == 1
 
     def _packed(self, value: Number) -> bytes:
         try:

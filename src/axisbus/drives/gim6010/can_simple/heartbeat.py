@@ -20,7 +20,7 @@ from functools import lru_cache
 
 from axisbus.drives.gim6010.can_simple.codec import short
 from axisbus.drives.gim6010.can_simple.decoded_message import Unexpected
-from axisbus.drives.gim6010.can_simple.fields import BIT, UINT8, UINT32, Field
+from axisbus.drives.gim6010.can_simple.fields import BIT, UINT8, UINT32, MessageField
 from axisbus.drives.gim6010.can_simple.identifier import Identifier
 from axisbus.drives.gim6010.can_simple.messages import HEARTBEAT_FIELDS, LENGTH
 
@@ -28,7 +28,7 @@ COMMAND = 0x01
 _STILL = 3  # times that a counter stood before it is taken for none: a frame may be seen twice on the wire
 
 
-class Layout(Enum):
+class HeartbeatLayout(Enum):
     """What a firmware's heartbeat holds where."""
 
     FIRST = "firmware 0.5.11 and earlier"
@@ -36,27 +36,27 @@ class Layout(Enum):
     NEWEST = "firmware 0.5.13 and later"
 
 
-_ERROR_AND_STATE = (Field("Axis_Error", UINT32), Field("Axis_State", UINT8, 32))
+_ERROR_AND_STATE = (MessageField("Axis_Error", UINT32), MessageField("Axis_State", UINT8, 32))
 _BY_BYTES = (
     *_ERROR_AND_STATE,
-    Field("Motor_Fault", BIT, 5 * 8),
-    Field("Encoder_Fault", BIT, 6 * 8),
-    Field("Controller_Fault", BIT, 7 * 8),
-    Field("Traj_Done", BIT, 7 * 8 + 7),
+    MessageField("Motor_Fault", BIT, 5 * 8),
+    MessageField("Encoder_Fault", BIT, 6 * 8),
+    MessageField("Controller_Fault", BIT, 7 * 8),
+    MessageField("Traj_Done", BIT, 7 * 8 + 7),
 )
-TRAJ_DONE_BY_OWNERS = Field("Traj_Done", BIT, 7 * 8 + 3)  # of the first layout
+TRAJ_DONE_BY_OWNERS = MessageField("Traj_Done", BIT, 7 * 8 + 3)  # of the first layout
 LAYOUTS = {
-    Layout.FIRST: _BY_BYTES,
-    Layout.COUNTED: tuple(each for each in HEARTBEAT_FIELDS if each.name != "System_Fault"),
-    Layout.NEWEST: HEARTBEAT_FIELDS,
+    HeartbeatLayout.FIRST: _BY_BYTES,
+    HeartbeatLayout.COUNTED: tuple(each for each in HEARTBEAT_FIELDS if each.name != "System_Fault"),
+    HeartbeatLayout.NEWEST: HEARTBEAT_FIELDS,
 }
-ALL = frozenset(Layout)
-_WITH_LIFE = frozenset({Layout.COUNTED, Layout.NEWEST})
+ALL = frozenset(HeartbeatLayout)
+_WITH_LIFE = frozenset({HeartbeatLayout.COUNTED, HeartbeatLayout.NEWEST})
 # The bits that a layout leaves at 0; byte 6 of the later ones is reserved, and owners saw a temperature there.
 _NEVER_SET = {
-    Layout.FIRST: (0xFE, 0xFE, 0x76),
-    Layout.COUNTED: (0x78, 0x00, 0x00),
-    Layout.NEWEST: (0x70, 0x00, 0x00),
+    HeartbeatLayout.FIRST: (0xFE, 0xFE, 0x76),
+    HeartbeatLayout.COUNTED: (0x78, 0x00, 0x00),
+    HeartbeatLayout.NEWEST: (0x70, 0x00, 0x00),
 }
 
 
@@ -76,7 +76,7 @@ class Heartbeat:
     system_fault: bool | None
     trajectory_done: bool | None
     life: int | None
-    layouts: frozenset[Layout]
+    layouts: frozenset[HeartbeatLayout]
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -91,7 +91,7 @@ class Heartbeat:
         return tuple(name for name, fault in flags.items() if fault)
 
 
-def read(node: int, data: bytes, known: Collection[Layout] = ALL) -> Heartbeat | Unexpected:
+def read(node: int, data: bytes, known: Collection[HeartbeatLayout] = ALL) -> Heartbeat | Unexpected:
     """Return what the heartbeat of a node says, by those of the ``known`` layouts that its bytes allow."""
     if len(data) < LENGTH:
         return short(Identifier(node, COMMAND), data, LENGTH)
@@ -101,7 +101,7 @@ def read(node: int, data: bytes, known: Collection[Layout] = ALL) -> Heartbeat |
 
 
 @lru_cache(maxsize=1024)  # ten come in a second, and hardly one says anything new
-def _without_error(end: bytes, known: frozenset[Layout]) -> Heartbeat:
+def _without_error(end: bytes, known: frozenset[HeartbeatLayout]) -> Heartbeat:
     """Return what the bytes say that follow the error word."""
     data = bytes(LENGTH - len(end)) + end
     layouts = frozenset(each for each in known if _fits(data, each))
@@ -118,17 +118,17 @@ def _without_error(end: bytes, known: frozenset[Layout]) -> Heartbeat:
     )
 
 
-def _fits(data: bytes, layout: Layout) -> bool:
+def _fits(data: bytes, layout: HeartbeatLayout) -> bool:
     return not any(byte & never for byte, never in zip(data[5:8], _NEVER_SET[layout], strict=True))
 
 
-def _flags(data: bytes, layouts: Collection[Layout], name: str) -> Iterator[bool | None]:
+def _flags(data: bytes, layouts: Collection[HeartbeatLayout], name: str) -> Iterator[bool | None]:
     for layout in layouts:
         field = next((each for each in LAYOUTS[layout] if each.name == name), None)
         yield None if field is None else bool(field.take_raw(data))
 
 
-def _fault(data: bytes, layouts: Collection[Layout], name: str) -> bool | None:
+def _fault(data: bytes, layouts: Collection[HeartbeatLayout], name: str) -> bool | None:
     """True as soon as one layout says so; no fault only where all say so."""
     flags = set(_flags(data, layouts, name))
     if True in flags:
@@ -136,11 +136,11 @@ def _fault(data: bytes, layouts: Collection[Layout], name: str) -> bool | None:
     return False if flags == {False} else None
 
 
-def _done(data: bytes, layouts: Collection[Layout]) -> bool | None:
+def _done(data: bytes, layouts: Collection[HeartbeatLayout]) -> bool | None:
     """Whether the trajectory is at its end: only what all layouts agree on."""
     flags = set(_flags(data, layouts, "Traj_Done"))
-    if Layout.FIRST in layouts and TRAJ_DONE_BY_OWNERS.take_raw(data):
-        flags = (flags | {True}) if layouts != {Layout.FIRST} else {True}
+    if HeartbeatLayout.FIRST in layouts and TRAJ_DONE_BY_OWNERS.take_raw(data):
+        flags = (flags | {True}) if layouts != {HeartbeatLayout.FIRST} else {True}
     return flags.pop() if len(flags) == 1 else None
 
 
@@ -152,7 +152,7 @@ class Heartbeats:
     anew (a restarted module, or more than half a round lost, which nobody can tell apart).
     """
 
-    layouts: frozenset[Layout] = ALL
+    layouts: frozenset[HeartbeatLayout] = ALL
     last: Heartbeat | None = None
     heard: int = 0
     missed: int = 0

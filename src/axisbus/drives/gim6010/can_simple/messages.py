@@ -19,9 +19,9 @@ from axisbus.drives.gim6010.can_simple.fields import (
     UINT16,
     UINT32,
     UINT64,
-    DataType,
-    Field,
-    Side,
+    FieldType,
+    GearSide,
+    MessageField,
 )
 from axisbus.drives.gim6010.can_simple.identifier import NODES
 from axisbus.drives.gim6010.can_simple.states import REQUESTED_STATES
@@ -38,7 +38,7 @@ class Direction(Enum):
     BOTH = "both ways"
 
 
-class Asked(Enum):
+class MessageRequestMethod(Enum):
     """How a module is made to send a message."""
 
     NEVER = ""  # it sends none, or of itself only
@@ -57,7 +57,7 @@ class Effect(Enum):
     MOVES_IDENTIFIER = "changes the identifiers that it answers to"
 
 
-class Heard(Enum):
+class MessageSupport(Enum):
     """Whether owners report that a module takes or answers it, over CAN."""
 
     YES = "seen at work by owners"
@@ -76,11 +76,11 @@ class Message:
     command: int
     name: str
     meaning: str
-    sent: tuple[Field, ...] = ()
-    answer: tuple[Field, ...] = ()
-    asked: Asked = Asked.NEVER
+    sent: tuple[MessageField, ...] = ()
+    answer: tuple[MessageField, ...] = ()
+    asked: MessageRequestMethod = MessageRequestMethod.NEVER
     effect: Effect = Effect.NONE
-    heard: Heard = Heard.NO_REPORT
+    heard: MessageSupport = MessageSupport.NO_REPORT
     shortest: int = 0
 
     def __repr__(self) -> str:
@@ -104,19 +104,19 @@ class Message:
         return max(((each.end + 7) // 8 for each in self.sent), default=0)
 
 
-_ROTOR, _OUTPUT = Side.ROTOR, Side.OUTPUT
+_ROTOR, _OUTPUT = GearSide.ROTOR, GearSide.OUTPUT
 _FLAGS = 5 * 8
 
 # The newest layout; ``heartbeat`` has those of other firmware.
 HEARTBEAT_FIELDS = (
-    Field("Axis_Error", UINT32, path="axis0.error"),
-    Field("Axis_State", UINT8, 4 * 8, path="axis0.current_state"),
-    Field("Motor_Fault", BIT, _FLAGS, path="axis0.motor.error"),
-    Field("Encoder_Fault", BIT, _FLAGS + 1, path="axis0.encoder.error"),
-    Field("Controller_Fault", BIT, _FLAGS + 2, path="axis0.controller.error"),
-    Field("System_Fault", BIT, _FLAGS + 3, path="error"),
-    Field("Traj_Done", BIT, _FLAGS + 7, path="axis0.controller.trajectory_done"),
-    Field("Life", UINT8, 7 * 8),
+    MessageField("Axis_Error", UINT32, path="axis0.error"),
+    MessageField("Axis_State", UINT8, 4 * 8, path="axis0.current_state"),
+    MessageField("Motor_Fault", BIT, _FLAGS, path="axis0.motor.error"),
+    MessageField("Encoder_Fault", BIT, _FLAGS + 1, path="axis0.encoder.error"),
+    MessageField("Controller_Fault", BIT, _FLAGS + 2, path="axis0.controller.error"),
+    MessageField("System_Fault", BIT, _FLAGS + 3, path="error"),
+    MessageField("Traj_Done", BIT, _FLAGS + 7, path="axis0.controller.trajectory_done"),
+    MessageField("Life", UINT8, 7 * 8),
 )
 ERROR_TYPES = {0: "motor", 1: "encoder", 3: "controller", 4: "system"}
 CONTROL_MODES = {0: "voltage", 1: "torque", 2: "velocity", 3: "position"}
@@ -135,24 +135,24 @@ _COUNTS = 16384  # per turn of the rotor
 
 
 def _float(
-    name: str, byte: int, unit: str, path: str, side: Side = _ROTOR, *, low: float = -math.inf
-) -> Field:
-    return Field(name, FLOAT32, 8 * byte, unit, side=side, low=low, path=path)
+    name: str, byte: int, unit: str, path: str, side: GearSide = _ROTOR, *, low: float = -math.inf
+) -> MessageField:
+    return MessageField(name, FLOAT32, 8 * byte, unit, side=side, low=low, path=path)
 
 
-def _positive(name: str, byte: int, unit: str, path: str) -> Field:
+def _positive(name: str, byte: int, unit: str, path: str) -> MessageField:
     return _float(name, byte, unit, path, low=0.0)
 
 
-def _mit(name: str, kind: DataType, start: int, unit: str, side: Side = _OUTPUT) -> Field:
+def _mit(name: str, kind: FieldType, start: int, unit: str, side: GearSide = _OUTPUT) -> MessageField:
     """A value as steps of a range that is a setting, and so no number of the table: ``mit`` knows it."""
-    return Field(name, kind, start, f"steps of {unit}" if unit else "", side=side)
+    return MessageField(name, kind, start, f"steps of {unit}" if unit else "", side=side)
 
 
 _ENDPOINT_FIELDS = (
-    Field("opcode", UINT8, values=OPCODES),
-    Field("Endpoint_ID", UINT16, 8),
-    Field("Value", BYTES4, 4 * 8),
+    MessageField("opcode", UINT8, values=OPCODES),
+    MessageField("Endpoint_ID", UINT16, 8),
+    MessageField("Value", BYTES4, 4 * 8),
 )
 _CONFIG = "axis0.controller.config"
 _TRAJECTORY = "axis0.traj_traj.config"  # as the manual writes it
@@ -163,7 +163,7 @@ MESSAGES = (
         "Heartbeat",
         "state and faults, sent by itself",
         answer=HEARTBEAT_FIELDS,
-        heard=Heard.YES,
+        heard=MessageSupport.YES,
     ),
     Message(
         0x02,
@@ -175,10 +175,10 @@ MESSAGES = (
         0x03,
         "Get_Error",
         "one error word; it does not say which, so one is asked for at a time",
-        (Field("Error_Type", UINT8, values=ERROR_TYPES),),
-        (Field("Error", UINT64),),
-        Asked.WITH_DATA,
-        heard=Heard.SILENT,
+        (MessageField("Error_Type", UINT8, values=ERROR_TYPES),),
+        (MessageField("Error", UINT64),),
+        MessageRequestMethod.WITH_DATA,
+        heard=MessageSupport.SILENT,
         shortest=4,
     ),
     Message(
@@ -187,8 +187,8 @@ MESSAGES = (
         "reads or writes a parameter by its endpoint",
         _ENDPOINT_FIELDS,
         _ENDPOINT_FIELDS,
-        Asked.WITH_DATA,
-        heard=Heard.SILENT,
+        MessageRequestMethod.WITH_DATA,
+        heard=MessageSupport.SILENT,
     ),
     Message(
         0x05,
@@ -196,15 +196,15 @@ MESSAGES = (
         "as RxSdo, when it writes; answers may come here too",
         _ENDPOINT_FIELDS,
         _ENDPOINT_FIELDS,
-        Asked.WITH_DATA,
-        heard=Heard.SILENT,
+        MessageRequestMethod.WITH_DATA,
+        heard=MessageSupport.SILENT,
     ),
     Message(
         0x06,
         "Set_Axis_Node_ID",
         "sets the node ID",
         (
-            Field(
+            MessageField(
                 "Axis_Node_ID", UINT32, low=NODES.start, high=NODES.stop - 1, path="axis0.config.can.node_id"
             ),
         ),
@@ -214,9 +214,13 @@ MESSAGES = (
         0x07,
         "Set_Axis_State",
         "asks for a state of the axis: 8 enables, 1 lets go, 3, 4 and 7 calibrate",
-        (Field("Axis_Requested_State", UINT32, values=REQUESTED_STATES, path="axis0.requested_state"),),
+        (
+            MessageField(
+                "Axis_Requested_State", UINT32, values=REQUESTED_STATES, path="axis0.requested_state"
+            ),
+        ),
         effect=Effect.TURNS,
-        heard=Heard.YES,
+        heard=MessageSupport.YES,
     ),
     Message(
         0x08,
@@ -230,12 +234,12 @@ MESSAGES = (
             _mit("Torque", MIT12, 52, "N·m"),
         ),
         (
-            _mit("Node_ID", MIT8, 0, "", Side.NONE),
+            _mit("Node_ID", MIT8, 0, "", GearSide.NONE),
             _mit("Position", MIT16, 8, "rad"),
             _mit("Velocity", MIT12, 24, "rad/s"),
             _mit("Torque", MIT12, 36, "N·m"),
         ),
-        Asked.WITH_DATA,
+        MessageRequestMethod.WITH_DATA,
     ),
     Message(
         0x09,
@@ -245,29 +249,31 @@ MESSAGES = (
             _float("Pos_Estimate", 0, "turns", "axis0.encoder.pos_estimate"),
             _float("Vel_Estimate", 4, "turns/s", "axis0.encoder.vel_estimate"),
         ),
-        asked=Asked.EMPTY,
-        heard=Heard.YES,
+        asked=MessageRequestMethod.EMPTY,
+        heard=MessageSupport.YES,
     ),
     Message(
         0x0A,
         "Get_Encoder_Count",
         "the encoder's counts, also in idle",
         answer=(
-            Field("Shadow_Count", INT32, unit="counts", side=_ROTOR, path="axis0.encoder.shadow_count"),
-            Field("Count_In_Cpr", INT32, 32, "counts", side=_ROTOR, path="axis0.encoder.count_in_cpr"),
+            MessageField(
+                "Shadow_Count", INT32, unit="counts", side=_ROTOR, path="axis0.encoder.shadow_count"
+            ),
+            MessageField("Count_In_Cpr", INT32, 32, "counts", side=_ROTOR, path="axis0.encoder.count_in_cpr"),
         ),
-        asked=Asked.EMPTY,
-        heard=Heard.YES,
+        asked=MessageRequestMethod.EMPTY,
+        heard=MessageSupport.YES,
     ),
     Message(
         0x0B,
         "Set_Controller_Mode",
         "what is controlled, and how set-points are led to it",
         (
-            Field("Control_Mode", UINT32, values=CONTROL_MODES, path=f"{_CONFIG}.control_mode"),
-            Field("Input_Mode", UINT32, 32, values=INPUT_MODES, path=f"{_CONFIG}.input_mode"),
+            MessageField("Control_Mode", UINT32, values=CONTROL_MODES, path=f"{_CONFIG}.control_mode"),
+            MessageField("Input_Mode", UINT32, 32, values=INPUT_MODES, path=f"{_CONFIG}.input_mode"),
         ),
-        heard=Heard.YES,
+        heard=MessageSupport.YES,
     ),
     Message(
         0x0C,
@@ -275,10 +281,10 @@ MESSAGES = (
         "target position, with velocity and torque to be fed forward",
         (
             _float("Input_Pos", 0, "turns", "axis0.controller.input_pos"),
-            Field("Vel_FF", INT16, 32, "turns/s", 1000, _ROTOR, path="axis0.controller.input_vel"),
-            Field("Torque_FF", INT16, 48, "N·m", 1000, _ROTOR, path="axis0.controller.input_torque"),
+            MessageField("Vel_FF", INT16, 32, "turns/s", 1000, _ROTOR, path="axis0.controller.input_vel"),
+            MessageField("Torque_FF", INT16, 48, "N·m", 1000, _ROTOR, path="axis0.controller.input_torque"),
         ),
-        heard=Heard.YES,
+        heard=MessageSupport.YES,
     ),
     Message(
         0x0D,
@@ -288,7 +294,7 @@ MESSAGES = (
             _float("Input_Vel", 0, "turns/s", "axis0.controller.input_vel"),
             _float("Torque_FF", 4, "N·m", "axis0.controller.input_torque"),
         ),
-        heard=Heard.YES,
+        heard=MessageSupport.YES,
     ),
     Message(
         0x0E,
@@ -302,7 +308,7 @@ MESSAGES = (
         "limits of velocity and motor current",
         (
             _positive("Velocity_Limit", 0, "turns/s", f"{_CONFIG}.vel_limit"),
-            Field(
+            MessageField(
                 "Current_Limit",
                 FLOAT32,
                 32,
@@ -312,7 +318,7 @@ MESSAGES = (
                 path="axis0.motor.config.current_lim",
             ),
         ),
-        heard=Heard.YES,
+        heard=MessageSupport.YES,
     ),
     Message(0x10, "Start_Anticogging", "measures the ripple of the torque", effect=Effect.TURNS),
     Message(
@@ -341,11 +347,11 @@ MESSAGES = (
         "Get_Iq",
         "current that makes torque, demanded and measured",
         answer=(
-            _float("Iq_Setpoint", 0, "A", "axis0.motor.current_control.Idq_setpoint", Side.NONE),
-            _float("Iq_Measured", 4, "A", "axis0.motor.current_control.Iq_measured", Side.NONE),
+            _float("Iq_Setpoint", 0, "A", "axis0.motor.current_control.Idq_setpoint", GearSide.NONE),
+            _float("Iq_Measured", 4, "A", "axis0.motor.current_control.Iq_measured", GearSide.NONE),
         ),
-        asked=Asked.EMPTY,
-        heard=Heard.YES,
+        asked=MessageRequestMethod.EMPTY,
+        heard=MessageSupport.YES,
     ),
     Message(0x16, "Reboot", "restarts the module", effect=Effect.REBOOTS),
     Message(
@@ -353,19 +359,19 @@ MESSAGES = (
         "Get_Bus_Voltage_Current",
         "supply voltage and current",
         answer=(
-            _float("Bus_Voltage", 0, "V", "vbus_voltage", Side.NONE),
-            _float("Bus_Current", 4, "A", "ibus", Side.NONE),
+            _float("Bus_Voltage", 0, "V", "vbus_voltage", GearSide.NONE),
+            _float("Bus_Current", 4, "A", "ibus", GearSide.NONE),
         ),
-        asked=Asked.EMPTY,
-        heard=Heard.YES,
+        asked=MessageRequestMethod.EMPTY,
+        heard=MessageSupport.YES,
     ),
-    Message(0x18, "Clear_Errors", "clears all errors", heard=Heard.YES),
+    Message(0x18, "Clear_Errors", "clears all errors", heard=MessageSupport.YES),
     Message(
         0x19,
         "Set_Linear_Count",
         "sets the encoder's position, in counts",
         (
-            Field(
+            MessageField(
                 "Linear_Count",
                 INT32,
                 unit="counts",
@@ -382,7 +388,7 @@ MESSAGES = (
         "Set_Pos_Gain",
         "proportional gain of the position loop",
         (_positive("Pos_Gain", 0, "(turns/s)/turn", f"{_CONFIG}.pos_gain"),),
-        heard=Heard.YES,
+        heard=MessageSupport.YES,
     ),
     Message(
         0x1B,
@@ -392,7 +398,7 @@ MESSAGES = (
             _positive("Vel_Gain", 0, "N·m per turn/s", f"{_CONFIG}.vel_gain"),
             _positive("Vel_Integrator_Gain", 4, "N·m per turn", f"{_CONFIG}.vel_integrator_gain"),
         ),
-        heard=Heard.YES,
+        heard=MessageSupport.YES,
     ),
     Message(
         0x1C,
@@ -402,17 +408,17 @@ MESSAGES = (
             _float("Torque_Setpoint", 0, "N·m", "axis0.controller.torque_setpoint"),
             _float("Torque", 4, "N·m", ""),
         ),
-        asked=Asked.EMPTY,
+        asked=MessageRequestMethod.EMPTY,
     ),
     Message(
         0x1D,
         "Get_Powers",
         "electrical and mechanical power",
         answer=(
-            _float("Electrical_Power", 0, "W", "axis0.controller.electrical_power", Side.NONE),
-            _float("Mechanical_Power", 4, "W", "axis0.controller.mechanical_power", Side.NONE),
+            _float("Electrical_Power", 0, "W", "axis0.controller.electrical_power", GearSide.NONE),
+            _float("Mechanical_Power", 4, "W", "axis0.controller.mechanical_power", GearSide.NONE),
         ),
-        asked=Asked.EMPTY,
+        asked=MessageRequestMethod.EMPTY,
     ),
     Message(
         0x1E,

@@ -19,8 +19,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields
 
 from axisbus.drives.gim6010.can_simple.codec import Outgoing, decode, pack_places
-from axisbus.drives.gim6010.can_simple.decoded_message import Reading, Reason, Unexpected
-from axisbus.drives.gim6010.can_simple.fields import Field
+from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage, Reason, Unexpected
+from axisbus.drives.gim6010.can_simple.fields import MessageField
 from axisbus.drives.gim6010.can_simple.identifier import can_id
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.errors import ArgumentError
@@ -166,7 +166,9 @@ def output_damping(kd: float, gear: float) -> float:
     return kd * gear / math.tau
 
 
-def _spans(table: tuple[Field, ...], ranges: MitRanges) -> Iterator[tuple[Field, str, float, float]]:
+def _spans(
+    table: tuple[MessageField, ...], ranges: MitRanges
+) -> Iterator[tuple[MessageField, str, float, float]]:
     """The fields that have a range, each with the name of its value and both ends."""
     for field in table:
         name = field.name.lower()
@@ -175,7 +177,7 @@ def _spans(table: tuple[Field, ...], ranges: MitRanges) -> Iterator[tuple[Field,
             yield field, name, 0.0 if name in ("kp", "kd") else -high, high
 
 
-def _step(field: Field, value: float, low: float, high: float) -> int:
+def _step(field: MessageField, value: float, low: float, high: float) -> int:
     most = field.type.bounds[1]
     return min(max(math.floor((value - low) * most / (high - low) + 0.5), 0), most)
 
@@ -186,7 +188,7 @@ def _off_zero(steps: dict[str, int], command: MitCommand, ranges: MitRanges) -> 
     return Changed("velocity", command.velocity, _value(field, 1, low, high))
 
 
-def _value(field: Field, step: int, low: float, high: float) -> float:
+def _value(field: MessageField, step: int, low: float, high: float) -> float:
     most = field.type.bounds[1]
     return high if step == most else low + step * (high - low) / most
 
@@ -195,7 +197,7 @@ def _values(node: int, data: bytes, ranges: MitRanges, *, from_module: bool) -> 
     found = decode(can_id(node, MIT_CONTROL.command), data, from_module=from_module)
     if isinstance(found, Unexpected):
         return found
-    if not isinstance(found, Reading):
+    if not isinstance(found, DecodedMessage):
         return Unexpected(node, MIT_CONTROL.command, data, Reason.NOT_SENT)
     table = MIT_CONTROL.answer if from_module else MIT_CONTROL.sent
     return {

@@ -8,14 +8,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
-from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, EndpointList, Function
+from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, EndpointList, FirmwareFunction
 from axisbus.errors import ArgumentError
 
 _USB_PREFIX = "odrv0."
 # The same in every list that is known: the one way to learn a module's firmware before its list is known.
 VERSION_ENDPOINTS = {"fw_version_major": 9, "fw_version_minor": 10, "fw_version_revision": 11}
 SERIAL_ENDPOINT = 5  # serial_number; of its 64 bits the lowest 32 travel over CAN
-_Found = TypeVar("_Found", Endpoint, Function)
+_Found = TypeVar("_Found", Endpoint, FirmwareFunction)
 
 
 class Firmware(NamedTuple):
@@ -83,7 +83,7 @@ class FittedList:
         """
         return found_in(self.listed.endpoints, path, "parameter", self.listed.source)
 
-    def function(self, path: str) -> Function:
+    def function(self, path: str) -> FirmwareFunction:
         """Return a function by its path, with or without ``odrv0.``.
 
         Raises:

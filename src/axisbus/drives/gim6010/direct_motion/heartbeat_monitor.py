@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, Heartbeat, Heartbeats
 from axisbus.drives.gim6010.can_simple.identifier import NODES, can_id
 from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
-from axisbus.drives.gim6010.discovery.duplicate_node_ids import voices
+from axisbus.drives.gim6010.discovery.duplicate_node_ids import count_senders
 from axisbus.errors import ArgumentError
 
 _SILENCE, PERIODS = 0.6, 5  # s, or periods of its heartbeat, after which a module is lost
 _KEPT = 32
 
 
-class Pulse:
+class HeartbeatMonitor:
     """Holds the heartbeats of one node ID; times are s of the clock of their frames."""
 
     def __init__(self, node: int) -> None:
@@ -35,7 +35,7 @@ class Pulse:
         self._stamps: deque[tuple[float, bytes]] = deque(maxlen=_KEPT)
         self._restarts = 0
 
-    def take(self, frame: Frame) -> bool:
+    def take(self, frame: CanFrame) -> bool:
         """Take a frame; return whether it is a heartbeat of this module."""
         if frame.extended or frame.remote or frame.can_id != self._identifier:
             return False
@@ -44,7 +44,7 @@ class Pulse:
             return False
         self._beats = seen
         self._stamps.append((frame.time, bytes(frame.data)))
-        self.alone = voices(list(self._stamps)) == 1
+        self.alone = count_senders(list(self._stamps)) == 1
         return True
 
     @property

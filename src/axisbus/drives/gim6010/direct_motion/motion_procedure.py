@@ -13,16 +13,16 @@ from abc import ABC, abstractmethod
 from collections import deque
 from enum import Enum
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.identifier import split
-from axisbus.drives.gim6010.direct_motion.heartbeat_monitor import Pulse
-from axisbus.drives.gim6010.direct_motion.power_off import LettingGo, idle
+from axisbus.drives.gim6010.direct_motion.heartbeat_monitor import HeartbeatMonitor
+from axisbus.drives.gim6010.direct_motion.power_off import PowerOff, idle
 
 LISTEN = 1.5  # s before it begins
 
 
-class Stage(Enum):
+class ModuleMotionStage(Enum):
     """How far it is."""
 
     LISTENING = "listening"
@@ -31,7 +31,7 @@ class Stage(Enum):
     DONE = "over"
 
 
-class Led(ABC):
+class ModuleMotionProcedure(ABC):
     """One module that is led; ``news`` are lines for people, ``why`` says why it did not come to its own end.
 
     ``left`` is how the module stands, and ``confirmed`` whether there is surely no power on its motor.
@@ -44,12 +44,12 @@ class Led(ABC):
             ArgumentError: it is none.
         """
         self.node = node
-        self.stage = Stage.LISTENING
+        self.stage = ModuleMotionStage.LISTENING
         self.news: deque[str] = deque()
         self.why = self.left = ""
         self.confirmed = True
-        self._pulse = Pulse(node)
-        self._letting_go = LettingGo(self._pulse)
+        self._pulse = HeartbeatMonitor(node)
+        self._letting_go = PowerOff(self._pulse)
         self._wishes: deque[str] = deque()
         self._since: float | None = None
         self._begun = 0.0  # when it was asked for
@@ -66,7 +66,7 @@ class Led(ABC):
         """Go on; called after ``_begin`` until it has ended."""
 
     @abstractmethod
-    def _hear(self, command: int, frame: Frame) -> None:
+    def _hear(self, command: int, frame: CanFrame) -> None:
         """Take another frame of the module than its heartbeat."""
 
     @abstractmethod
@@ -83,17 +83,17 @@ class Led(ABC):
     @property
     def done(self) -> bool:
         """Whether it is over."""
-        return self.stage is Stage.DONE
+        return self.stage is ModuleMotionStage.DONE
 
     @property
     def parting(self) -> tuple[Outgoing, ...]:
         """What takes the power away, for whoever cannot go on with it."""
         return (idle(self.node),)
 
-    def note(self, frame: Frame) -> None:
+    def note(self, frame: CanFrame) -> None:
         """Take a frame that was heard."""
         if self._pulse.take(frame):
-            if self.stage is Stage.LED and frame.time > self._begun:
+            if self.stage is ModuleMotionStage.LED and frame.time > self._begun:
                 self._follow(frame.time)
         elif not (frame.extended or frame.remote) and split(frame.can_id).node == self.node:
             self._hear(split(frame.can_id).command, frame)
@@ -110,11 +110,11 @@ class Led(ABC):
         """Let time pass, and return what is to be sent now."""
         while self._wishes:
             self._heed(self._wishes.popleft())
-        if self.stage is Stage.LISTENING:
+        if self.stage is ModuleMotionStage.LISTENING:
             return self._listen(now)
-        if self.stage is Stage.LED:
+        if self.stage is ModuleMotionStage.LED:
             return self._lead(now)
-        if self.stage is Stage.DONE:
+        if self.stage is ModuleMotionStage.DONE:
             return None
         return self._brake(now) if self._to_brake else self._let_go(now)
 
@@ -122,16 +122,16 @@ class Led(ABC):
 
     def _end(self, why: str) -> None:
         """End it for this reason; where nothing was asked for there is nothing to end."""
-        if self.stage is Stage.DONE:
+        if self.stage is ModuleMotionStage.DONE:
             return
         self.why = self.why or why
-        if self.stage is Stage.LISTENING:
-            self.left, self.stage = "nothing was sent that moves it", Stage.DONE
+        if self.stage is ModuleMotionStage.LISTENING:
+            self.left, self.stage = "nothing was sent that moves it", ModuleMotionStage.DONE
         else:
-            self.stage = Stage.ENDING
+            self.stage = ModuleMotionStage.ENDING
 
     def _heed(self, why: str) -> None:
-        if self.stage is Stage.ENDING:
+        if self.stage is ModuleMotionStage.ENDING:
             self._to_brake = False
             self._letting_go.escalate()
         else:
@@ -146,12 +146,12 @@ class Led(ABC):
         if against:
             self._end(against)
             return None
-        self.stage, self._begun = Stage.LED, now
+        self.stage, self._begun = ModuleMotionStage.LED, now
         return self._begin()
 
     def _let_go(self, now: float) -> Outgoing | None:
         frame = self._letting_go.step(now)
         if self._letting_go.over:
             self.left, self.confirmed = self._letting_go.left, self._letting_go.confirmed
-            self.stage = Stage.DONE
+            self.stage = ModuleMotionStage.DONE
         return frame

@@ -5,7 +5,7 @@ from __future__ import annotations
 from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.states import IDLE
-from axisbus.drives.gim6010.direct_motion.heartbeat_monitor import Pulse
+from axisbus.drives.gim6010.direct_motion.heartbeat_monitor import HeartbeatMonitor
 
 _STATE, _ESTOP = named("Set_Axis_State"), named("Estop")
 _AGAIN = 0.05  # s between two frames
@@ -17,10 +17,10 @@ def idle(node: int) -> Outgoing:
     return encode(node, _STATE, {"Axis_Requested_State": IDLE})
 
 
-class LettingGo:
+class PowerOff:
     """Holds how far it is; ``left`` is empty until it is over, ``confirmed`` whether the module was seen to be idle."""
 
-    def __init__(self, pulse: Pulse) -> None:
+    def __init__(self, pulse: HeartbeatMonitor) -> None:
         self.left = ""
         self.confirmed = False
         self._pulse = pulse

@@ -12,15 +12,15 @@ from collections.abc import Collection
 from dataclasses import dataclass, field
 
 from axisbus.cia301 import cob
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple import heartbeat
 from axisbus.drives.gim6010.can_simple.coexistence import canopen_identifiers
 from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats
 from axisbus.drives.gim6010.can_simple.identifier import COMMANDS, can_id, split
 from axisbus.drives.gim6010.can_simple.states import STATES
-from axisbus.drives.gim6010.discovery.duplicate_node_ids import voices
-from axisbus.drives.gim6010.discovery.protocol_29bit import Beats, addresses
-from axisbus.drives.gim6010.factory_protocols import Listening, Protocol, Speaker
+from axisbus.drives.gim6010.discovery.duplicate_node_ids import count_senders
+from axisbus.drives.gim6010.discovery.protocol_29bit import Heartbeat29, addresses
+from axisbus.drives.gim6010.factory_protocols import Protocol, ProtocolListener, Speaker
 
 _KEPT = 64  # heartbeats of a node that are looked at
 _DOUBTFUL = 8  # frames that look like heartbeats, where their identifier has another owner
@@ -30,7 +30,7 @@ _BUS_WIDE = frozenset({cob.NMT, cob.SYNC, cob.TIME, cob.LSS_TX, cob.LSS_RX})
 
 
 @dataclass(frozen=True, slots=True)
-class Foreign:
+class UnknownIdentifier:
     """An identifier that belongs to nobody known: frames heard on it, and what it would be in CANopen and CAN Simple."""
 
     can_id: int
@@ -49,23 +49,23 @@ class Foreign:
 
 
 @dataclass(slots=True)
-class Picture:
+class BusSnapshot:
     """Follows a bus; holds state: who was recognised, the last heartbeats by node, and how often each identifier was heard."""
 
-    listening: Listening = field(default_factory=Listening)
-    wide: Beats = field(default_factory=Beats)
+    listening: ProtocolListener = field(default_factory=ProtocolListener)
+    wide: Heartbeat29 = field(default_factory=Heartbeat29)
     beats: dict[int, Heartbeats] = field(default_factory=dict)
     states: dict[int, int] = field(default_factory=dict)  # of CANopen nodes: the byte of their error control
     heard: Counter[tuple[int, bool]] = field(default_factory=Counter)
     proven: set[int] = field(default_factory=set)  # nodes of CAN Simple that were asked and answered
     answering: set[int] = field(default_factory=set)  # CANopen nodes that were asked and answered
     _proven: dict[int, Speaker] = field(default_factory=dict)  # who was recognised once stays so
-    _anew: dict[int, Listening] = field(
+    _anew: dict[int, ProtocolListener] = field(
         default_factory=dict
     )  # since a module restarted, which breaks its count
     _raw: dict[int, deque[tuple[float, bytes]]] = field(default_factory=dict)
 
-    def note(self, frame: Frame) -> None:
+    def note(self, frame: CanFrame) -> None:
         """Take a frame, in the order of time; nothing that comes raises."""
         for each in (self.listening, *self._anew.values()):
             each.note(frame)
@@ -116,7 +116,9 @@ class Picture:
     @property
     def twins(self) -> dict[int, int]:
         """Node IDs of CAN Simple at which several modules beat, with how many; those of an identifier that CANopen may have not."""
-        found = {node: voices(list(beats)) for node, beats in self._raw.items() if self._beats_alone(node)}
+        found = {
+            node: count_senders(list(beats)) for node, beats in self._raw.items() if self._beats_alone(node)
+        }
         return {node: count for node, count in found.items() if count > 1}
 
     @property
@@ -128,13 +130,13 @@ class Picture:
             if len(beats) >= _DOUBTFUL and node not in self.simple and self._look_alike(node)
         }
 
-    def foreign(self) -> list[Foreign]:
+    def foreign(self) -> list[UnknownIdentifier]:
         """Return the identifiers that belong to nobody known, lowest first."""
         known = self._known()
         extended = {address for identifier in self.wide.modules for address in addresses(identifier)}
         return sorted(
             (
-                Foreign(identifier, wide, count)
+                UnknownIdentifier(identifier, wide, count)
                 for (identifier, wide), count in self.heard.items()
                 if (not _of_extended(identifier, extended) if wide else identifier not in known)
             ),
@@ -149,7 +151,7 @@ class Picture:
         simple = {can_id(node, command) for node in self.simple for command in COMMANDS}
         return simple | set(canopen_identifiers(sorted(self.canopen))) | _BUS_WIDE
 
-    def _beat(self, node: int, frame: Frame) -> None:
+    def _beat(self, node: int, frame: CanFrame) -> None:
         before = self.beats.get(node, Heartbeats())
         seen = before.after(node, frame.data)
         if isinstance(seen, Heartbeats):
@@ -169,7 +171,7 @@ class Picture:
     def _restarted(self, node: int) -> None:
         """Keep who was recognised until now, and let the new count prove itself."""
         self._proven |= self.speakers
-        self._anew[node] = Listening()
+        self._anew[node] = ProtocolListener()
 
 
 def _of_extended(identifier: int, speakers: set[int]) -> bool:

@@ -19,7 +19,7 @@ _EVEN = 0.1  # of the period, by which the beats of one module may be early or l
 _APART = 0.2  # of the period, by which the two steps have to differ
 
 
-def voices(beats: Sequence[tuple[float, bytes]]) -> int:
+def count_senders(beats: Sequence[tuple[float, bytes]]) -> int:
     """Return how many modules at least sent these heartbeats (time in s, eight bytes each), oldest first."""
     lives = [data[_LIFE] for _, data in beats]
     return max(_counting(lives), _paced([time for time, _ in beats]) if len(set(lives)) == 1 else 1)

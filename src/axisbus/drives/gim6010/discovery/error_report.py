@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from axisbus.drives.gim6010 import faults
-from axisbus.drives.gim6010.discovery.results import Finding, Spoken
+from axisbus.drives.gim6010.discovery.results import DiscoveredModule, ProtocolsFound
 from axisbus.errors import ArgumentError
 
 CATEGORIES = tuple(dict.fromkeys(each.category for each in faults.FAULTS))
@@ -20,11 +20,11 @@ _OVER_USB = {
 _LONGEST = {"motor": 64}  # bits; the others have 32
 
 
-def lines(finding: Finding) -> Iterator[str]:
+def lines(finding: DiscoveredModule) -> Iterator[str]:
     """Yield the errors of one module, for people."""
     where = " or ".join(map(str, finding.addresses))
     yield f"node {where}: {finding.protocol.value}"
-    if finding.protocol is Spoken.CAN_SIMPLE:
+    if finding.protocol is ProtocolsFound.CAN_SIMPLE:
         yield from _categories(finding)
     else:
         yield from (f"  {name}: {word:08X}h" for name, word in finding.words)
@@ -34,7 +34,7 @@ def lines(finding: Finding) -> Iterator[str]:
     yield from (f"  note: {each}" for each in finding.notes)
 
 
-def _categories(finding: Finding) -> Iterator[str]:
+def _categories(finding: DiscoveredModule) -> Iterator[str]:
     told = dict(finding.words)
     for category in CATEGORIES:
         if category in told:

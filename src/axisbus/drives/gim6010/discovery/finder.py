@@ -11,9 +11,9 @@ It listens first, and asks only afterwards, in this order:
    with node ID 48 to 51 of CAN Simple, which is why it comes last, and why no such ID is asked where one was found.
 
 Nobody is asked on an identifier that somebody else was heard on; nor where several modules have one node ID, since their answers
-destroy each other; and the silent are left alone where anything foreign was heard (``Ask``), and of CAN Simple where no remote
-frames can be sent: a data frame might be somebody's command. One request is on its way at a time,
-``pace`` lies between two, a module gets at most ``most``; the first sign that nobody acknowledges (``trouble``) ends all asking.
+destroy each other; and the silent are left alone where anything foreign was heard (``ProbeScope``), and of CAN Simple where no
+remote frames can be sent: a data frame might be somebody's command. One request is on its way at a time, ``pace`` lies between two,
+a module gets at most ``most``; the first sign that nobody acknowledges (``trouble``) ends all asking.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from axisbus.cia301 import cob
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.identifier import COMMANDS, NODES, can_id, split
 from axisbus.drives.gim6010.discovery import questions
-from axisbus.drives.gim6010.discovery.bus_snapshot import Picture
-from axisbus.drives.gim6010.discovery.questions import Asking, CanopenFacts, Question, SimpleFacts
+from axisbus.drives.gim6010.discovery.bus_snapshot import BusSnapshot
+from axisbus.drives.gim6010.discovery.questions import Asking, CanopenFacts, ProbeFrame, SimpleFacts
 
 _EPSILON = 1e-9  # s; sums of floats do not meet a time exactly
 _FIRST = (
@@ -38,7 +38,7 @@ _TWICE = range(48, 52)  # node IDs of CAN Simple to which requests of CANopen ar
 _BRIEF = 0.03  # s that a silent node ID is waited for; who answers later is asked again in the end
 
 
-class Ask(Enum):
+class ProbeScope(Enum):
     """Who is asked."""
 
     NOBODY = "nobody: it only listens"
@@ -75,9 +75,9 @@ class _Asked:
     """A dialogue that runs: whom it asks, what it waits for, since when, and how many requests it has made."""
 
     who: tuple[str, int]
-    dialogue: Generator[Question, Frame | None, object]
+    dialogue: Generator[ProbeFrame, CanFrame | None, object]
     brief: bool = False
-    question: Question | None = None
+    question: ProbeFrame | None = None
     since: float | None = None
     patience: float = 0.0
 
@@ -89,12 +89,12 @@ class Finder:
     ``ask`` None: everybody, but only those that were heard where something foreign is on the bus.
     """
 
-    ask: Ask | None = None
+    ask: ProbeScope | None = None
     only: Only = field(default_factory=Only)
     bounds: Bounds = field(default_factory=Bounds)
     words: bool = True  # whether error words are asked for
     remote: bool = True  # whether the bus carries remote frames
-    picture: Picture = field(default_factory=Picture)
+    picture: BusSnapshot = field(default_factory=BusSnapshot)
     simple: dict[int, SimpleFacts] = field(default_factory=dict)
     canopen: dict[int, CanopenFacts] = field(default_factory=dict)
     requests: dict[tuple[str, int], int] = field(default_factory=dict)  # how many each got
@@ -102,20 +102,22 @@ class Finder:
     left_out: dict[str, list[int]] = field(default_factory=dict)  # why node IDs were not asked
     unacknowledged: str = ""
     done: bool = False
-    asked: Ask = Ask.NOBODY  # who was asked in the end
+    asked: ProbeScope = ProbeScope.NOBODY  # who was asked in the end
     heard_first: int = 0  # frames before the first request
     _begin: float | None = None
     _free: float = 0.0  # when the next request may leave
     _plan: Iterator[_Asked] | None = None
     _current: _Asked | None = None
-    _counting: tuple[Question, tuple[str, int], int] | None = None  # the last question, to whom, its answers
+    _counting: tuple[ProbeFrame, tuple[str, int], int] | None = (
+        None  # the last question, to whom, its answers
+    )
     _expected: set[int] = field(default_factory=set)  # identifiers of answers to what was asked
     _late: set[tuple[str, int]] = field(
         default_factory=set
     )  # who let a question pass: an answer may be to that
     _unasked: set[int] = field(default_factory=set)  # identifiers that came without having been asked for
 
-    def note(self, frame: Frame) -> None:
+    def note(self, frame: CanFrame) -> None:
         """Take a frame that was heard, in the order of time."""
         self.picture.note(frame)
         if not (frame.extended or frame.error or frame.can_id in self._expected):
@@ -160,18 +162,18 @@ class Finder:
     def _look(self) -> None:
         """End listening: decide who is to be asked."""
         self.heard_first = self.picture.listening.frames
-        self.asked = self.ask or (Ask.HEARD if self.picture.foreign() else Ask.ALL)
-        self._plan = self._everybody() if self.asked is not Ask.NOBODY else iter(())
+        self.asked = self.ask or (ProbeScope.HEARD if self.picture.foreign() else ProbeScope.ALL)
+        self._plan = self._everybody() if self.asked is not ProbeScope.NOBODY else iter(())
 
     def _everybody(self) -> Iterator[_Asked]:
         yield from self._modules(sorted(set(self.picture.speakers) - set(self.picture.twins)))
-        if self.asked is Ask.ALL:
+        if self.asked is ProbeScope.ALL:
             found: list[int] = []
             yield from self._silent_ones((*NODES, *_TWICE), found, brief=True)
             yield from self._silent_ones((node for node in NODES if self._is_late(node)), found)
             yield from self._modules(found)
         yield from self._nodes(sorted(self.picture.states))
-        if self.asked is Ask.ALL:
+        if self.asked is ProbeScope.ALL:
             yield from self._nodes(cob.NODE_IDS, brief=True)
             yield from self._nodes(node for node in cob.NODE_IDS if self.picture.used([cob.SDO_TX + node]))
 
@@ -275,7 +277,7 @@ class Finder:
             return None
         return self._asked_now(current, current.question, now)
 
-    def _asked_now(self, current: _Asked, question: Question, now: float) -> Outgoing | None:
+    def _asked_now(self, current: _Asked, question: ProbeFrame, now: float) -> Outgoing | None:
         made = self.requests.get(current.who, 0)
         if made >= self.bounds.most:
             current.dialogue.close()
@@ -298,7 +300,7 @@ class Finder:
             self._late.add(current.who)
             self._go_on(current, None)
 
-    def _go_on(self, current: _Asked, answer: Frame | None) -> None:
+    def _go_on(self, current: _Asked, answer: CanFrame | None) -> None:
         current.since = None
         try:
             if current.question is None:
@@ -308,7 +310,7 @@ class Finder:
         except StopIteration:
             self._current = None
 
-    def _count(self, frame: Frame) -> None:
+    def _count(self, frame: CanFrame) -> None:
         """Count the answers to one question: of two one is another module's. What comes by itself does not count."""
         assert self._counting is not None
         question, who, count = self._counting

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from statistics import median
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 
 ENOUGH = 4  # beats
 _TYPE, _TYPE_SHIFT = 0x48, 18
@@ -22,7 +22,7 @@ _KEPT = 16
 _MOST = 256  # identifiers
 
 
-def is_beat(frame: Frame) -> bool:
+def is_beat(frame: CanFrame) -> bool:
     """Whether a frame has the identifier of a beat."""
     return frame.extended and not frame.remote and frame.can_id >> _TYPE_SHIFT & 0xFF == _TYPE
 
@@ -33,12 +33,12 @@ def addresses(can_id: int) -> tuple[int, ...]:
 
 
 @dataclass(slots=True)
-class Beats:
+class Heartbeat29:
     """Follows the beats of a bus; holds state: when the last ones of each identifier came."""
 
     _times: dict[int, deque[float]] = field(default_factory=dict)
 
-    def note(self, frame: Frame) -> None:
+    def note(self, frame: CanFrame) -> None:
         """Take any frame, in the order of time."""
         key = frame.can_id & ~_SEQUENCE
         if is_beat(frame) and (key in self._times or len(self._times) < _MOST):

@@ -1,6 +1,6 @@
 """What a module is asked, one question at a time, and what its answers say: dialogues without a clock or a bus.
 
-Theory of operation. A dialogue is a generator: it yields a ``Question`` and is sent the frame that answers it, or None where none
+Theory of operation. A dialogue is a generator: it yields a ``ProbeFrame`` and is sent the frame that answers it, or None where none
 came in time. It returns what it has learnt. Only what reads is asked: messages that a request of CAN Simple brings, the version
 and the serial number, whose endpoints are the same in every list that is known, and uploads of CANopen. Who does not answer one
 question of a kind is not asked the others of it.
@@ -13,13 +13,13 @@ from dataclasses import dataclass, field
 
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
-from axisbus.cia301.frame import Frame
-from axisbus.cia301.sdo import Garbled, NoAnswer, Refused
+from axisbus.cia301.frame import CanFrame
+from axisbus.cia301.sdo import Garbled, NoAnswer, SdoAborted
 from axisbus.cia301.sdo_upload import Upload
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple import codec, endpoint_messages, error_query
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
-from axisbus.drives.gim6010.can_simple.decoded_message import Reading, Unexpected
+from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage, Unexpected
 from axisbus.drives.gim6010.can_simple.error_query import ErrorType
 from axisbus.drives.gim6010.can_simple.identifier import can_id
 from axisbus.drives.gim6010.can_simple.messages import named
@@ -34,7 +34,7 @@ _LONGEST = 64  # bytes of a text that are taken
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class ProbeFrame:
     """A frame to be sent, and the identifiers and first bytes that an answer to it has (``begins`` at ``at``)."""
 
     frame: Outgoing
@@ -42,7 +42,7 @@ class Question:
     begins: bytes = b""
     at: int = 0
 
-    def answered_by(self, frame: Frame) -> bool:
+    def answered_by(self, frame: CanFrame) -> bool:
         """Whether a frame that was heard is an answer, right or wrong."""
         if frame.extended or frame.remote or frame.error or frame.can_id not in self.answers:
             return False
@@ -81,20 +81,20 @@ class CanopenFacts:
         return self.objects.get((o.IDENTITY, o.VENDOR_ID)) == VENDOR_ID
 
 
-Asking = Generator[Question, Frame | None, None]
+Asking = Generator[ProbeFrame, CanFrame | None, None]
 
 
-def voltage_question(node: int, *, remote: bool = True) -> Question:
+def voltage_question(node: int, *, remote: bool = True) -> ProbeFrame:
     """Ask for supply voltage and current: a remote frame commands nothing, whoever else it may reach."""
-    return Question(codec.request(node, VOLTAGE, remote=remote), (can_id(node, VOLTAGE.command),))
+    return ProbeFrame(codec.request(node, VOLTAGE, remote=remote), (can_id(node, VOLTAGE.command),))
 
 
-def speaks(node: int, facts: SimpleFacts) -> Generator[Question, Frame | None, bool]:
+def speaks(node: int, facts: SimpleFacts) -> Generator[ProbeFrame, CanFrame | None, bool]:
     """Find out whether a silent node ID of CAN Simple is a module's: two different messages have to come as they should."""
     yield from _voltage(node, facts, (True,))
     if facts.voltage is None or not 0 < facts.voltage < 200:
         return False
-    answer = yield Question(codec.request(node, COUNT), (can_id(node, COUNT.command),))
+    answer = yield ProbeFrame(codec.request(node, COUNT), (can_id(node, COUNT.command),))
     values = _values(node, answer, facts)
     return values.get("Count_In_Cpr") in _COUNTS
 
@@ -108,7 +108,7 @@ def simple(node: int, facts: SimpleFacts, *, words: bool = True, remote: bool = 
         yield from _voltage(node, facts, (True, False) if remote else (False,))
     yield from _version(node, facts)
     for which in ErrorType if words else ():
-        answer = yield Question(
+        answer = yield ProbeFrame(
             error_query.request(node, which), (can_id(node, error_query.GET_ERROR.command),)
         )
         if answer is None:
@@ -132,14 +132,14 @@ def _voltage(node: int, facts: SimpleFacts, ways: tuple[bool, ...]) -> Asking:
     facts.silent.append("supply voltage")
 
 
-def _values(node: int, answer: Frame | None, facts: SimpleFacts) -> dict[str, float]:
+def _values(node: int, answer: CanFrame | None, facts: SimpleFacts) -> dict[str, float]:
     """Return the fields of an answer; none where there is none, or it is not as it should be, which is noted."""
     if answer is None:
         return {}
     found = codec.decode(answer.can_id, answer.data, from_module=True)
     if isinstance(found, Unexpected):
         facts.odd.append(found.words)
-    return dict(found.values) if isinstance(found, Reading) and found.node == node else {}
+    return dict(found.values) if isinstance(found, DecodedMessage) and found.node == node else {}
 
 
 def _version(node: int, facts: SimpleFacts) -> Asking:
@@ -157,10 +157,10 @@ def _version(node: int, facts: SimpleFacts) -> Asking:
 
 def endpoint(
     node: int, frame: Outgoing, facts: SimpleFacts
-) -> Generator[Question, Frame | None, bytes | None]:
+) -> Generator[ProbeFrame, CanFrame | None, bytes | None]:
     """Ask by a frame that reads an endpoint; return the bytes of its value, None where there is none as it should be."""
     answers = tuple(can_id(node, command) for command in _ENDPOINTS)
-    answer = yield Question(frame, answers, frame.data[1:3], 1)
+    answer = yield ProbeFrame(frame, answers, frame.data[1:3], 1)
     if answer is None:
         return None
     found = endpoint_messages.answer(answer.can_id, answer.data)
@@ -179,7 +179,7 @@ _HOW = (_STATUSWORD, _ERROR_CODE, *faults.OBJECTS, _SUPPLY)
 _NAME, _VERSION = (0x1008, 0), (0x100A, 0)
 
 
-def device_type_question(node: int) -> Question:
+def device_type_question(node: int) -> ProbeFrame:
     """Ask a CANopen node for its device type (1000h), which each has to have."""
     return _upload_question(node, Upload(o.DEVICE_TYPE, 0, _STEP).start()[0])
 
@@ -205,7 +205,7 @@ def _number(node: int, key: tuple[int, int], facts: CanopenFacts) -> Asking:
         facts.objects[key] = int.from_bytes(data, "little")
 
 
-def _text(node: int, key: tuple[int, int]) -> Generator[Question, Frame | None, str]:
+def _text(node: int, key: tuple[int, int]) -> Generator[ProbeFrame, CanFrame | None, str]:
     data = yield from _upload(node, key, CanopenFacts())
     text = (data or b"").split(b"\0")[0].decode("ascii", "replace")
     return "".join(each if each.isprintable() else "?" for each in text)
@@ -213,7 +213,7 @@ def _text(node: int, key: tuple[int, int]) -> Generator[Question, Frame | None, 
 
 def _upload(
     node: int, key: tuple[int, int], facts: CanopenFacts
-) -> Generator[Question, Frame | None, bytes | None]:
+) -> Generator[ProbeFrame, CanFrame | None, bytes | None]:
     dialogue = Upload(*key, _STEP, most=_LONGEST)
     frames = dialogue.start()
     try:
@@ -223,12 +223,12 @@ def _upload(
                 return None
             facts.answers = True
             frames = dialogue.receive(answer.data) or frames
-    except (NoAnswer, Garbled, Refused):
+    except (NoAnswer, Garbled, SdoAborted):
         return None
     return dialogue.data
 
 
-def _upload_question(node: int, data: bytes) -> Question:
+def _upload_question(node: int, data: bytes) -> ProbeFrame:
     """Ask by an upload's frame; the answer to its first one names the object, that to a segment does not."""
     first = data[:1] == b"\x40"
-    return Question(Outgoing(cob.SDO_RX + node, data), (cob.SDO_TX + node,), data[1:4] if first else b"", 1)
+    return ProbeFrame(Outgoing(cob.SDO_RX + node, data), (cob.SDO_TX + node,), data[1:4] if first else b"", 1)

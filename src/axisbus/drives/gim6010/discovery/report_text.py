@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from axisbus.drives.gim6010.discovery.finder import Ask, Finder
-from axisbus.drives.gim6010.discovery.results import Finding, Spoken
+from axisbus.drives.gim6010.discovery.finder import Finder, ProbeScope
+from axisbus.drives.gim6010.discovery.results import DiscoveredModule, ProtocolsFound
 from axisbus.drives.gim6010.factory_protocols import REMEDIES, Protocol
 from axisbus.wording import counted
 
 _SHOWN = 12  # foreign identifiers that are listed
 
 
-def lines(finding: Finding) -> Iterator[str]:
+def lines(finding: DiscoveredModule) -> Iterator[str]:
     """Yield what is known of one module."""
     where = " or ".join(map(str, finding.addresses))
     many = ", several modules" if finding.several else ""
@@ -25,15 +25,15 @@ def lines(finding: Finding) -> Iterator[str]:
         yield f"  note:      {note}"
 
 
-def _facts(finding: Finding) -> Iterator[tuple[str, str]]:
+def _facts(finding: DiscoveredModule) -> Iterator[tuple[str, str]]:
     """Yield titles and texts; what was not told is said to be so, since nothing is guessed."""
     if finding.heartbeat:
         yield "heartbeat", finding.heartbeat
     yield "firmware", finding.firmware or "not told"
     if finding.serial is not None:
-        low = " (its lowest 32 bits)" if finding.protocol is Spoken.CAN_SIMPLE else ""
+        low = " (its lowest 32 bits)" if finding.protocol is ProtocolsFound.CAN_SIMPLE else ""
         yield "serial", f"{finding.serial:08X}h{low}"
-    if finding.protocol is Spoken.EXTENDED:
+    if finding.protocol is ProtocolsFound.EXTENDED:
         return
     yield "state", finding.state or "not told"
     yield "supply", "not told" if finding.voltage is None else f"{finding.voltage:.1f} V"
@@ -41,7 +41,7 @@ def _facts(finding: Finding) -> Iterator[tuple[str, str]]:
         yield "errors", "none" if finding.words else "not told"
 
 
-def following(found: Sequence[Finding], bus: str) -> list[str]:
+def following(found: Sequence[DiscoveredModule], bus: str) -> list[str]:
     """Return what to type next, the most pressing first; ``bus`` is how the bus was given."""
     steps = [
         f"axisbus gim6010 errors {bus} --node {each.node}"
@@ -53,17 +53,22 @@ def following(found: Sequence[Finding], bus: str) -> list[str]:
         for each in found
         if each.endpoints and not each.several
     ]
-    if any(each.protocol is Spoken.CANOPEN for each in found):
+    if any(each.protocol is ProtocolsFound.CANOPEN for each in found):
         steps.append(f"axisbus init {bus} -o cell.toml")
-    steps += [text for each in found if each.protocol is Spoken.CAN_SIMPLE for text in _to_canopen(each, bus)]
-    if any(each.protocol is Spoken.CAN_SIMPLE and not each.endpoints for each in found):
+    steps += [
+        text
+        for each in found
+        if each.protocol is ProtocolsFound.CAN_SIMPLE
+        for text in _to_canopen(each, bus)
+    ]
+    if any(each.protocol is ProtocolsFound.CAN_SIMPLE and not each.endpoints for each in found):
         steps.append(f"to bring it to CANopen: {_remedy(Protocol.CAN_SIMPLE)}")
-    if any(each.protocol is Spoken.EXTENDED for each in found):
+    if any(each.protocol is ProtocolsFound.EXTENDED for each in found):
         steps.append(_remedy(Protocol.EXTENDED))
     return steps
 
 
-def _to_canopen(finding: Finding, bus: str) -> Iterator[str]:
+def _to_canopen(finding: DiscoveredModule, bus: str) -> Iterator[str]:
     """Yield how a module comes to CANopen, where that goes over CAN."""
     if finding.several or not finding.endpoints:
         return
@@ -95,7 +100,7 @@ def about_the_bus(finder: Finder) -> Iterator[str]:
         yield f"not asked, because {why}: {_ranges(nodes)}"
     if finder.unacknowledged:
         yield f"asking was ended by the first sign that nobody acknowledges: {finder.unacknowledged}"
-    elif finder.begun and finder.asked is Ask.HEARD and finder.ask is None:
+    elif finder.begun and finder.asked is ProbeScope.HEARD and finder.ask is None:
         yield "silent node IDs were not asked, because of the foreign traffic; --ask all asks them, but on no identifier in use"
 
 

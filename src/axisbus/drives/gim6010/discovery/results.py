@@ -9,9 +9,9 @@ from typing import Any
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.device_type import device_kind
-from axisbus.cia402.state import State, decode
+from axisbus.cia402.state import PowerState, decode
 from axisbus.drives.gim6010 import faults
-from axisbus.drives.gim6010.can_simple.heartbeat import ALL, Heartbeats, Layout
+from axisbus.drives.gim6010.can_simple.heartbeat import ALL, HeartbeatLayout, Heartbeats
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, state_words
 from axisbus.drives.gim6010.discovery import questions
 from axisbus.drives.gim6010.discovery.finder import Finder
@@ -21,7 +21,7 @@ from axisbus.drives.gim6010.discovery.questions import CanopenFacts, SimpleFacts
 _SEVERAL = "several modules have this node ID: what is told is of any of them; connect them one by one and give each its own"
 
 
-class Spoken(Enum):
+class ProtocolsFound(Enum):
     """The protocol that a module speaks."""
 
     CAN_SIMPLE = "CAN Simple"
@@ -30,7 +30,7 @@ class Spoken(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class DiscoveredModule:
     """One module, or several of one node ID (``several``).
 
     ``node`` is None where its frames do not say it, and ``addresses`` then what it may be. ``firmware`` is empty where nobody told
@@ -38,7 +38,7 @@ class Finding:
     ``voltage`` in V. ``errors`` are sentences; ``words`` the error words by category. ``notes`` is what a person has to know.
     """
 
-    protocol: Spoken
+    protocol: ProtocolsFound
     node: int | None
     addresses: tuple[int, ...] = ()
     several: bool = False
@@ -78,7 +78,7 @@ class Finding:
         }
 
 
-def findings(finder: Finder) -> tuple[Finding, ...]:
+def findings(finder: Finder) -> tuple[DiscoveredModule, ...]:
     """Return what was found so far: CAN Simple by node, then CANopen, then the 29-bit protocol."""
     picture = finder.picture
     simple = [_simple(finder, node) for node in sorted(picture.simple) if finder.only.has(node)]
@@ -87,21 +87,21 @@ def findings(finder: Finder) -> tuple[Finding, ...]:
     return (*simple, *nodes, *(each for each in wide if finder.only.nodes is None or _named(each, finder)))
 
 
-def _named(finding: Finding, finder: Finder) -> bool:
+def _named(finding: DiscoveredModule, finder: Finder) -> bool:
     return any(finder.only.has(each) for each in finding.addresses)
 
 
 # -- CAN Simple ---------------------------------------------------------------------------------------------------------------
 
 
-def _simple(finder: Finder, node: int) -> Finding:
+def _simple(finder: Finder, node: int) -> DiscoveredModule:
     facts = finder.simple.get(node, SimpleFacts())
     beats = finder.picture.beats.get(node) if node not in finder.picture.proven else None
     several = max(finder.picture.twins.get(node, 1), finder.answers.get(("CAN Simple", node), 1)) > 1
     asked = ("CAN Simple", node) in finder.requests
     last = None if beats is None else beats.last
-    return Finding(
-        Spoken.CAN_SIMPLE,
+    return DiscoveredModule(
+        ProtocolsFound.CAN_SIMPLE,
         node,
         (node,),
         several,
@@ -122,7 +122,7 @@ def _simple(finder: Finder, node: int) -> Finding:
 def _layout(beats: Heartbeats | None) -> str:
     if beats is None:
         return "none: it was found by its answers"
-    return " or ".join(each.value for each in Layout if each in beats.layouts)
+    return " or ".join(each.value for each in HeartbeatLayout if each in beats.layouts)
 
 
 def _firmware(beats: Heartbeats | None) -> str:
@@ -130,9 +130,9 @@ def _firmware(beats: Heartbeats | None) -> str:
     layouts = frozenset() if beats is None else beats.layouts
     if not layouts or layouts == ALL:
         return ""
-    if layouts == {Layout.COUNTED, Layout.NEWEST}:
+    if layouts == {HeartbeatLayout.COUNTED, HeartbeatLayout.NEWEST}:
         return "0.5.12 or later"
-    return " or ".join(each.value.removeprefix("firmware ") for each in Layout if each in layouts)
+    return " or ".join(each.value.removeprefix("firmware ") for each in HeartbeatLayout if each in layouts)
 
 
 def _words(facts: SimpleFacts, beats: Heartbeats | None) -> tuple[tuple[str, int], ...]:
@@ -175,13 +175,13 @@ def _notes(
 # -- CANopen ------------------------------------------------------------------------------------------------------------------
 
 
-def _canopen(finder: Finder, node: int) -> Finding:
+def _canopen(finder: Finder, node: int) -> DiscoveredModule:
     facts = finder.canopen.get(node, CanopenFacts())
     nmt = finder.picture.states.get(node)
     word = facts.objects.get(questions.STATUSWORD)
     state = None if word is None else decode(word)
-    return Finding(
-        Spoken.CANOPEN,
+    return DiscoveredModule(
+        ProtocolsFound.CANOPEN,
         node,
         (node,),
         finder.answers.get(("CANopen", node), 1) > 1,
@@ -199,7 +199,9 @@ def _canopen(finder: Finder, node: int) -> Finding:
     )
 
 
-_POWERED = frozenset({State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE})
+_POWERED = frozenset(
+    {PowerState.OPERATION_ENABLED, PowerState.QUICK_STOP_ACTIVE, PowerState.FAULT_REACTION_ACTIVE}
+)
 _NAMES = {
     questions.ERROR_CODE: "603Fh",
     faults.ERROR_REGISTER: "1001h",
@@ -233,10 +235,10 @@ def _canopen_notes(finder: Finder, node: int, facts: CanopenFacts) -> list[str]:
     return []
 
 
-def _extended(identifier: int) -> Finding:
+def _extended(identifier: int) -> DiscoveredModule:
     nodes = addresses(identifier)
-    return Finding(
-        Spoken.EXTENDED,
+    return DiscoveredModule(
+        ProtocolsFound.EXTENDED,
         nodes[0] if len(nodes) == 1 else None,
         nodes,
         device="GIM6010-8 or another joint of its maker",

@@ -23,16 +23,16 @@ from collections import deque
 from dataclasses import dataclass
 from enum import Enum
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple import mit
 from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
 from axisbus.drives.gim6010.can_simple.identifier import split
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.mit import MIT_CONTROL, Changed, MitCommand, MitFeedback, Packed
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
-from axisbus.drives.gim6010.direct_motion.heartbeat_monitor import Pulse
-from axisbus.drives.gim6010.direct_motion.power_off import LettingGo, idle
-from axisbus.drives.gim6010.mit_control.position_crosscheck import ESTIMATES, Agreement
+from axisbus.drives.gim6010.direct_motion.heartbeat_monitor import HeartbeatMonitor
+from axisbus.drives.gim6010.direct_motion.power_off import PowerOff, idle
+from axisbus.drives.gim6010.mit_control.position_crosscheck import ESTIMATES, PositionCrossCheck
 from axisbus.drives.gim6010.mit_control.settings import MitSettings
 
 _STATE, _MODE = named("Set_Axis_State"), named("Set_Controller_Mode")
@@ -60,7 +60,7 @@ _EDGE = 0.99  # of the range of position, which is not to be come to
 STANDS, STILL = 0.1, 0.1  # rad/s of the output, and for how many s
 
 
-class Phase(Enum):
+class MitPhase(Enum):
     """How far it is."""
 
     LISTENING = "listening"
@@ -97,17 +97,17 @@ class MitLeader:
 
     def __init__(self, settings: MitSettings) -> None:
         self.settings = settings
-        self.phase = Phase.LISTENING
+        self.phase = MitPhase.LISTENING
         self.why = self.left = ""
         self.confirmed = True
         self.feedback: MitFeedback | None = None
         self.feedback_at = -math.inf
         self.answered: MitCycle | None = None  # the newest command with its answer
         self.answered_number = 0
-        self._pulse = Pulse(settings.node)
-        self._letting_go = LettingGo(self._pulse)
+        self._pulse = HeartbeatMonitor(settings.node)
+        self._letting_go = PowerOff(self._pulse)
         self._damping = self._pack(MitCommand(0.0, 0.0, 0.0, settings.damping, 0.0))
-        self._agreement = Agreement(settings)
+        self._agreement = PositionCrossCheck(settings)
         self._first_answer = -math.inf  # to the newest command
         self._wanted: tuple[MitCommand, float] | None = None
         self._number = 0  # of commands
@@ -124,7 +124,7 @@ class MitLeader:
     @property
     def over(self) -> bool:
         """Whether it has ended."""
-        return self.phase is Phase.OVER
+        return self.phase is MitPhase.OVER
 
     @property
     def parting(self) -> tuple[Outgoing, ...]:
@@ -147,10 +147,10 @@ class MitLeader:
 
     def give_up(self, left: str) -> None:
         """Have it over: whoever ran it cannot go on."""
-        self.phase, self.left, self.confirmed = Phase.OVER, left, False
+        self.phase, self.left, self.confirmed = MitPhase.OVER, left, False
         self.why = self.why or left
 
-    def receive(self, frame: Frame) -> None:
+    def receive(self, frame: CanFrame) -> None:
         """Take a frame that was heard."""
         if self._pulse.take(frame) or frame.extended or frame.remote or self.over:
             return
@@ -161,7 +161,7 @@ class MitLeader:
             self._answer(frame)
         elif place.command == ESTIMATES:
             self._estimate(frame)
-        elif place.command in _OTHERS and self.phase is not Phase.LETTING_GO:
+        elif place.command in _OTHERS and self.phase is not MitPhase.LETTING_GO:
             self._others = f"another program commands the module (it was heard to send {frame.can_id:03X}h)"
 
     def step(self, now: float) -> list[Outgoing]:
@@ -174,14 +174,14 @@ class MitLeader:
 
     # What is heard.
 
-    def _answer(self, frame: Frame) -> None:
+    def _answer(self, frame: CanFrame) -> None:
         found = mit.read(self.settings.node, frame.data, self.settings.ranges)
         if not isinstance(found, MitFeedback):
             return
         before = self.feedback
         self.feedback, self.feedback_at = found, frame.time
         self._answers += 1
-        if self.phase is not Phase.RUNNING:
+        if self.phase is not MitPhase.RUNNING:
             return
         jumped = before is not None and abs(found.position - before.position) > self.settings.ranges.position
         if jumped or abs(found.position) >= _EDGE * self.settings.ranges.position:
@@ -192,11 +192,11 @@ class MitLeader:
                 self.answered_number, self._first_answer = number, frame.time
             self.answered = MitCycle(command, packed.clipped, packed.shifted, found, frame.time)
 
-    def _estimate(self, frame: Frame) -> None:
+    def _estimate(self, frame: CanFrame) -> None:
         """Compare with the encoder's own message, which is alive in closed loop alone."""
         last = self._pulse.last
         alive = last is not None and last.state == CLOSED_LOOP and frame.time > self._pulse.at
-        if alive and self.phase is Phase.RUNNING and self.feedback is not None:
+        if alive and self.phase is MitPhase.RUNNING and self.feedback is not None:
             why = self._agreement.take(frame, self.feedback, self.feedback_at, self._pulse.at)
             if why:
                 self._leave(why)
@@ -211,7 +211,7 @@ class MitLeader:
         if against:
             self._leave(against)
             return []
-        self._enter(Phase.ANSWERING)
+        self._enter(MitPhase.ANSWERING)
         self._answers = 0
         mode = {"Control_Mode": _POSITION, "Input_Mode": _MIT_INPUT}
         self._due = now + self.settings.period
@@ -222,7 +222,7 @@ class MitLeader:
         if self._against(now, IDLE):
             return []
         if self._answers >= _ANSWERS and last is not None:
-            self._enter(Phase.STARTING)
+            self._enter(MitPhase.STARTING)
             return [encode(self.settings.node, _STATE, {"Axis_Requested_State": CLOSED_LOOP})]
         if now - self._begun > ANSWER_TIME:
             self._leave("the module does not answer MIT control")
@@ -235,7 +235,7 @@ class MitLeader:
             return []
         fresh = self._pulse.at > self._begun and self.feedback_at > self._begun
         if fresh and last is not None and last.state == CLOSED_LOOP:
-            self._enter(Phase.RUNNING)
+            self._enter(MitPhase.RUNNING)
             self._wanted = self._sent = None
         elif now - self._begun > START_TIME + 2.0 * self._pulse.period:
             self._leave("the module does not go into closed loop")
@@ -267,7 +267,7 @@ class MitLeader:
         for_long = now - self._begun > (BRAKE_TIME if fresh else BLIND)
         off = last is not None and last.state != CLOSED_LOOP and self._pulse.at > self._begun
         if is_still or for_long or off:
-            self._enter(Phase.LETTING_GO)
+            self._enter(MitPhase.LETTING_GO)
             return self._let_go(now)
         return self._damp(now)
 
@@ -275,7 +275,7 @@ class MitLeader:
         frame = self._letting_go.step(now)
         if self._letting_go.over:
             self.left, self.confirmed = self._letting_go.left, self._letting_go.confirmed
-            self.phase = Phase.OVER
+            self.phase = MitPhase.OVER
         return [] if frame is None else [frame]
 
     # What ends it.
@@ -283,18 +283,22 @@ class MitLeader:
     def _heed(self, why: str) -> None:
         if why:
             self._leave(why)
-        elif self.phase in (Phase.BRAKING, Phase.LETTING_GO):
-            self.phase = Phase.LETTING_GO
+        elif self.phase in (MitPhase.BRAKING, MitPhase.LETTING_GO):
+            self.phase = MitPhase.LETTING_GO
             self._letting_go.escalate()
 
     def _leave(self, why: str) -> None:
-        if self.phase in (Phase.BRAKING, Phase.LETTING_GO, Phase.OVER):
+        if self.phase in (MitPhase.BRAKING, MitPhase.LETTING_GO, MitPhase.OVER):
             return
         self.why = why
-        if self.phase is Phase.LISTENING:
-            self.left, self.phase = "nothing was sent to it", Phase.OVER
+        if self.phase is MitPhase.LISTENING:
+            self.left, self.phase = "nothing was sent to it", MitPhase.OVER
         else:
-            self._enter(Phase.BRAKING if self.phase in (Phase.STARTING, Phase.RUNNING) else Phase.LETTING_GO)
+            self._enter(
+                MitPhase.BRAKING
+                if self.phase in (MitPhase.STARTING, MitPhase.RUNNING)
+                else MitPhase.LETTING_GO
+            )
             self._still = None
 
     def _against(self, now: float, *states: int) -> bool:
@@ -327,7 +331,7 @@ class MitLeader:
     def _lost(self) -> float:
         return max(_LOST, _LOST_PERIODS * self.settings.period)
 
-    def _enter(self, phase: Phase) -> None:
+    def _enter(self, phase: MitPhase) -> None:
         self.phase, self._start = phase, None
 
     def _is_due(self, now: float) -> bool:
@@ -346,10 +350,10 @@ class MitLeader:
 
 
 _STEPS = {
-    Phase.LISTENING: MitLeader._listen,
-    Phase.ANSWERING: MitLeader._wait_for_answers,
-    Phase.STARTING: MitLeader._wait_for_loop,
-    Phase.RUNNING: MitLeader._lead,
-    Phase.BRAKING: MitLeader._brake,
-    Phase.LETTING_GO: MitLeader._let_go,
+    MitPhase.LISTENING: MitLeader._listen,
+    MitPhase.ANSWERING: MitLeader._wait_for_answers,
+    MitPhase.STARTING: MitLeader._wait_for_loop,
+    MitPhase.RUNNING: MitLeader._lead,
+    MitPhase.BRAKING: MitLeader._brake,
+    MitPhase.LETTING_GO: MitLeader._let_go,
 }

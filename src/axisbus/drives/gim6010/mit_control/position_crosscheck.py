@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.codec import decode
-from axisbus.drives.gim6010.can_simple.decoded_message import Reading
+from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.mit import MitFeedback
 from axisbus.drives.gim6010.mit_control.settings import MitSettings
@@ -17,7 +17,7 @@ _TOGETHER = 0.015  # s
 _ENOUGH = 5  # disagreements in a row
 
 
-class Agreement:
+class PositionCrossCheck:
     """Holds how often they disagreed in a row: ranges or a gear that are not the module's own show by it, away from 0.
 
     The message is dead as soon as the module leaves closed loop, which its heartbeat tells later: so one that shows closed loop has
@@ -29,14 +29,18 @@ class Agreement:
         self._row = 0
         self._since = math.inf  # of the row
 
-    def take(self, frame: Frame, feedback: MitFeedback, feedback_at: float, closed_at: float) -> str:
+    def take(self, frame: CanFrame, feedback: MitFeedback, feedback_at: float, closed_at: float) -> str:
         """Take an estimate beside the newest answer; return why it is not to be gone on, or nothing.
 
         ``feedback_at`` is when that came, ``closed_at`` when a heartbeat showed closed loop last (s). Where the two came too far
         apart in time they are not compared: the output turns meanwhile.
         """
         found = decode(frame.can_id, frame.data, from_module=True)
-        if not isinstance(found, Reading) or not any(frame.data) or frame.time - feedback_at > _TOGETHER:
+        if (
+            not isinstance(found, DecodedMessage)
+            or not any(frame.data)
+            or frame.time - feedback_at > _TOGETHER
+        ):
             return ""
         turns = found.values["Pos_Estimate"]
         position = float(turns) * math.tau / self._settings.gear

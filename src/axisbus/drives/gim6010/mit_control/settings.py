@@ -9,7 +9,7 @@ from axisbus.drives.gim6010.can_simple import mit
 from axisbus.drives.gim6010.can_simple.identifier import NODES
 from axisbus.drives.gim6010.can_simple.mit import MitRanges
 from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
-from axisbus.drives.gim6010.parameters.interface import Parameters
+from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 from axisbus.errors import ArgumentError
 
 _SHORTEST, _LONGEST = 0.001, 0.1  # s of a period
@@ -74,11 +74,11 @@ class MitSettings:
         return mit.output_damping(kd, self.gear)
 
 
-def ranges_of(module: Parameters) -> MitRanges:
+def ranges_of(module: ModuleParameters) -> MitRanges:
     """Return the ranges that a module has: by its parameters, or the manual's, which are fixed up to firmware 0.5.14. Blocks.
 
     Raises:
-        ArgumentError: a range is none. BusError: as ``Parameters.read``.
+        ArgumentError: a range is none. BusError: as ``ModuleParameters.read``.
     """
     if module.firmware < _FIXED_UP_TO:
         return MitRanges()

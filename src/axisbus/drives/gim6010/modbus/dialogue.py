@@ -14,8 +14,8 @@ Reads are asked again. Of what is written nothing is: who wrote has to read what
 from __future__ import annotations
 
 from axisbus.drives.gim6010.modbus.registers import HIGHEST_DEVICE, named
-from axisbus.drives.gim6010.modbus.requests import Reply, Request, exception_words, fits, read
-from axisbus.drives.gim6010.modbus.wire import Silence, Wire
+from axisbus.drives.gim6010.modbus.requests import ModbusRequest, Reply, exception_words, fits, read
+from axisbus.drives.gim6010.modbus.wire import ModbusTimeout, Wire
 from axisbus.errors import ArgumentError, NodeError, NodeTimeout
 from axisbus.wording import counted
 
@@ -28,7 +28,7 @@ WHAT_TO_CHECK = (
 )
 
 
-class Refused(NodeError):
+class ModbusRefused(NodeError):
     """The module answered with an exception; ``code`` is Modbus's."""
 
     def __init__(self, message: str, *, node: int, code: int, observed: str = "", remedy: str = "") -> None:
@@ -36,7 +36,7 @@ class Refused(NodeError):
         self.code = code
 
 
-class Dialogue:
+class ModbusClient:
     """Asks one device on a wire; holds whether an answer may still be on its way. Used by one thread."""
 
     def __init__(self, wire: Wire, device: int) -> None:
@@ -52,9 +52,9 @@ class Dialogue:
             )
         self.wire = wire
         self.device = device
-        self._owed: Request | None = None
+        self._owed: ModbusRequest | None = None
 
-    def read(self, request: Request, tries: int = TRIES) -> tuple[int, ...]:
+    def read(self, request: ModbusRequest, tries: int = TRIES) -> tuple[int, ...]:
         """Return the registers that are read; asks up to ``tries`` times, blocks for at most some 0.7 s for each.
 
         Raises:
@@ -63,11 +63,11 @@ class Dialogue:
         for _ in range(tries):
             try:
                 return self._once(request).words
-            except Silence:
+            except ModbusTimeout:
                 continue
         raise self.silent(request, tries)
 
-    def write(self, request: Request) -> bool:
+    def write(self, request: ModbusRequest) -> bool:
         """Write once; return whether the module says that it has taken it. False: nobody knows whether it has.
 
         Raises:
@@ -75,11 +75,11 @@ class Dialogue:
         """
         try:
             self._once(request)
-        except Silence:
+        except ModbusTimeout:
             return False
         return True
 
-    def shout(self, request: Request) -> bool:
+    def shout(self, request: ModbusRequest) -> bool:
         """As ``write``, but at once, whatever is owed: for what stops a motor; an answer that does not fit is none.
 
         Raises:
@@ -87,14 +87,14 @@ class Dialogue:
         """
         try:
             reply = self.wire.exchange(self.device, request)
-        except Silence:
+        except ModbusTimeout:
             self._owed = request
             return False
         if not fits(request, reply):
             self._owed = request
         return fits(request, reply) and not reply.exception
 
-    def silent(self, request: Request, tries: int = 1) -> NodeTimeout:
+    def silent(self, request: ModbusRequest, tries: int = 1) -> NodeTimeout:
         """Return the error of a request that nobody answered."""
         return NodeTimeout(
             f"module {self.device} does not answer for {request.register.name}",
@@ -104,7 +104,7 @@ class Dialogue:
             remedy=WHAT_TO_CHECK,
         )
 
-    def _once(self, request: Request) -> Reply:
+    def _once(self, request: ModbusRequest) -> Reply:
         if self._owed is not None:
             self._settle(self._owed)
         try:
@@ -114,12 +114,12 @@ class Dialogue:
             raise
         if not fits(request, reply):
             self._owed = request
-            raise Silence
+            raise ModbusTimeout
         if reply.exception:
             raise self._refused(request, reply.exception)
         return reply
 
-    def _settle(self, owed: Request) -> None:
+    def _settle(self, owed: ModbusRequest) -> None:
         """Let what is owed come, until a request of another shape has its own answer.
 
         Raises:
@@ -129,12 +129,12 @@ class Dialogue:
         self.wire.drain(QUIET)
         reply = self.wire.exchange(self.device, probe)
         if not fits(probe, reply):
-            raise Silence
+            raise ModbusTimeout
         self._owed = None
 
-    def _refused(self, request: Request, code: int) -> Refused:
+    def _refused(self, request: ModbusRequest, code: int) -> ModbusRefused:
         what = "written" if request.writes else "read"
-        return Refused(
+        return ModbusRefused(
             f"module {self.device} refuses that {request.register.name} ({request.address:02X}h) is {what}",
             node=self.device,
             code=code,

@@ -9,8 +9,8 @@ from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple.fields import Number
 from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
 from axisbus.drives.gim6010.modbus import requests
-from axisbus.drives.gim6010.modbus.dialogue import Dialogue
-from axisbus.drives.gim6010.modbus.registers import ERROR_FLAGS, OTHER_FLAGS, Kind, Register, named
+from axisbus.drives.gim6010.modbus.dialogue import ModbusClient
+from axisbus.drives.gim6010.modbus.registers import ERROR_FLAGS, OTHER_FLAGS, Register, RegisterKind, named
 from axisbus.drives.gim6010.modbus.wire import Wire
 from axisbus.errors import ArgumentError, NodeError, NodeTimeout, StateError
 
@@ -20,13 +20,13 @@ _SAVES = 2  # where no answer came, and no restart was seen: nothing is lost by 
 _GONE = 3.0  # s in which a restart begins
 _BACK = 25.0  # s that owners gave one
 _LOOK = 0.1
-_SETTINGS = (Kind.SETTING, Kind.MODE)
+_SETTINGS = (RegisterKind.SETTING, RegisterKind.MODE)
 _ELSEWHERE = {
-    Kind.ADDRESS: "set_node_id changes it (axisbus gim6010 modbus write node_id=5)",
-    Kind.TARGET: "a set-point is given with a motion (axisbus gim6010 modbus move)",
-    Kind.STATE: "a motion enables, and ends it (axisbus gim6010 modbus move and stop)",
-    Kind.ACT: "axisbus gim6010 modbus stop stops it, errors --clear clears, write --save saves",
-    Kind.ENDPOINT: "parameters are written by their names, with --list",
+    RegisterKind.ADDRESS: "set_node_id changes it (axisbus gim6010 modbus write node_id=5)",
+    RegisterKind.TARGET: "a set-point is given with a motion (axisbus gim6010 modbus move)",
+    RegisterKind.STATE: "a motion enables, and ends it (axisbus gim6010 modbus move and stop)",
+    RegisterKind.ACT: "axisbus gim6010 modbus stop stops it, errors --clear clears, write --save saves",
+    RegisterKind.ENDPOINT: "parameters are written by their names, with --list",
 }
 
 
@@ -78,7 +78,7 @@ class ModbusModule:
         Raises:
             ArgumentError: it is none.
         """
-        self.dialogue = Dialogue(wire, device)
+        self.dialogue = ModbusClient(wire, device)
 
     @property
     def device(self) -> int:
@@ -111,11 +111,11 @@ class ModbusModule:
         register = named(name)
         require_setting(register)
         request = requests.write(register, value)
-        if register.kind is Kind.MODE:
+        if register.kind is RegisterKind.MODE:
             self.require_idle(f"{name} is written")
         return self.put(request)
 
-    def put(self, request: requests.Request, tries: int = _WRITES) -> Number:
+    def put(self, request: requests.ModbusRequest, tries: int = _WRITES) -> Number:
         """Send what writes a value that can be read back, and return what it holds then.
 
         Where nobody knows whether it was taken it is read before it is written again.

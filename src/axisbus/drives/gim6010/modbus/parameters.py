@@ -18,7 +18,7 @@ from axisbus.drives.gim6010.can_simple.verified_endpoints import (
     FittedList,
 )
 from axisbus.drives.gim6010.modbus import requests
-from axisbus.drives.gim6010.modbus.dialogue import Refused
+from axisbus.drives.gim6010.modbus.dialogue import ModbusRefused
 from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.registers import named
 from axisbus.drives.gim6010.parameters import rules, values
@@ -61,11 +61,11 @@ class ModbusParameters:
         return self._list.listed
 
     def endpoint(self, path: str) -> Endpoint:
-        """Return what its firmware says of a parameter; see ``Parameters.endpoint``."""
+        """Return what its firmware says of a parameter; see ``ModuleParameters.endpoint``."""
         return self._list.endpoint(path)
 
     def read(self, path: str) -> Value:
-        """Return a parameter's value in RAM; see ``Parameters.read``."""
+        """Return a parameter's value in RAM; see ``ModuleParameters.read``."""
         endpoint = self._list.endpoint(path)
         if not endpoint.readable:
             raise ArgumentError(f"{endpoint.path} is not for reading", remedy="it can be written only")
@@ -77,7 +77,7 @@ class ModbusParameters:
         return endpoint_messages.value(endpoint, self.fetch(endpoint.id))
 
     def write(self, path: str, value: Value, *, by_name: bool = False) -> Value:
-        """Write a parameter into RAM and return what it holds then; see ``Parameters.write``."""
+        """Write a parameter into RAM and return what it holds then; see ``ModuleParameters.write``."""
         endpoint = self._list.endpoint(path)
         rules.require_setting(endpoint, by_name=by_name)
         data = endpoint_messages.value_bytes(endpoint, value)
@@ -120,7 +120,7 @@ class ModbusParameters:
         return self.module.errors().words["axis"]
 
     def clear_errors(self) -> None:
-        """Clear its errors by the register for it; see ``Parameters.clear_errors``."""
+        """Clear its errors by the register for it; see ``ModuleParameters.clear_errors``."""
         left = self.module.clear_errors().words["axis"]
         if left:
             raise NodeError(
@@ -130,7 +130,7 @@ class ModbusParameters:
             )
 
     def require_idle(self) -> None:
-        """Check that there is no power on its motor; see ``Parameters.require_idle``."""
+        """Check that there is no power on its motor; see ``ModuleParameters.require_idle``."""
         self.module.require_idle("its parameters are written")
 
     @property
@@ -181,5 +181,5 @@ class ModbusParameters:
         """Return the number in A1h; None where the firmware does not let it be read, of which the manual shows nothing."""
         try:
             return int(_NUMBER.value(self.module.dialogue.read(requests.read(_NUMBER))))
-        except Refused:
+        except ModbusRefused:
             return None

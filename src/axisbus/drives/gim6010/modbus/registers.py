@@ -16,10 +16,10 @@ from axisbus.drives.gim6010.can_simple.fields import (
     UINT16,
     UINT32,
     UINT64,
-    DataType,
-    Field,
+    FieldType,
+    GearSide,
+    MessageField,
     Number,
-    Side,
 )
 from axisbus.drives.gim6010.can_simple.messages import CONTROL_MODES, HIGHEST_CURRENT, INPUT_MODES
 from axisbus.errors import ArgumentError
@@ -38,7 +38,7 @@ class Bank(Enum):
     HOLDING = 0x03
 
 
-class Kind(Enum):
+class RegisterKind(Enum):
     """What a register is to who reads or writes it."""
 
     MEASURED = "is measured"
@@ -61,9 +61,9 @@ class Register:
 
     address: int
     title: str
-    field: Field
+    field: MessageField
     bank: Bank
-    kind: Kind
+    kind: RegisterKind
     access: str
     note: str = ""
 
@@ -108,7 +108,7 @@ class Register:
         return self.field.take(raw.to_bytes(2 * self.count, "little"))
 
 
-_ROTOR = Side.ROTOR
+_ROTOR = GearSide.ROTOR
 _CONFIG, _TRAJECTORY = "axis0.controller.config", "axis0.traj_traj.config"
 _MODES = {mode: words for mode, words in CONTROL_MODES.items() if mode}  # 4.3.3 lists no voltage control
 _INPUTS = {mode: INPUT_MODES[mode] for mode in (1, 2, 3, 5, 6)}  # nor MIT
@@ -119,43 +119,50 @@ def _input(
     address: int,
     title: str,
     name: str,
-    kind: DataType,
+    kind: FieldType,
     path: str,
     unit: str = "",
-    side: Side = Side.NONE,
+    side: GearSide = GearSide.NONE,
     note: str = "",
 ) -> Register:
     return Register(
         address,
         title,
-        Field(name, kind, unit=unit, side=side, path=path),
+        MessageField(name, kind, unit=unit, side=side, path=path),
         Bank.INPUT,
-        Kind.MEASURED,
+        RegisterKind.MEASURED,
         "r",
         note,
     )
 
 
-def _holding(address: int, title: str, field: Field, kind: Kind, access: str, note: str = "") -> Register:
+def _holding(
+    address: int, title: str, field: MessageField, kind: RegisterKind, access: str, note: str = ""
+) -> Register:
     return Register(address, title, field, Bank.HOLDING, kind, access, note)
 
 
 def _setting(
     address: int, title: str, name: str, unit: str, path: str, *, high: float = math.inf, note: str = ""
 ) -> Register:
-    side = Side.NONE if unit == "A" else _ROTOR
-    field = Field(name, FLOAT32, unit=unit, side=side, low=0.0, high=high, path=path)
-    return _holding(address, title, field, Kind.SETTING, "rw", note)
+    side = GearSide.NONE if unit == "A" else _ROTOR
+    field = MessageField(name, FLOAT32, unit=unit, side=side, low=0.0, high=high, path=path)
+    return _holding(address, title, field, RegisterKind.SETTING, "rw", note)
 
 
 def _target(address: int, title: str, name: str, unit: str, path: str, note: str = "") -> Register:
     return _holding(
-        address, title, Field(name, FLOAT32, unit=unit, side=_ROTOR, path=path), Kind.TARGET, "rw", note
+        address,
+        title,
+        MessageField(name, FLOAT32, unit=unit, side=_ROTOR, path=path),
+        RegisterKind.TARGET,
+        "rw",
+        note,
     )
 
 
 def _act(address: int, title: str, name: str, note: str) -> Register:
-    return _holding(address, title, Field(name, UINT16), Kind.ACT, "w", note)
+    return _holding(address, title, MessageField(name, UINT16), RegisterKind.ACT, "w", note)
 
 
 REGISTERS = (
@@ -206,9 +213,9 @@ REGISTERS = (
     Register(
         0x31,
         "Random Endpoint Access Return Value",
-        Field("endpoint_return", BYTES4),
+        MessageField("endpoint_return", BYTES4),
         Bank.INPUT,
-        Kind.ENDPOINT,
+        RegisterKind.ENDPOINT,
         "r",
         "the value of the parameter whose number is in A1h",
     ),
@@ -221,31 +228,31 @@ REGISTERS = (
     _holding(
         0x62,
         "Node ID",
-        Field("node_id", UINT16, low=1, high=HIGHEST_NODE_ID, path="axis0.config.can.node_id"),
-        Kind.ADDRESS,
+        MessageField("node_id", UINT16, low=1, high=HIGHEST_NODE_ID, path="axis0.config.can.node_id"),
+        RegisterKind.ADDRESS,
         "rw",
         "the address on the line; 0 is no address of Modbus that is answered",
     ),
     _holding(
         0x63,
         "State Control",
-        Field("state_control", UINT16, values=_ASKED, path="axis0.requested_state"),
-        Kind.STATE,
+        MessageField("state_control", UINT16, values=_ASKED, path="axis0.requested_state"),
+        RegisterKind.STATE,
         "w",
         "motor_state tells what became of it; calibrations and homing (3, 4, 7, 11) are never asked for here",
     ),
     _holding(
         0x64,
         "Control Mode",
-        Field("control_mode", UINT16, values=_MODES, path=f"{_CONFIG}.control_mode"),
-        Kind.MODE,
+        MessageField("control_mode", UINT16, values=_MODES, path=f"{_CONFIG}.control_mode"),
+        RegisterKind.MODE,
         "rw",
     ),
     _holding(
         0x65,
         "Input Mode",
-        Field("input_mode", UINT16, values=_INPUTS, path=f"{_CONFIG}.input_mode"),
-        Kind.MODE,
+        MessageField("input_mode", UINT16, values=_INPUTS, path=f"{_CONFIG}.input_mode"),
+        RegisterKind.MODE,
         "rw",
     ),
     _target(
@@ -311,16 +318,16 @@ REGISTERS = (
     _holding(
         0xA1,
         "Random Endpoint Access — Endpoint Number",
-        Field("endpoint_number", UINT16),
-        Kind.ENDPOINT,
+        MessageField("endpoint_number", UINT16),
+        RegisterKind.ENDPOINT,
         "w",
         "the parameter that 31h and A2h are about",
     ),
     _holding(
         0xA2,
         "Random Endpoint Access Write Value",
-        Field("endpoint_value", BYTES4),
-        Kind.ENDPOINT,
+        MessageField("endpoint_value", BYTES4),
+        RegisterKind.ENDPOINT,
         "w",
         "writes the parameter whose number is in A1h",
     ),

@@ -2,7 +2,8 @@
 
 Theory of operation. RTU has neither a number of the request nor the register in the answer to a read: a reply fits by its function
 and by how many registers it has, no better. So a late reply may pass for the answer to the next request of the same shape;
-``dialogue`` keeps that from happening. A ``Request`` is always of one whole value of the table: none can be made that cuts it.
+``dialogue`` keeps that from happening. A ``ModbusRequest`` is always of one whole value of the table: none can be made that cuts
+it.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ _MEANINGS = {
 }
 
 
-class Function(IntEnum):
+class ModbusFunction(IntEnum):
     """The function codes that a module knows."""
 
     READ_HOLDING = 0x03
@@ -35,14 +36,14 @@ class Function(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class ModbusRequest:
     """One request; ``words`` are the registers to be written, highest first, none in a read.
 
     Raises:
         ArgumentError: it is not of one whole value of the table, or the value cannot be asked for in this way.
     """
 
-    function: Function
+    function: ModbusFunction
     address: int
     count: int
     words: tuple[int, ...] = ()
@@ -54,7 +55,7 @@ class Request:
             and found.count == self.count
             and len(self.words) in ((self.count,) if self.writes else (0,))
         )
-        if not right or (self.writes and (self.function is Function.WRITE_ONE) != (self.count == 1)):
+        if not right or (self.writes and (self.function is ModbusFunction.WRITE_ONE) != (self.count == 1)):
             raise ArgumentError(
                 f"{self.count} from {self.address:02X}h by function {int(self.function):02X}h is no whole value of a module",
                 remedy="values of several registers are read and written whole, from their first address on",
@@ -63,7 +64,7 @@ class Request:
     @property
     def writes(self) -> bool:
         """Whether it writes."""
-        return self.function in (Function.WRITE_ONE, Function.WRITE_SEVERAL)
+        return self.function in (ModbusFunction.WRITE_ONE, ModbusFunction.WRITE_SEVERAL)
 
     @property
     def register(self) -> Register:
@@ -80,7 +81,7 @@ class Request:
         """Function code and data, as they are sent between address and CRC."""
         head = bytes([self.function]) + self.address.to_bytes(2, "big")
         data = b"".join(word.to_bytes(2, "big") for word in self.words)
-        if self.function is Function.WRITE_ONE:
+        if self.function is ModbusFunction.WRITE_ONE:
             return head + data
         count = self.count.to_bytes(2, "big")
         return head + count + (bytes([len(data)]) + data if self.writes else b"")
@@ -91,7 +92,7 @@ class Request:
 
     @property
     def _bank(self) -> Bank:
-        return Bank.INPUT if self.function is Function.READ_INPUT else Bank.HOLDING
+        return Bank.INPUT if self.function is ModbusFunction.READ_INPUT else Bank.HOLDING
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,12 +106,12 @@ class Reply:
     exception: int = 0
 
 
-def read(register: Register) -> Request:
+def read(register: Register) -> ModbusRequest:
     """Return the request that reads a register, whole."""
-    return Request(Function(register.bank.value), register.address, register.count)
+    return ModbusRequest(ModbusFunction(register.bank.value), register.address, register.count)
 
 
-def write(register: Register, value: Number) -> Request:
+def write(register: Register, value: Number) -> ModbusRequest:
     """Return the request that writes a value, in the register's unit, whole.
 
     Raises:
@@ -120,11 +121,11 @@ def write(register: Register, value: Number) -> Request:
     if not register.writable:
         raise ArgumentError(f"{register.name} is not for writing", remedy="it can be read only")
     words = register.words(value)
-    function = Function.WRITE_ONE if register.count == 1 else Function.WRITE_SEVERAL
-    return Request(function, register.address, register.count, words)
+    function = ModbusFunction.WRITE_ONE if register.count == 1 else ModbusFunction.WRITE_SEVERAL
+    return ModbusRequest(function, register.address, register.count, words)
 
 
-def fits(request: Request, reply: Reply) -> bool:
+def fits(request: ModbusRequest, reply: Reply) -> bool:
     """Whether a reply can be the answer to a request; an exception is one as well."""
     if reply.exception:
         return reply.function & 0x7F == request.function
@@ -136,7 +137,7 @@ def fits(request: Request, reply: Reply) -> bool:
         return False
     return (
         reply.words == request.words
-        if request.function is Function.WRITE_ONE
+        if request.function is ModbusFunction.WRITE_ONE
         else reply.count == request.count
     )
 

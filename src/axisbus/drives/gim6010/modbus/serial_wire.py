@@ -9,8 +9,8 @@ from enum import Enum
 from typing import Any
 
 from axisbus.drives.gim6010.modbus.registers import FACTORY_RATE
-from axisbus.drives.gim6010.modbus.requests import Function, Reply, Request
-from axisbus.drives.gim6010.modbus.wire import Silence
+from axisbus.drives.gim6010.modbus.requests import ModbusFunction, ModbusRequest, Reply
+from axisbus.drives.gim6010.modbus.wire import ModbusTimeout
 from axisbus.errors import AdapterError, UserError
 
 TIMEOUT = 0.2  # s for an answer; one of nine bytes takes 1 ms
@@ -47,16 +47,16 @@ class SerialWire:
         if not self._client.connect():
             raise _unusable(port, "pymodbus could not open it")
 
-    def exchange(self, device: int, request: Request) -> Reply:
+    def exchange(self, device: int, request: ModbusRequest) -> Reply:
         """Send a request and return its reply; see ``Wire.exchange``."""
         try:
             return _reply(self._call(device, request))
         except self._failures.ConnectionException as error:
             if self._client.connected:  # the line took nothing in time, and the port is there
-                raise Silence(str(error)) from error
+                raise ModbusTimeout(str(error)) from error
             raise _unusable(self.port, str(error)) from error
         except self._failures.ModbusException as error:
-            raise Silence(str(error)) from error
+            raise ModbusTimeout(str(error)) from error
         except self._gone as error:
             raise _unusable(self.port, str(error)) from error
 
@@ -79,16 +79,16 @@ class SerialWire:
         """Close the port."""
         self._client.close()
 
-    def _call(self, device: int, request: Request) -> Any:
+    def _call(self, device: int, request: ModbusRequest) -> Any:
         client, address = self._client, request.address
         match request.function:
-            case Function.READ_INPUT:
+            case ModbusFunction.READ_INPUT:
                 return client.read_input_registers(address, count=request.count, device_id=device)
-            case Function.READ_HOLDING:
+            case ModbusFunction.READ_HOLDING:
                 return client.read_holding_registers(address, count=request.count, device_id=device)
-            case Function.WRITE_ONE:
+            case ModbusFunction.WRITE_ONE:
                 return client.write_register(address, request.words[0], device_id=device)
-            case Function.WRITE_SEVERAL:
+            case ModbusFunction.WRITE_SEVERAL:
                 return client.write_registers(address, list(request.words), device_id=device)
 
     @staticmethod

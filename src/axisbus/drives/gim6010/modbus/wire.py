@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from axisbus.drives.gim6010.modbus.requests import Reply, Request
+from axisbus.drives.gim6010.modbus.requests import ModbusRequest, Reply
 
 
-class Silence(Exception):  # what happened; nobody but ``dialogue`` sees it
+class ModbusTimeout(Exception):  # what happened; nobody but ``dialogue`` sees it
     """No reply that can be read came in time: none at all, or one whose checksum or length is wrong."""
 
 
@@ -16,7 +16,7 @@ class Wire(Protocol):
 
     timeout: float  # s that a reply is waited for
 
-    def exchange(self, device: int, request: Request) -> Reply:
+    def exchange(self, device: int, request: ModbusRequest) -> Reply:
         """Send a request to a device (1 to 247) and return its reply; blocks for at most ``timeout``.
 
         Raises:

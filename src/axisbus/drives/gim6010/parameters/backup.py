@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from axisbus.drives.gim6010.can_simple.protected import protected
 from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
 from axisbus.drives.gim6010.parameters import rules, values
-from axisbus.drives.gim6010.parameters.interface import Parameters, Value
+from axisbus.drives.gim6010.parameters.interface import ModuleParameters, Value
 from axisbus.errors import ArgumentError, StateError
 
 _KIND, _VERSION = "axisbus gim6010 backup", 1
@@ -17,7 +17,7 @@ _KEYS = {"kind", "version", "serial", "firmware", "values"}
 
 
 @dataclass(frozen=True, slots=True)
-class Backup:
+class ParameterBackup:
     """The values of a module by path, as they were in its RAM; ``serial`` is what the way of reading brought of its number."""
 
     serial: int
@@ -42,7 +42,7 @@ class Backup:
         return json.dumps(document, indent=1, allow_nan=False) + "\n"
 
 
-def read(text: str, source: str) -> Backup:
+def read(text: str, source: str) -> ParameterBackup:
     """Return the backup that a text is; ``source`` (its file) is named in messages.
 
     Raises:
@@ -63,11 +63,11 @@ def read(text: str, source: str) -> Backup:
     except ValueError:
         raise ArgumentError(f"{source}: its serial number is {found['serial']!r}") from None
     named = {path: values.of_plain(path, value, source) for path, value in found["values"].items()}
-    return Backup(serial, Firmware.parse(str(found["firmware"])), named, source)
+    return ParameterBackup(serial, Firmware.parse(str(found["firmware"])), named, source)
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class ParameterDifference:
     """A parameter whose value is not the same in two places; None where it is not there at all."""
 
     path: str
@@ -84,24 +84,26 @@ class Difference:
         return f"{self.path}: {both}" + (f" (protected: {found.why})" if found else "")
 
 
-def differences(one: Mapping[str, Value], other: Mapping[str, Value]) -> list[Difference]:
+def differences(one: Mapping[str, Value], other: Mapping[str, Value]) -> list[ParameterDifference]:
     """Return what differs between two sets of values, by path."""
     return [
-        Difference(path, one.get(path), other.get(path))
+        ParameterDifference(path, one.get(path), other.get(path))
         for path in sorted({*one, *other})
         if path not in one or path not in other or not values.same(one[path], other[path])
     ]
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class RestorePlan:
     """What a restore would do: ``writes`` in their order, and what it leaves, each with the reason."""
 
     writes: tuple[tuple[str, Value], ...]
     left: tuple[tuple[str, str], ...]
 
 
-def require_same(backup: Backup, module: Parameters, *, other_module: bool, other_firmware: bool) -> None:
+def require_same(
+    backup: ParameterBackup, module: ModuleParameters, *, other_module: bool, other_firmware: bool
+) -> None:
     """Check that a backup is of this module and its firmware.
 
     Raises:
@@ -120,7 +122,9 @@ def require_same(backup: Backup, module: Parameters, *, other_module: bool, othe
         )
 
 
-def plan(backup: Backup, module: Parameters, present: Mapping[str, Value], named: frozenset[str]) -> Plan:
+def plan(
+    backup: ParameterBackup, module: ModuleParameters, present: Mapping[str, Value], named: frozenset[str]
+) -> RestorePlan:
     """Return what is to be written so that a module has the backup's values; ``present`` are those that it has.
 
     What is protected is written only where ``named`` has it; what acts never.
@@ -141,10 +145,10 @@ def plan(backup: Backup, module: Parameters, present: Mapping[str, Value], named
             left.append((each.path, why))
         else:
             writes.append((each.path, each.other))
-    return Plan(tuple(writes), tuple(left))
+    return RestorePlan(tuple(writes), tuple(left))
 
 
-def _why_not(path: str, module: Parameters, named: frozenset[str]) -> str:
+def _why_not(path: str, module: ModuleParameters, named: frozenset[str]) -> str:
     endpoint = module.listed.endpoints.get(path)
     if endpoint is None:
         return "this firmware has no such parameter"

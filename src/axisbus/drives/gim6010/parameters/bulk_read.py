@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 from axisbus.drives.gim6010.can_simple.endpoints import Endpoint
 from axisbus.drives.gim6010.parameters import rules
-from axisbus.drives.gim6010.parameters.backup import Backup
-from axisbus.drives.gim6010.parameters.interface import Parameters, Value
+from axisbus.drives.gim6010.parameters.backup import ParameterBackup
+from axisbus.drives.gim6010.parameters.interface import ModuleParameters, Value
 from axisbus.errors import NodeTimeout, StateError
 
 Told = Callable[[int, int], None]
@@ -16,21 +16,21 @@ _MOST = 5  # parameters in a row that are not answered: then the module no longe
 
 
 @dataclass(slots=True)
-class Many:
+class BulkRead:
     """The values that were read, by path, and the paths that were not answered."""
 
     values: dict[str, Value] = field(default_factory=dict)
     silent: list[str] = field(default_factory=list)
 
 
-def read_all(module: Parameters, endpoints: Iterable[Endpoint], tell: Told | None = None) -> Many:
+def read_all(module: ModuleParameters, endpoints: Iterable[Endpoint], tell: Told | None = None) -> BulkRead:
     """Read these parameters, those that travel this way; blocks. ``tell`` is told how far it is.
 
     Raises:
         BusError: the module restarted or left meanwhile, or answers several in a row no longer.
     """
     wanted = [each for each in endpoints if each.readable and rules.travels(each, module.widest)]
-    many, row = Many(), 0
+    many, row = BulkRead(), 0
     for number, each in enumerate(wanted):
         try:
             many.values[each.path] = module.read(each.path)
@@ -45,7 +45,7 @@ def read_all(module: Parameters, endpoints: Iterable[Endpoint], tell: Told | Non
     return many
 
 
-def take(module: Parameters, tell: Told | None = None) -> Backup:
+def take(module: ModuleParameters, tell: Told | None = None) -> ParameterBackup:
     """Return a backup of a module's settings; blocks.
 
     Raises:
@@ -58,4 +58,4 @@ def take(module: Parameters, tell: Told | None = None) -> Backup:
             f"there is no backup: {', '.join(many.silent)} was not answered",
             remedy="try again, or back it up over USB",
         )
-    return Backup(module.serial, module.firmware, many.values)
+    return ParameterBackup(module.serial, module.firmware, many.values)

@@ -14,7 +14,7 @@ from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
 Value = int | float | bool
 
 
-class Parameters(Protocol):
+class ModuleParameters(Protocol):
     """A module whose parameters can be read and written; opened, and its list shown to fit.
 
     ``widest``: how many bytes a value may have to travel this way.

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from axisbus.drives.gim6010.discovery.finder import Finder
-from axisbus.drives.gim6010.discovery.results import Finding
-from axisbus.drives.gim6010.settings.parameter_batch import Wanted
+from axisbus.drives.gim6010.discovery.results import DiscoveredModule
+from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch
 from axisbus.errors import ArgumentError, StateError
 
 PATH = "can.config.baud_rate"
@@ -20,7 +20,7 @@ NAMED = frozenset({500_000, 1_000_000})
 _UNNAMED = "the manual names 500000 and 1000000 bit/s alone: if the module does not take this rate, it is reached over USB only"
 
 
-def wanted(rate: int) -> Wanted:
+def wanted(rate: int) -> ParameterBatch:
     """Return what sets a bit rate (bit/s).
 
     Raises:
@@ -30,10 +30,10 @@ def wanted(rate: int) -> Wanted:
         raise ArgumentError(
             f"{rate} bit/s is not set here", remedy=f"give one of {', '.join(map(str, RATES))}"
         )
-    return Wanted(((PATH, rate),), () if rate in NAMED else (_UNNAMED,))
+    return ParameterBatch(((PATH, rate),), () if rate in NAMED else (_UNNAMED,))
 
 
-def require_alone(finder: Finder, found: Sequence[Finding], node: int) -> None:
+def require_alone(finder: Finder, found: Sequence[DiscoveredModule], node: int) -> None:
     """Check that nobody is on the bus but one module: it comes back at a rate at which it would destroy what others say.
 
     Raises:

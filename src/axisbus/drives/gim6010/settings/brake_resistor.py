@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from axisbus.drives.gim6010.parameters.interface import Parameters, Value
-from axisbus.drives.gim6010.settings.parameter_batch import Wanted
+from axisbus.drives.gim6010.parameters.interface import ModuleParameters, Value
+from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch
 from axisbus.errors import ArgumentError, StateError
 
 _CONFIG = "config."
@@ -21,7 +21,7 @@ TRIP = f"{_CONFIG}dc_bus_overvoltage_trip_level"
 _OFF = "what a braking motor gives back goes into the supply from now on: one that cannot take it switches off, or trips"
 
 
-def wanted(ohms: float, current: float | None, ramp: tuple[float, float] | None) -> Wanted:
+def wanted(ohms: float, current: float | None, ramp: tuple[float, float] | None) -> ParameterBatch:
     """Return what switches a resistor on.
 
     Args:
@@ -45,12 +45,12 @@ def wanted(ohms: float, current: float | None, ramp: tuple[float, float] | None)
         _require_ramp(*ramp)
         values += [(START, ramp[0]), (END, ramp[1]), (RAMP, True)]
     notes = () if ramp is None else (bears(ohms, ramp[1]),)
-    return Wanted((*values, (ENABLED, True)), notes)
+    return ParameterBatch((*values, (ENABLED, True)), notes)
 
 
-def off() -> Wanted:
+def off() -> ParameterBatch:
     """Return what switches it off, and with it the ramp that leads current into it."""
-    return Wanted(((ENABLED, False), (RAMP, False)), (_OFF,))
+    return ParameterBatch(((ENABLED, False), (RAMP, False)), (_OFF,))
 
 
 def bears(ohms: float, volts: float) -> str:
@@ -58,11 +58,11 @@ def bears(ohms: float, volts: float) -> str:
     return f"at {volts:g} V it takes {volts / ohms:.3g} A and {volts * volts / ohms:.3g} W: see that it bears that"
 
 
-def require_below_trip(module: Parameters, ramp: tuple[float, float] | None) -> None:
+def require_below_trip(module: ModuleParameters, ramp: tuple[float, float] | None) -> None:
     """Check that the ramp ends before the module gives up for too much voltage; blocks.
 
     Raises:
-        StateError: it does not. BusError: as ``Parameters.read``.
+        StateError: it does not. BusError: as ``ModuleParameters.read``.
     """
     if ramp is None:
         return

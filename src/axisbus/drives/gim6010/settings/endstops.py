@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from axisbus.drives.gim6010.parameters.interface import Parameters
-from axisbus.drives.gim6010.settings.parameter_batch import Wanted
+from axisbus.drives.gim6010.parameters.interface import ModuleParameters
+from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch
 from axisbus.errors import ArgumentError, StateError
 
 _PINS = {"min": 1, "max": 2}  # by the manual
@@ -15,7 +15,7 @@ _UNTRIED = "whether the motor is stopped by it the manual does not say: try it s
 _CONFLICT = "pulse and direction inputs use the same place: only one of both can be set"
 
 
-def wanted(lowest: bool | None, highest: bool | None) -> Wanted:
+def wanted(lowest: bool | None, highest: bool | None) -> ParameterBatch:
     """Return what switches each of the two on or off; None leaves one.
 
     Raises:
@@ -30,14 +30,14 @@ def wanted(lowest: bool | None, highest: bool | None) -> Wanted:
         if on is not None
         for what, value in (*((("gpio_num", _PINS[end]),) if on else ()), ("enabled", on))
     ]
-    return Wanted(tuple(values), (_TOLD, _UNTRIED, _CONFLICT) if lowest or highest else ())
+    return ParameterBatch(tuple(values), (_TOLD, _UNTRIED, _CONFLICT) if lowest or highest else ())
 
 
-def require_hardware(module: Parameters) -> None:
+def require_hardware(module: ModuleParameters) -> None:
     """Check that the module's hardware has the switches, where its list tells its version; blocks.
 
     Raises:
-        StateError: it has not. BusError: as ``Parameters.read``.
+        StateError: it has not. BusError: as ``ModuleParameters.read``.
     """
     if not all(path in module.listed.endpoints for path in _HARDWARE):
         return

@@ -6,7 +6,7 @@ import math
 
 from axisbus.drives.gim6010.can_simple.messages import HIGHEST_CURRENT
 from axisbus.drives.gim6010.parameters.interface import Value
-from axisbus.drives.gim6010.settings.parameter_batch import Wanted
+from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch
 from axisbus.errors import ArgumentError, LimitError
 
 VELOCITY, CURRENT = "axis0.controller.config.vel_limit", "axis0.motor.config.current_lim"
@@ -16,7 +16,7 @@ _TORQUE = (
 )
 
 
-def wanted(velocity: float | None, current: float | None) -> Wanted:
+def wanted(velocity: float | None, current: float | None) -> ParameterBatch:
     """Return what sets the limits: ``velocity`` in turns/s of the rotor, ``current`` in A, 50 at most; None leaves one.
 
     Raises:
@@ -24,7 +24,9 @@ def wanted(velocity: float | None, current: float | None) -> Wanted:
     """
     check(velocity, current)
     given: dict[str, Value | None] = {VELOCITY: velocity, CURRENT: current}
-    return Wanted(tuple((path, value) for path, value in given.items() if value is not None), (_TORQUE,))
+    return ParameterBatch(
+        tuple((path, value) for path, value in given.items() if value is not None), (_TORQUE,)
+    )
 
 
 def check(velocity: float | None, current: float | None) -> None:

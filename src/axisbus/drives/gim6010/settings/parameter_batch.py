@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 from axisbus.drives.gim6010.can_simple.endpoint_messages import value_bytes
 from axisbus.drives.gim6010.parameters import rules, values
-from axisbus.drives.gim6010.parameters.interface import Parameters, Value
+from axisbus.drives.gim6010.parameters.interface import ModuleParameters, Value
 
 Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class ParameterBatch:
     """Parameters by path with their values, in the order in which they are written; ``notes`` are what a person has to know."""
 
     values: tuple[tuple[str, Value], ...]
@@ -29,7 +29,7 @@ class Wanted:
         )
 
 
-def check(module: Parameters, wanted: Wanted) -> None:
+def check(module: ModuleParameters, wanted: ParameterBatch) -> None:
     """Check that all of it can be written, before the first is.
 
     Raises:
@@ -41,7 +41,7 @@ def check(module: Parameters, wanted: Wanted) -> None:
         value_bytes(endpoint, value)
 
 
-def apply(module: Parameters, wanted: Wanted, tell: Tell) -> None:
+def apply(module: ModuleParameters, wanted: ParameterBatch, tell: Tell) -> None:
     """Write all of it into RAM, each read back; ``tell`` hears of each one that is there. Blocks.
 
     Raises:
@@ -55,7 +55,7 @@ def apply(module: Parameters, wanted: Wanted, tell: Tell) -> None:
         tell(f"{path} = {values.show(held)} (was {values.show(before)})")
 
 
-def shown(module: Parameters, paths: tuple[str, ...]) -> Iterator[str]:
-    """Yield the present values of parameters, as they are in RAM; blocks, raises as ``Parameters.read``."""
+def shown(module: ModuleParameters, paths: tuple[str, ...]) -> Iterator[str]:
+    """Yield the present values of parameters, as they are in RAM; blocks, raises as ``ModuleParameters.read``."""
     for path in paths:
         yield f"{path} = {values.show(module.read(path))}"

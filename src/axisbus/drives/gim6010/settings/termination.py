@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from axisbus.drives.gim6010.parameters.interface import Parameters
-from axisbus.drives.gim6010.settings.parameter_batch import Wanted
+from axisbus.drives.gim6010.parameters.interface import ModuleParameters
+from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch
 from axisbus.errors import StateError
 
 ENABLED, PIN = "can.config.enable_r120", "can.config.r120_gpio_num"
@@ -12,16 +12,16 @@ _ENDS = "a bus is terminated at its two ends and nowhere else: 60 Ω between CAN
 _FACTORY = "from the factory it is on in every module, so that more than two on a bus have too much of it"
 
 
-def wanted(*, on: bool) -> Wanted:
+def wanted(*, on: bool) -> ParameterBatch:
     """Return what switches the resistor on or off."""
-    return Wanted(((ENABLED, on),), (_ENDS, _FACTORY))
+    return ParameterBatch(((ENABLED, on),), (_ENDS, _FACTORY))
 
 
-def require_switch(module: Parameters) -> None:
+def require_switch(module: ModuleParameters) -> None:
     """Check that the pin which switches the resistor is the manual's; blocks.
 
     Raises:
-        StateError: it is another. BusError: as ``Parameters.read``.
+        StateError: it is another. BusError: as ``ModuleParameters.read``.
     """
     pin = module.read(PIN)
     if pin != _PIN:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from axisbus.drives.gim6010.settings.parameter_batch import Wanted
+from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch
 from axisbus.errors import ArgumentError
 
 BREAK = "can.config.break_timeout"
@@ -28,7 +28,7 @@ _NEW = "the maker says of new firmware that this watchdog has no effect: try it 
 _OFF = "nothing in this module notices a dead master any more; of older firmware it is told that 0 means 100 ms in break_timeout"
 
 
-def wanted(broken: float | None, axis: float | None) -> Wanted:
+def wanted(broken: float | None, axis: float | None) -> ParameterBatch:
     """Return what arms them: ``broken`` for ``break_timeout``, ``axis`` for the axis's watchdog, both in s; None leaves one.
 
     Raises:
@@ -42,12 +42,12 @@ def wanted(broken: float | None, axis: float | None) -> Wanted:
         raise ArgumentError(f"axis-timeout: {axis!r} s is not above 0", remedy="give a time, or --off")
     first = () if broken is None else ((BREAK, _milliseconds(broken)),)
     second = () if axis is None else ((AXIS, float(axis)), (ENABLED, True))
-    return Wanted((*first, *second), (*(_ARMED if first else ()), *((_NEW,) if second else ())))
+    return ParameterBatch((*first, *second), (*(_ARMED if first else ()), *((_NEW,) if second else ())))
 
 
-def off() -> Wanted:
+def off() -> ParameterBatch:
     """Return what switches both off."""
-    return Wanted(((BREAK, 0), (ENABLED, False)), (_OFF,))
+    return ParameterBatch(((BREAK, 0), (ENABLED, False)), (_OFF,))
 
 
 def _milliseconds(seconds: float) -> int:

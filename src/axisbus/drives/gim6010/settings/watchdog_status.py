@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Generator
 from dataclasses import dataclass
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple import endpoint_messages
 from axisbus.drives.gim6010.can_simple.endpoints import EndpointList
 from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware, FittedList
-from axisbus.drives.gim6010.discovery.questions import Question, SimpleFacts, endpoint
+from axisbus.drives.gim6010.discovery.questions import ProbeFrame, SimpleFacts, endpoint
 from axisbus.drives.gim6010.parameters import rules, values
 from axisbus.drives.gim6010.settings.watchdog import AXIS, BREAK, ENABLED
 
@@ -32,7 +32,7 @@ class Armed:
 
 def armed(
     node: int, listed: EndpointList, made_for: Firmware, facts: SimpleFacts
-) -> Generator[Question, Frame | None, Armed]:
+) -> Generator[ProbeFrame, CanFrame | None, Armed]:
     """Read what is armed in a module of which ``facts`` are known; ``listed`` is its firmware's list, ``made_for`` that version.
 
     Raises:
@@ -55,7 +55,7 @@ def armed(
 
 def _read(
     node: int, fitted: FittedList, path: str, facts: SimpleFacts
-) -> Generator[Question, Frame | None, _Value | None]:
+) -> Generator[ProbeFrame, CanFrame | None, _Value | None]:
     """Return a parameter; None where this firmware has none of this name, or does not answer for it."""
     if path not in fitted.listed.endpoints:
         return None

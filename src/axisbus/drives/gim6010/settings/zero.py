@@ -13,8 +13,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from axisbus.drives.gim6010.parameters.interface import Parameters
-from axisbus.drives.gim6010.settings.parameter_batch import Wanted
+from axisbus.drives.gim6010.parameters.interface import ModuleParameters
+from axisbus.drives.gim6010.settings.parameter_batch import ParameterBatch
 from axisbus.errors import NodeError, StateError
 
 OFFSET, USED = "axis0.encoder.config.index_offset", "axis0.encoder.config.use_index_offset"
@@ -34,7 +34,7 @@ _TURNS = (
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class RotorZero:
     """Where a module says that it is: the offset that holds and the estimate in turns of the rotor, the count within ``cpr``."""
 
     offset: float
@@ -54,20 +54,22 @@ class Place:
         return self.count / self.cpr % 1.0
 
 
-def look(module: Parameters) -> Place:
+def look(module: ModuleParameters) -> RotorZero:
     """Read where a module is; blocks.
 
     Raises:
-        StateError: it tells a place that is none. BusError: as ``Parameters.read``.
+        StateError: it tells a place that is none. BusError: as ``ModuleParameters.read``.
     """
     offset, estimate = float(module.read(OFFSET)), float(module.read(_ESTIMATE))
-    place = Place(offset, bool(module.read(USED)), estimate, int(module.read(_COUNT)), int(module.read(_CPR)))
+    place = RotorZero(
+        offset, bool(module.read(USED)), estimate, int(module.read(_COUNT)), int(module.read(_CPR))
+    )
     if place.cpr <= 0 or not math.isfinite(offset + estimate) or not 0 <= place.count < place.cpr:
         raise StateError("the module tells a place that is none", observed=str(place))
     return place
 
 
-def wanted(first: Place, second: Place) -> Wanted:
+def wanted(first: RotorZero, second: RotorZero) -> ParameterBatch:
     """Return what makes the present place 0, by two looks at it, some tenths of a second apart.
 
     Raises:
@@ -85,10 +87,10 @@ def wanted(first: Place, second: Place) -> Wanted:
             observed=f"within a turn of the rotor {second.by_estimate:.4f} by the estimate, {second.by_count:.4f} by the count",
             remedy="set the zero over USB, by the steps that are told; nothing was written",
         )
-    return Wanted(((OFFSET, second.by_estimate), (USED, True)), (_TURNS,))
+    return ParameterBatch(((OFFSET, second.by_estimate), (USED, True)), (_TURNS,))
 
 
-def verify(node: int, zero: float, after: Place) -> None:
+def verify(node: int, zero: float, after: RotorZero) -> None:
     """Check where a module is after the restart, which has not been turned meanwhile; ``zero`` is the offset that was written.
 
     Raises:

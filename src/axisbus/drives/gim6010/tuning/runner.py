@@ -15,13 +15,13 @@ from collections import deque
 from collections.abc import Iterator
 from enum import Enum
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.codec import Outgoing, decode, encode, request
-from axisbus.drives.gim6010.can_simple.decoded_message import Reading
+from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage
 from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
-from axisbus.drives.gim6010.direct_motion.motion_procedure import Led, Stage
-from axisbus.drives.gim6010.tuning.trial import Gains, Loop, Trial
+from axisbus.drives.gim6010.direct_motion.motion_procedure import ModuleMotionProcedure, ModuleMotionStage
+from axisbus.drives.gim6010.tuning.trial import Gains, Loop, ModuleTrial
 from axisbus.step_response import Response, measure
 
 _STATE, _MODE, _POS, _VEL, _ESTIMATES = (
@@ -46,7 +46,7 @@ _AGAIN, BRAKE_TIME = 0.05, 2.0  # s between two frames that brake, and of brakin
 _STANDS, _STILL = 0.05, 0.1  # turns/s, and for how many s
 
 
-class Phase(Enum):
+class TuningPhase(Enum):
     """How far it is."""
 
     PREPARING = "being made ready"
@@ -56,17 +56,17 @@ class Phase(Enum):
 
 
 _STATES = {
-    Phase.PREPARING: (IDLE,),
-    Phase.STARTING: (IDLE, CLOSED_LOOP),
-    Phase.THERE: (CLOSED_LOOP,),
-    Phase.BACK: (CLOSED_LOOP,),
+    TuningPhase.PREPARING: (IDLE,),
+    TuningPhase.STARTING: (IDLE, CLOSED_LOOP),
+    TuningPhase.THERE: (CLOSED_LOOP,),
+    TuningPhase.BACK: (CLOSED_LOOP,),
 }
 
 
-class Tuning(Led):
+class ModuleTuning(ModuleMotionProcedure):
     """One trial; holds what was measured. ``there`` and ``back`` are the responses, None where they were not come to."""
 
-    def __init__(self, trial: Trial, gains: Gains, *, remote: bool = True) -> None:
+    def __init__(self, trial: ModuleTrial, gains: Gains, *, remote: bool = True) -> None:
         """``remote``: whether the bus carries remote frames."""
         super().__init__(trial.node)
         self.trial = trial
@@ -74,7 +74,7 @@ class Tuning(Led):
         self.back: Response | None = None
         self.ended = False  # by itself
         self._remote = remote
-        self._phase = Phase.PREPARING
+        self._phase = TuningPhase.PREPARING
         self._queue: deque[Outgoing] = deque(
             [*gains.frames(trial.node), *self._ready(), self._state(CLOSED_LOOP)]
         )
@@ -88,17 +88,20 @@ class Tuning(Led):
 
     # What is heard.
 
-    def _hear(self, command: int, frame: Frame) -> None:
-        if command != _ESTIMATES.command or self.stage in (Stage.LISTENING, Stage.DONE):
+    def _hear(self, command: int, frame: CanFrame) -> None:
+        if command != _ESTIMATES.command or self.stage in (
+            ModuleMotionStage.LISTENING,
+            ModuleMotionStage.DONE,
+        ):
             return
         found = decode(frame.can_id, frame.data, from_module=True)
         last = self._pulse.last
         alive = last is not None and last.state == CLOSED_LOOP
-        if not isinstance(found, Reading) or not alive:  # it is dead until closed loop was seen
+        if not isinstance(found, DecodedMessage) or not alive:  # it is dead until closed loop was seen
             return
         position, velocity = (float(found.values[each]) for each in ("Pos_Estimate", "Vel_Estimate"))
         self._place = (frame.time, position, velocity)
-        if self.stage is Stage.LED and self._phase in (Phase.THERE, Phase.BACK):
+        if self.stage is ModuleMotionStage.LED and self._phase in (TuningPhase.THERE, TuningPhase.BACK):
             self._samples.append(
                 (frame.time - self._at, position if self.trial.loop is Loop.POSITION else velocity)
             )
@@ -127,9 +130,9 @@ class Tuning(Led):
         if why or self._pulse.lost(now):
             self._end(self._pulse.lost(now) or why)
             return None
-        if self._phase is Phase.PREPARING:
+        if self._phase is TuningPhase.PREPARING:
             return self._prepare(now)
-        if self._phase is Phase.STARTING:
+        if self._phase is TuningPhase.STARTING:
             return self._start(now)
         return self._move(now)
 
@@ -144,7 +147,7 @@ class Tuning(Led):
     def _prepare(self, now: float) -> Outgoing:
         frame = self._queue.popleft()
         if not self._queue:
-            self._phase, self._at, self._to_brake = Phase.STARTING, now, True
+            self._phase, self._at, self._to_brake = TuningPhase.STARTING, now, True
         return frame
 
     def _start(self, now: float) -> Outgoing | None:
@@ -153,15 +156,15 @@ class Tuning(Led):
         if seen and self._place is not None:
             self._home = self._place[1]
             self.news.append("it is enabled, and stands; the step begins")
-            return self._go(Phase.THERE, now)
+            return self._go(TuningPhase.THERE, now)
         if now - self._at > START_TIME + 2.0 * self._pulse.period:
             self._end("the module does not go into closed loop, or does not tell its position in it")
             return None
         return self._ask(now)
 
-    def _go(self, phase: Phase, now: float) -> Outgoing:
+    def _go(self, phase: TuningPhase, now: float) -> Outgoing:
         self._phase, self._at, self._samples = phase, now, []
-        target = self.trial.size if phase is Phase.THERE else 0.0
+        target = self.trial.size if phase is TuningPhase.THERE else 0.0
         if self.trial.loop is Loop.VELOCITY:
             return encode(self.node, _VEL, {"Input_Vel": target, "Torque_FF": 0.0})
         return encode(self.node, _POS, {"Input_Pos": self._home + target, "Vel_FF": 0.0, "Torque_FF": 0.0})
@@ -176,13 +179,13 @@ class Tuning(Led):
         return None
 
     def _next(self, now: float) -> Outgoing | None:
-        start, target = (0.0, self.trial.size) if self._phase is Phase.THERE else (self.trial.size, 0.0)
+        start, target = (0.0, self.trial.size) if self._phase is TuningPhase.THERE else (self.trial.size, 0.0)
         if self.trial.loop is Loop.POSITION:
             start, target = start + self._home, target + self._home
         found = measure(self._samples, start, target)
-        if self._phase is Phase.THERE:
+        if self._phase is TuningPhase.THERE:
             self.there = found
-            return self._go(Phase.BACK, now)
+            return self._go(TuningPhase.BACK, now)
         self.back, self.ended = found, True
         self._end("")
         return None

@@ -22,7 +22,7 @@ class _Phase(Enum):
 
 
 @dataclass(slots=True)
-class Search:
+class GainSearch:
     """Holds the gain that is to be tried ``next`` (None: it is over, and ``ends`` says how), and the best that was smooth.
 
     ``first`` is tried first, and nothing above ``most``.

@@ -60,7 +60,7 @@ class Gains:
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class ModuleTrial:
     """A step there and back: ``size`` in turns of the rotor, or turns/s of it, of either sign; ``seconds`` are those of each side.
 
     A position is gone to by a trapezoid of ``velocity`` (turns/s) and ``acceleration`` (turns/s²); a velocity is come to by the
@@ -128,7 +128,7 @@ class Trial:
         return 2.0 * (self.velocity if self.loop is Loop.POSITION else abs(self.size)) + 0.5
 
 
-def explanation(trial: Trial) -> Iterator[str]:
+def explanation(trial: ModuleTrial) -> Iterator[str]:
     """Yield what will turn and by how much, and what has to be seen to before."""
     yield f"a step of the {trial.loop.value} of module {trial.node}, which enables it and turns it:"
     degrees = f"{trial.size * _DEGREES:.4g} degrees"

@@ -73,11 +73,11 @@ class UsbParameters:
         return self._own
 
     def endpoint(self, path: str) -> Endpoint:
-        """Return what its firmware says of a parameter; see ``Parameters.endpoint``."""
+        """Return what its firmware says of a parameter; see ``ModuleParameters.endpoint``."""
         return found_in(self.listed.endpoints, path, "parameter", SOURCE)
 
     def read(self, path: str) -> Value:
-        """Return a parameter's value in RAM; see ``Parameters.read``."""
+        """Return a parameter's value in RAM; see ``ModuleParameters.read``."""
         endpoint = self.endpoint(path)
         if not endpoint.readable:
             raise ArgumentError(f"{endpoint.path} is not for reading", remedy="it can be written only")
@@ -87,7 +87,7 @@ class UsbParameters:
             return self._of(endpoint.path, self._tree.read(endpoint.path))
 
     def write(self, path: str, value: Value, *, by_name: bool = False) -> Value:
-        """Write a parameter into RAM and return what it holds then; see ``Parameters.write``."""
+        """Write a parameter into RAM and return what it holds then; see ``ModuleParameters.write``."""
         endpoint = self.endpoint(path)
         rules.require_setting(endpoint, by_name=by_name)
         endpoint_messages.value_bytes(endpoint, value, self.widest)
@@ -156,7 +156,7 @@ class UsbParameters:
         return {category: int(self.read(path)) for category, path in _WORDS.items()}
 
     def clear_errors(self) -> None:
-        """Clear its errors; see ``Parameters.clear_errors``."""
+        """Clear its errors; see ``ModuleParameters.clear_errors``."""
         self.require_idle()
         with self._there():
             self._tree.call(self._function(_CLEAR))
@@ -169,7 +169,7 @@ class UsbParameters:
             )
 
     def require_idle(self) -> None:
-        """Check that there is no power on its motor; see ``Parameters.require_idle``."""
+        """Check that there is no power on its motor; see ``ModuleParameters.require_idle``."""
         state = int(self.read(_STATE))
         if state != IDLE:
             raise StateError(

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402 import statusword as sw
-from axisbus.cia402.state import State
+from axisbus.cia402.state import PowerState
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.port.command_frames import TRAPEZOID, Orders
-from axisbus.drives.gim6010.can_simple.port.feedback import Hearing
-from axisbus.drives.gim6010.can_simple.port.modes import Means, Mode, Targets, modes_of
-from axisbus.drives.gim6010.can_simple.port.profile import Profile
-from axisbus.drives.gim6010.can_simple.port.setpoints import Lead
+from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
+from axisbus.drives.gim6010.can_simple.port.modes import Means, ModuleMode, Targets, modes_of
+from axisbus.drives.gim6010.can_simple.port.profile import ModuleProfile
+from axisbus.drives.gim6010.can_simple.port.setpoints import ModuleSetPoints
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
-from axisbus.drives.gim6010.can_simple.port.stage import WORDS, Act, Power, Stage
+from axisbus.drives.gim6010.can_simple.port.stage import WORDS, ModulePowerAction, ModulePowerStage, Power
 
 _ALWAYS = sw.VOLTAGE_ENABLED | sw.REMOTE
 _LETTING_GO = frozenset({Power.OFF, Power.FOUND})
@@ -21,19 +21,19 @@ _LETTING_GO = frozenset({Power.OFF, Power.FOUND})
 class ModuleDrive:
     """Holds the stage, the mode that leads the motor in closed loop, the targets, and the frames that are to go out."""
 
-    def __init__(self, settings: ModuleSettings, hearing: Hearing) -> None:
+    def __init__(self, settings: ModuleSettings, hearing: ModuleFeedback) -> None:
         self.targets = Targets()
-        self.profile = Profile(settings)
+        self.profile = ModuleProfile(settings)
         self.mode = 0  # 6060h, and so 6061h
         self.frames: list[Outgoing] = []
         self._settings = settings
         self._hearing = hearing
         self._orders = Orders(settings)
-        self._stage = Stage(hearing)
-        self._lead = Lead(settings, self._orders, hearing)
+        self._stage = ModulePowerStage(hearing)
+        self._lead = ModuleSetPoints(settings, self._orders, hearing)
         self._means = Means(settings, hearing, self._lead, self.profile, self.targets)
         self._kinds = modes_of(settings)
-        self._leads: Mode | None = None
+        self._leads: ModuleMode | None = None
         self._word = 0
         self._halted = False
         self._now = 0.0
@@ -53,9 +53,9 @@ class ModuleDrive:
         """6041h."""
         state = self._stage.shown
         word = WORDS[state] | _ALWAYS
-        if state is State.OPERATION_ENABLED and self._leads is not None:
+        if state is PowerState.OPERATION_ENABLED and self._leads is not None:
             return word | self._leads.bits(self._halted)
-        stands = state is State.QUICK_STOP_ACTIVE and self._lead.stands
+        stands = state is PowerState.QUICK_STOP_ACTIVE and self._lead.stands
         return word | (sw.TARGET_REACHED if stands else 0)
 
     # What is asked for.
@@ -65,7 +65,7 @@ class ModuleDrive:
         if mode == self.mode or mode not in self._kinds:
             return
         self.mode = mode
-        if self._stage.is_on and self._stage.shown is State.OPERATION_ENABLED:
+        if self._stage.is_on and self._stage.shown is PowerState.OPERATION_ENABLED:
             self._begin()
 
     def obey(self, word: int) -> None:
@@ -99,7 +99,7 @@ class ModuleDrive:
 
     def _run(self, word: int, edge: int) -> None:
         """A cycle in closed loop that is ours."""
-        if self._stage.shown is State.QUICK_STOP_ACTIVE or self._lead.is_braked:
+        if self._stage.shown is PowerState.QUICK_STOP_ACTIVE or self._lead.is_braked:
             self._run_quick_stop()
             return
         if self._leads is None:
@@ -178,10 +178,10 @@ class ModuleDrive:
 
 
 _ACTS = {
-    Act.NOTHING: ModuleDrive._nothing,
-    Act.START: ModuleDrive._start,
-    Act.TAKE_OVER: ModuleDrive._take_over,
-    Act.QUICK_STOP: ModuleDrive._quick_stop,
-    Act.LET_GO: ModuleDrive._let_go,
-    Act.CLEAR: ModuleDrive._clear,
+    ModulePowerAction.NOTHING: ModuleDrive._nothing,
+    ModulePowerAction.START: ModuleDrive._start,
+    ModulePowerAction.TAKE_OVER: ModuleDrive._take_over,
+    ModulePowerAction.QUICK_STOP: ModuleDrive._quick_stop,
+    ModulePowerAction.LET_GO: ModuleDrive._let_go,
+    ModulePowerAction.CLEAR: ModuleDrive._clear,
 }

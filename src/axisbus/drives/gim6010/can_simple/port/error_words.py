@@ -28,7 +28,7 @@ _ORDER = ("system", "motor", "encoder", "controller", AXIS)
 _GENERIC = 0x1000
 
 
-class Trouble:
+class ModuleErrors:
     """Holds the error words of one fault: that of the axis by the heartbeat, the others as they are answered."""
 
     def __init__(self, node: int, wait: float = WAIT) -> None:
@@ -84,7 +84,7 @@ class Trouble:
             self._asked = None
 
     @property
-    def _first(self) -> faults.Fault | None:
+    def _first(self) -> faults.GimFault | None:
         for category in _ORDER:
             word = self.words.get(category) or 0
             for fault in faults.FAULTS:

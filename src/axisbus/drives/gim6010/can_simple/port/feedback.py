@@ -12,16 +12,16 @@ from __future__ import annotations
 
 import math
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple import codec, heartbeat
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
-from axisbus.drives.gim6010.can_simple.decoded_message import Reading, Unexpected
+from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage, Unexpected
 from axisbus.drives.gim6010.can_simple.error_query import GET_ERROR
 from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats
 from axisbus.drives.gim6010.can_simple.identifier import split
-from axisbus.drives.gim6010.can_simple.port.error_words import WAIT, Trouble
-from axisbus.drives.gim6010.can_simple.port.polling import Question
-from axisbus.drives.gim6010.can_simple.port.rotor_position import Place
+from axisbus.drives.gim6010.can_simple.port.error_words import WAIT, ModuleErrors
+from axisbus.drives.gim6010.can_simple.port.polling import PolledMessage
+from axisbus.drives.gim6010.can_simple.port.rotor_position import RotorPosition
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP
 from axisbus.wording import counted
@@ -36,7 +36,7 @@ _LATE = 1.5  # periods of the scan after which an estimate that a module sends b
 _NEWS = 64  # texts that are kept for whoever fetches them
 
 
-class Hearing:
+class ModuleFeedback:
     """Holds the newest of each kind with its time (s), and ``news``: what a person should be told, oldest first."""
 
     def __init__(self, settings: ModuleSettings) -> None:
@@ -44,8 +44,8 @@ class Hearing:
         self._node = settings.node
         self._beats = Heartbeats()
         self.beat_at = -math.inf
-        self.place = Place(settings.velocity_limit)
-        self.trouble = Trouble(settings.node, settings.fresh if settings.relayed else WAIT)
+        self.place = RotorPosition(settings.velocity_limit)
+        self.trouble = ModuleErrors(settings.node, settings.fresh if settings.relayed else WAIT)
         self.current: tuple[float, float] | None = None  # A that makes torque, and when
         self.restarts = 0
         self.restarted_at: float | None = None
@@ -53,7 +53,7 @@ class Hearing:
         self.news: list[tuple[float, str]] = []
         names = ("Get_Encoder_Estimates", "Get_Encoder_Count", "Get_Iq")
         self._estimates, self._counts, self._iq = self._questions = [
-            Question(self._node, each, remote=settings.remote) for each in names
+            PolledMessage(self._node, each, remote=settings.remote) for each in names
         ]
         self._told_silent: set[str] = set()
 
@@ -109,7 +109,7 @@ class Hearing:
 
     # What comes.
 
-    def take(self, frame: Frame, at: float) -> None:
+    def take(self, frame: CanFrame, at: float) -> None:
         """Take a frame that was received at ``at``; what is not this module's, or no frame of data, is passed over."""
         if frame.remote or frame.error or frame.extended or not 0 <= frame.can_id < 0x800:
             return
@@ -122,7 +122,7 @@ class Hearing:
             self._take_error(frame.data)
         else:
             found = codec.decode(frame.can_id, frame.data, from_module=True)
-            if isinstance(found, Reading):
+            if isinstance(found, DecodedMessage):
                 self._take_reading(found, at)
 
     def _take_beat(self, data: bytes, at: float) -> None:
@@ -184,7 +184,7 @@ class Hearing:
         if self.faulty:
             self.trouble.take(data)
 
-    def _take_reading(self, found: Reading, at: float) -> None:
+    def _take_reading(self, found: DecodedMessage, at: float) -> None:
         values = [float(each) for each in found.values.values()]
         if found.message.name == self._estimates.name:
             self._estimates.take(at)

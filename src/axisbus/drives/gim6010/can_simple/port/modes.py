@@ -11,9 +11,9 @@ from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Outputs
 from axisbus.drives.gim6010.can_simple.port.command_frames import FILTER, TRAPEZOID
-from axisbus.drives.gim6010.can_simple.port.feedback import Hearing
-from axisbus.drives.gim6010.can_simple.port.profile import Profile
-from axisbus.drives.gim6010.can_simple.port.setpoints import MOVES, Lead
+from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
+from axisbus.drives.gim6010.can_simple.port.profile import ModuleProfile
+from axisbus.drives.gim6010.can_simple.port.setpoints import MOVES, ModuleSetPoints
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN as TURN
 
@@ -46,13 +46,13 @@ class Means:
     """All that a mode works with."""
 
     settings: ModuleSettings
-    hearing: Hearing
-    lead: Lead
-    profile: Profile
+    hearing: ModuleFeedback
+    lead: ModuleSetPoints
+    profile: ModuleProfile
     targets: Targets
 
 
-class Mode(ABC):
+class ModuleMode(ABC):
     """One mode, from its beginning to the next one's; ``begin`` finds the motor as it is, and ``halt`` leaves it at rest."""
 
     def __init__(self, means: Means) -> None:
@@ -81,7 +81,7 @@ class Mode(ABC):
         return sw.TARGET_REACHED if self._lead.stands else 0
 
 
-class Position(Mode):
+class Position(ModuleMode):
     """Profile position: each rising edge of bit 4 gives the trapezoid a new goal; a halt forgets it."""
 
     def __init__(self, means: Means) -> None:
@@ -130,7 +130,7 @@ class Position(Mode):
         return sw.TARGET_REACHED if done else 0
 
 
-class Velocity(Mode):
+class Velocity(ModuleMode):
     """Profile velocity: the ramps are made here, since the module's own one cannot be set, and never harder than that."""
 
     def __init__(self, means: Means) -> None:
@@ -175,7 +175,7 @@ class Velocity(Mode):
         return (sw.TARGET_REACHED if reached else 0) | (sw.SPEED_ZERO if abs(velocity) <= MOVES else 0)
 
 
-class Torque(Mode):
+class Torque(ModuleMode):
     """Profile torque on the module's torque ramp; a halt brakes by velocity 0, since no torque is a brake."""
 
     def __init__(self, means: Means) -> None:
@@ -205,7 +205,7 @@ class Torque(Mode):
         return self._rests if halted else sw.TARGET_REACHED if reached else 0
 
 
-class Stream(Mode):
+class ModuleCsp(ModuleMode):
     """Cyclic synchronous position: the module comes up with each target, and stays at the last one where none follows."""
 
     def __init__(self, means: Means) -> None:
@@ -232,7 +232,7 @@ class Stream(Mode):
         return sw.FOLLOWS_COMMAND if self._follows and not halted else 0
 
 
-class Homing(Mode):
+class ModuleHoming(ModuleMode):
     """Homing in place (methods 35 and 37): the present place gets the position of 607Ch; nothing moves, and the module is not told.
 
     Set_Linear_Count would shift the estimate under a loop that holds it, which is a jump.
@@ -261,19 +261,19 @@ class Homing(Mode):
         return self._bits | self._rests
 
 
-MODES: dict[int, type[Mode]] = {
+MODES: dict[int, type[ModuleMode]] = {
     _M.PROFILE_POSITION: Position,
     _M.PROFILE_VELOCITY: Velocity,
     _M.PROFILE_TORQUE: Torque,
-    _M.HOMING: Homing,
-    _M.CYCLIC_SYNC_POSITION: Stream,
+    _M.HOMING: ModuleHoming,
+    _M.CYCLIC_SYNC_POSITION: ModuleCsp,
 }
 
 
 _RELAYED = (_M.PROFILE_POSITION, _M.HOMING)
 
 
-def modes_of(settings: ModuleSettings) -> dict[int, type[Mode]]:
+def modes_of(settings: ModuleSettings) -> dict[int, type[ModuleMode]]:
     """Return the modes that a module has by its settings: torques need what makes one of a current.
 
     On a serial line it has those alone that need one control and input mode from idle to idle: the two are registers of their own,

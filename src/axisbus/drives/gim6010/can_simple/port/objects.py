@@ -9,7 +9,7 @@ from axisbus.cia402 import objects as o
 from axisbus.cia402.modes import FACTS, ModeOfOperation
 from axisbus.drives.gim6010.can_simple.port import error_words
 from axisbus.drives.gim6010.can_simple.port.modes import modes_of
-from axisbus.drives.gim6010.can_simple.port.profile import Profile
+from axisbus.drives.gim6010.can_simple.port.profile import ModuleProfile
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN as TURN
 
@@ -40,13 +40,13 @@ def constants(settings: ModuleSettings) -> dict[Address, int]:
     }
 
 
-class Objects:
+class ModuleObjects:
     """Reads and writes them; holds nothing but the way to what does."""
 
     def __init__(
         self,
         settings: ModuleSettings,
-        profile: Profile,
+        profile: ModuleProfile,
         live: dict[Address, Read],
         orders: dict[Address, Obey],
     ) -> None:
@@ -108,7 +108,7 @@ class Objects:
         return abort.SUBINDEX_MISSING if index in self.indices else abort.OBJECT_MISSING
 
 
-def error_objects(words: error_words.Trouble) -> dict[Address, Read]:
+def error_objects(words: error_words.ModuleErrors) -> dict[Address, Read]:
     """Return the objects that tell of a fault."""
     found: dict[Address, Read] = {
         address: lambda subindex=address[1]: words.value(subindex)  # type: ignore[misc]

@@ -11,7 +11,7 @@ _SELDOM = 1.0  # s between two tries of what is not answered
 _GIVEN_UP = 0.05  # s after which a question counts as not answered
 
 
-class Question:
+class PolledMessage:
     """One message that is asked for; holds when it was asked for last, and how often in vain.
 
     Owners saw remote frames answered, and the maker's program asks with eight bytes of 0: after some remote frames in vain the

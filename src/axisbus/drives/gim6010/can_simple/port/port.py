@@ -18,15 +18,15 @@ from collections.abc import Callable
 
 from axisbus.cia301 import abort
 from axisbus.cia301.emcy import Emcy
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402 import objects as o
-from axisbus.cia402.port import Capabilities, Inputs, Outputs, Sample, SdoReply, SdoRequest, Source
+from axisbus.cia402.port import Capabilities, Inputs, Outputs, Sample, SdoReply, SdoRequest, ValueTransport
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.port import error_words
 from axisbus.drives.gim6010.can_simple.port.drive import ModuleDrive
-from axisbus.drives.gim6010.can_simple.port.feedback import Hearing
-from axisbus.drives.gim6010.can_simple.port.objects import Address, Objects, Read, error_objects
+from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
+from axisbus.drives.gim6010.can_simple.port.objects import Address, ModuleObjects, Read, error_objects
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN as TURN
 
@@ -39,7 +39,7 @@ class ModulePort:
 
     def __init__(self, settings: ModuleSettings) -> None:
         self.settings = settings
-        self.hearing = self._hearing = Hearing(settings)
+        self.hearing = self._hearing = ModuleFeedback(settings)
         self._drive = ModuleDrive(settings, self._hearing)
         self._asked: list[Outgoing] = []
         self._waiting: list[tuple[SdoRequest, float]] = []
@@ -47,7 +47,7 @@ class ModulePort:
         self._told_code = 0
         self._now = 0.0
         drive = self._drive
-        self.objects = Objects(
+        self.objects = ModuleObjects(
             settings,
             drive.profile,
             self._live(),
@@ -57,7 +57,7 @@ class ModulePort:
 
     # -- the wire ------------------------------------------------------------------------------------------------------------------
 
-    def receive(self, frame: Frame, time: float) -> None:
+    def receive(self, frame: CanFrame, time: float) -> None:
         """Take a frame of the bus, of whatever node, that was received at ``time`` (s of the clock of ``read``)."""
         self._hearing.take(frame, time)
 
@@ -218,13 +218,15 @@ def _value(sample: Callable[[], Sample | None]) -> Read:
 
 def _capabilities(settings: ModuleSettings) -> Capabilities:
     """Return how values travel: in every cycle, sent or asked for, as those of a synchronous PDO; the state with each heartbeat."""
-    torque = Source.NONE if settings.torque is None else Source.SYNC_PDO
-    inputs = dict.fromkeys(("statusword", "mode", "position", "velocity"), Source.SYNC_PDO)
-    outputs = dict.fromkeys(("controlword", "mode", "target_position", "target_velocity"), Source.SYNC_PDO)
+    torque = ValueTransport.NONE if settings.torque is None else ValueTransport.SYNC_PDO
+    inputs = dict.fromkeys(("statusword", "mode", "position", "velocity"), ValueTransport.SYNC_PDO)
+    outputs = dict.fromkeys(
+        ("controlword", "mode", "target_position", "target_velocity"), ValueTransport.SYNC_PDO
+    )
     age = max(settings.fresh, 5.0 * settings.period)
     state = max(age, _HEARTBEATS * settings.heartbeat)
     return Capabilities(
-        inputs | {"torque": torque, "demand": Source.NONE},
+        inputs | {"torque": torque, "demand": ValueTransport.NONE},
         outputs | {"target_torque": torque},
         remappable=False,
         max_age={

@@ -7,7 +7,7 @@ from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN as TURN
 
 
-class Profile:
+class ModuleProfile:
     """Holds what was written last; 0 is what nobody has written yet, and never stands for a velocity or ramp of its own."""
 
     def __init__(self, settings: ModuleSettings) -> None:

@@ -29,7 +29,7 @@ _RECENT = 0.1  # s
 _SPAN = 0.1  # s over which counts tell a speed: one of two that came close together, or late, would lead the place away for ever
 
 
-class Place:
+class RotorPosition:
     """Holds the place, how fast the rotor is, and how both ways of counting are joined; times in s, velocities in turns/s."""
 
     def __init__(self, fastest: float) -> None:

@@ -14,7 +14,7 @@ import math
 
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.port.command_frames import TORQUE, TRAPEZOID, VELOCITY, Orders
-from axisbus.drives.gim6010.can_simple.port.feedback import Hearing
+from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 
 MOVES = 0.01  # turns/s: less is noise of a standing rotor
@@ -26,10 +26,10 @@ _NEAR = 1e-3  # turns
 _SLOWEST = 1e-3  # turns/s, of a trapezoid
 
 
-class Lead:
+class ModuleSetPoints:
     """Holds what the module was given last, and the frames that are to go out; ``now`` is that of the cycle, in s."""
 
-    def __init__(self, settings: ModuleSettings, orders: Orders, hearing: Hearing) -> None:
+    def __init__(self, settings: ModuleSettings, orders: Orders, hearing: ModuleFeedback) -> None:
         self.frames: list[Outgoing] = []
         self.now = 0.0
         self._settings = settings

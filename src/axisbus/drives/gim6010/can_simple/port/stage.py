@@ -17,13 +17,13 @@ from __future__ import annotations
 from enum import Enum
 
 from axisbus.cia402 import controlword as cw
-from axisbus.cia402.state import STATUSWORD_PATTERNS, TRANSITIONS, State
-from axisbus.drives.gim6010.can_simple.port.feedback import Hearing
+from axisbus.cia402.state import STATUSWORD_PATTERNS, TRANSITIONS, PowerState
+from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
 from axisbus.drives.gim6010.can_simple.states import IDLE
 
-_S, _C = State, cw.Command
+_S, _C = PowerState, cw.PowerCommand
 WORDS = {state: value for _, value, state in STATUSWORD_PATTERNS}
-_NEXT: dict[tuple[State | None, cw.Command], State] = {
+_NEXT: dict[tuple[PowerState | None, cw.PowerCommand], PowerState] = {
     (each.source, each.command): each.target
     for each in TRANSITIONS
     if each.command is not None and each.command is not _C.FAULT_RESET
@@ -43,7 +43,7 @@ class Power(Enum):
     FOUND = "not asked for by this program"
 
 
-class Act(Enum):
+class ModulePowerAction(Enum):
     """What the module is to be told in this cycle."""
 
     NOTHING = "nothing"
@@ -54,7 +54,7 @@ class Act(Enum):
     CLEAR = "that its errors are cleared"
 
 
-def after(state: State, word: int) -> State:
+def after(state: PowerState, word: int) -> PowerState:
     """Return the state to which a controlword leads, one transition at a time (CiA 402-2 7.2)."""
     command = _command(word)
     if command is _C.QUICK_STOP and state in _BEFORE_POWER:
@@ -64,7 +64,7 @@ def after(state: State, word: int) -> State:
     return _NEXT.get((state, command), state)
 
 
-def _command(word: int) -> cw.Command:
+def _command(word: int) -> cw.PowerCommand:
     if not word & cw.ENABLE_VOLTAGE:
         return _C.DISABLE_VOLTAGE
     if not word & cw.QUICK_STOP:
@@ -74,10 +74,10 @@ def _command(word: int) -> cw.Command:
     return _C.ENABLE_OPERATION if word & cw.ENABLE_OPERATION else _C.SWITCH_ON
 
 
-class Stage:
+class ModulePowerStage:
     """Holds what was asked for, and when."""
 
-    def __init__(self, hearing: Hearing) -> None:
+    def __init__(self, hearing: ModuleFeedback) -> None:
         self._hearing = hearing
         self.power = Power.OFF
         self._asked = _S.SWITCH_ON_DISABLED
@@ -87,7 +87,7 @@ class Stage:
         self.refused = 0  # times that closed loop was asked for in vain, in a row
 
     @property
-    def shown(self) -> State:
+    def shown(self) -> PowerState:
         """The state as 6041h has it; only once a heartbeat was heard."""
         hearing = self._hearing
         if hearing.faulty:
@@ -102,7 +102,7 @@ class Stage:
         return self._asked
 
     @property
-    def _shown_going(self) -> State:
+    def _shown_going(self) -> PowerState:
         if self._hearing.beat_at <= self._since:
             return self._leaving
         return self._leaving if self._leaving is not _S.SWITCHED_ON else _S.OPERATION_ENABLED
@@ -138,7 +138,7 @@ class Stage:
         stamp = self._hearing.place.velocity_stamp
         return stamp is not None and stamp > self._since
 
-    def obey(self, word: int, now: float) -> Act:
+    def obey(self, word: int, now: float) -> ModulePowerAction:
         """Take the controlword of this cycle, and return what the module is to be told for it."""
         before, self._word = self._word, word
         if self._hearing.faulty:
@@ -151,67 +151,75 @@ class Stage:
             self._leaving, self._asked = self.shown, _S.SWITCH_ON_DISABLED
             self.power, self._since, self._sent = Power.GOING, now, now
 
-    def _in_fault(self, reset: int, now: float) -> Act:
+    def _in_fault(self, reset: int, now: float) -> ModulePowerAction:
         if self._hearing.closed:
             return self._repeat(now)
-        return Act.CLEAR if reset else Act.NOTHING
+        return ModulePowerAction.CLEAR if reset else ModulePowerAction.NOTHING
 
-    def _off(self, word: int, now: float) -> Act:
+    def _off(self, word: int, now: float) -> ModulePowerAction:
         if self.shown is _S.NOT_READY_TO_SWITCH_ON:
-            return Act.NOTHING
+            return ModulePowerAction.NOTHING
         wanted = after(self._asked, word)
         if wanted is _S.OPERATION_ENABLED:
             self.power, self._since, self._sent, self.refused = Power.COMING, now, now, 0
-            return Act.START
+            return ModulePowerAction.START
         self._asked = wanted
-        return Act.NOTHING
+        return ModulePowerAction.NOTHING
 
-    def _coming(self, word: int, now: float) -> Act:
+    def _coming(self, word: int, now: float) -> ModulePowerAction:
         wanted = after(_S.SWITCHED_ON, word)
         if wanted is not _S.OPERATION_ENABLED:
             return self._go(_S.SWITCHED_ON, wanted, now)
         if now - self._sent < _RETRY or self._hearing.closed or self._hearing.beat_at <= self._sent:
-            return Act.NOTHING
+            return ModulePowerAction.NOTHING
         self._sent, self.refused = now, self.refused + 1
-        return Act.START
+        return ModulePowerAction.START
 
-    def _on(self, word: int, now: float) -> Act:
+    def _on(self, word: int, now: float) -> ModulePowerAction:
         before, wanted = self._asked, after(self._asked, word)
         if wanted is before:
-            return Act.NOTHING
+            return ModulePowerAction.NOTHING
         if wanted is _S.QUICK_STOP_ACTIVE or wanted is _S.OPERATION_ENABLED:
             self._asked = wanted
-            return Act.QUICK_STOP if wanted is _S.QUICK_STOP_ACTIVE else Act.TAKE_OVER
+            return (
+                ModulePowerAction.QUICK_STOP
+                if wanted is _S.QUICK_STOP_ACTIVE
+                else ModulePowerAction.TAKE_OVER
+            )
         return self._go(before, wanted, now)
 
-    def _go(self, leaving: State, asked: State, now: float) -> Act:
+    def _go(self, leaving: PowerState, asked: PowerState, now: float) -> ModulePowerAction:
         self._leaving, self._asked = leaving, asked
         self.power, self._since, self._sent = Power.GOING, now, now
-        return Act.LET_GO
+        return ModulePowerAction.LET_GO
 
-    def _going(self, word: int, now: float) -> Act:
+    def _going(self, word: int, now: float) -> ModulePowerAction:
         wanted = after(self._asked, word)
         self._asked = self._asked if wanted is _S.OPERATION_ENABLED else wanted
         return self._repeat(now)
 
-    def _repeat(self, now: float) -> Act:
+    def _repeat(self, now: float) -> ModulePowerAction:
         if now - self._sent < _AGAIN:
-            return Act.NOTHING
+            return ModulePowerAction.NOTHING
         self._sent = now
-        return Act.LET_GO
+        return ModulePowerAction.LET_GO
 
-    def _found(self, word: int, now: float) -> Act:
+    def _found(self, word: int, now: float) -> ModulePowerAction:
         wanted = after(_S.OPERATION_ENABLED, word)
         if wanted is _S.QUICK_STOP_ACTIVE or wanted is _S.OPERATION_ENABLED:
             self.power, self._asked = Power.ON, wanted
-            return Act.QUICK_STOP if wanted is _S.QUICK_STOP_ACTIVE else Act.TAKE_OVER
+            return (
+                ModulePowerAction.QUICK_STOP
+                if wanted is _S.QUICK_STOP_ACTIVE
+                else ModulePowerAction.TAKE_OVER
+            )
         return self._go(_S.OPERATION_ENABLED, wanted, now)
 
 
 _OBEY = {
-    Power.OFF: Stage._off,
-    Power.COMING: Stage._coming,
-    Power.ON: Stage._on,
-    Power.GOING: Stage._going,
-    Power.FOUND: Stage._found,
+    Power.OFF: ModulePowerStage._off,
+    Power.COMING: ModulePowerStage._coming,
+    Power.ON: ModulePowerStage._on,
+    Power.GOING: ModulePowerStage._going,
+    Power.FOUND: ModulePowerStage._found,
 }

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from enum import Enum
 
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.port.command_frames import Orders
-from axisbus.drives.gim6010.can_simple.port.feedback import Hearing
+from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
 from axisbus.drives.gim6010.can_simple.port.setpoints import MOVES
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 
@@ -15,7 +15,7 @@ _AGAIN = 0.05  # s: another master may be alive, and command it
 _STILL = 0.1  # s of rest that are standing
 
 
-class Rung(Enum):
+class RescueStep(Enum):
     """What is being sent, with the seconds that it may take."""
 
     BRAKE = 2.0
@@ -28,16 +28,16 @@ class ModuleRescue:
 
     def __init__(self, settings: ModuleSettings) -> None:
         self._settings = settings
-        self._hearing = Hearing(settings)
+        self._hearing = ModuleFeedback(settings)
         self._orders = Orders(settings)
-        self.rung = Rung.BRAKE
+        self.rung = RescueStep.BRAKE
         self.ok = False
         self.text = ""
         self._since: float | None = None
         self._sent = self._still_since = 0.0
         self._was_still = False
 
-    def receive(self, frame: Frame, time: float) -> None:
+    def receive(self, frame: CanFrame, time: float) -> None:
         """Take a frame that was received at ``time`` (s of the clock of ``step``)."""
         self._hearing.take(frame, time)
 
@@ -45,7 +45,7 @@ class ModuleRescue:
         """Return what is to be sent at ``now`` (s); to be called every few ms until there is a ``text``."""
         if self._since is None:
             self._since, self._sent = now, now - _AGAIN
-        if self.rung is not Rung.BRAKE:
+        if self.rung is not RescueStep.BRAKE:
             self._hearing.let_go()
         self._look(now)
         self._judge(now)
@@ -57,9 +57,9 @@ class ModuleRescue:
         if now - self._sent < _AGAIN:
             return []
         self._sent, orders = now, self._orders
-        if self.rung is Rung.BRAKE:
+        if self.rung is RescueStep.BRAKE:
             return orders.brake()
-        return [orders.idle() if self.rung is Rung.IDLE else orders.estop()]
+        return [orders.idle() if self.rung is RescueStep.IDLE else orders.estop()]
 
     def _look(self, now: float) -> None:
         place = self._hearing.place
@@ -76,24 +76,24 @@ class ModuleRescue:
         stands = self._was_still and told - max(self._still_since, self._since) >= _STILL
         if heard and stands and not self._hearing.closed:
             self._end(True, "stands, without power")
-        elif heard and stands and self.rung is Rung.BRAKE:
+        elif heard and stands and self.rung is RescueStep.BRAKE:
             if self._settings.quick_stop_holds:
                 self._end(True, "stands, and its module holds it")
             else:
-                self._go(Rung.IDLE, now)
+                self._go(RescueStep.IDLE, now)
         elif now - self._since > self.rung.value:
             self._late(now)
 
     def _late(self, now: float) -> None:
-        if self.rung is Rung.ESTOP:
+        if self.rung is RescueStep.ESTOP:
             heard = (
                 "is heard, and was not seen to stand" if not self._hearing.is_silent(now) else "is not heard"
             )
             self._end(False, f"NOT CONFIRMED as stopped: its module {heard} after velocity 0, idle and ESTOP")
         else:
-            self._go(Rung.IDLE if self.rung is Rung.BRAKE else Rung.ESTOP, now)
+            self._go(RescueStep.IDLE if self.rung is RescueStep.BRAKE else RescueStep.ESTOP, now)
 
-    def _go(self, rung: Rung, now: float) -> None:
+    def _go(self, rung: RescueStep, now: float) -> None:
         self.rung, self._since, self._sent = rung, now, now - _AGAIN
 
     def _end(self, ok: bool, text: str) -> None:

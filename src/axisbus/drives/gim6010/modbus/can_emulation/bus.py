@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from itertools import cycle
 
 from axisbus.drives.gim6010.can_simple.codec import decode
-from axisbus.drives.gim6010.can_simple.decoded_message import Reading, Request
+from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage, MessageRequest
 from axisbus.drives.gim6010.can_simple.endpoints import EndpointList
 from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
 from axisbus.drives.gim6010.modbus.can_emulation.module import RelayedModule
@@ -50,7 +50,7 @@ class Relay:
         while self._came:
             can_id, data, remote = self._came.popleft()
             told = decode(can_id, data, from_module=False, remote=remote)
-            if isinstance(told, Reading | Request) and told.node in self._modules:
+            if isinstance(told, DecodedMessage | MessageRequest) and told.node in self._modules:
                 self._modules[told.node].hear(told)
 
     def _next(self) -> RelayedModule | None:

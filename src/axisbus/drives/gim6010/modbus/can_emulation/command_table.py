@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from axisbus.drives.gim6010.can_simple.decoded_message import Reading
+from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage
 from axisbus.drives.gim6010.can_simple.fields import Number
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE
 from axisbus.drives.gim6010.modbus.motion.driver import BRAKE
@@ -28,7 +28,7 @@ _FED_FORWARD = ("Vel_FF", "Torque_FF")
 _ACTS = {"Estop": "emergency_stop", "Clear_Errors": "clear_errors"}
 
 
-class Kind(Enum):
+class RegisterCommandKind(Enum):
     """How an order is carried out; those that stop come before all others, and end what waits."""
 
     STOP = "written at once, whether it is answered or not"
@@ -39,14 +39,14 @@ class Kind(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class RegisterCommand:
     """One order: its registers with their values."""
 
-    kind: Kind
+    kind: RegisterCommandKind
     writes: Writes
 
 
-def order(told: Reading) -> Order | None:
+def order(told: DecodedMessage) -> RegisterCommand | None:
     """Return what a message to a module comes to; None where it is none that goes over a line."""
     name, values = told.message.name, told.values
     if name == "Set_Controller_Mode":
@@ -54,20 +54,22 @@ def order(told: Reading) -> Order | None:
     if name == "Set_Axis_State":
         return _state(int(values["Axis_Requested_State"]))
     if name in _ACTS:
-        kind = Kind.STOP if name == "Estop" else Kind.ACT
-        return Order(kind, ((_ACTS[name], 1),))
+        kind = RegisterCommandKind.STOP if name == "Estop" else RegisterCommandKind.ACT
+        return RegisterCommand(kind, ((_ACTS[name], 1),))
     if name not in _VALUES or any(values.get(each) for each in _FED_FORWARD):
         return None
-    return Order(Kind.VALUES, tuple((register, values[field]) for register, field in _VALUES[name]))
+    return RegisterCommand(
+        RegisterCommandKind.VALUES, tuple((register, values[field]) for register, field in _VALUES[name])
+    )
 
 
-def _modes(control: int, inputs: int) -> Order:
+def _modes(control: int, inputs: int) -> RegisterCommand:
     if (control, inputs) == _BRAKED:
-        return Order(Kind.STOP, BRAKE)
-    return Order(Kind.MODES, (("control_mode", control), ("input_mode", inputs)))
+        return RegisterCommand(RegisterCommandKind.STOP, BRAKE)
+    return RegisterCommand(RegisterCommandKind.MODES, (("control_mode", control), ("input_mode", inputs)))
 
 
-def _state(state: int) -> Order | None:
+def _state(state: int) -> RegisterCommand | None:
     """Idle and closed loop; whatever else would turn the motor by itself."""
-    kinds = {IDLE: Kind.STOP, CLOSED_LOOP: Kind.POWER}
-    return Order(kinds[state], (("state_control", state),)) if state in kinds else None
+    kinds = {IDLE: RegisterCommandKind.STOP, CLOSED_LOOP: RegisterCommandKind.POWER}
+    return RegisterCommand(kinds[state], (("state_control", state),)) if state in kinds else None

@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator
 
-from axisbus.drives.gim6010.can_simple.decoded_message import Reading, Request
+from axisbus.drives.gim6010.can_simple.decoded_message import DecodedMessage, MessageRequest
 from axisbus.drives.gim6010.can_simple.endpoint_messages import RX_SDO
 from axisbus.drives.gim6010.can_simple.endpoints import EndpointList
 from axisbus.drives.gim6010.can_simple.error_query import GET_ERROR, ErrorType
@@ -29,7 +29,12 @@ from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE
 from axisbus.drives.gim6010.can_simple.verified_endpoints import SERIAL_ENDPOINT, VERSION_ENDPOINTS, Firmware
 from axisbus.drives.gim6010.modbus import requests
 from axisbus.drives.gim6010.modbus.can_emulation import status_frames
-from axisbus.drives.gim6010.modbus.can_emulation.command_table import Kind, Order, Writes, order
+from axisbus.drives.gim6010.modbus.can_emulation.command_table import (
+    RegisterCommand,
+    RegisterCommandKind,
+    Writes,
+    order,
+)
 from axisbus.drives.gim6010.modbus.can_emulation.status_frames import Told
 from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
@@ -59,7 +64,7 @@ class RelayedModule:
         self._parameters = ModbusParameters(self._module)
         self._list = listed, made_for
         self._fits = False
-        self._orders: deque[Order] = deque(maxlen=_MOST)
+        self._orders: deque[RegisterCommand] = deque(maxlen=_MOST)
         self._questions: deque[Callable[[], Told | None]] = deque(maxlen=_MOST)
         self._looking: Iterator[Told] = iter(())
         self._life = status_frames.FIRST_LIFE
@@ -68,20 +73,22 @@ class RelayedModule:
 
     # What is told to it.
 
-    def hear(self, told: Reading | Request) -> None:
+    def hear(self, told: DecodedMessage | MessageRequest) -> None:
         """Take a message to the module."""
         question = self._question(told)
         if question is not None:
             if len(self._questions) < _MOST:
                 self._questions.append(question)
-        elif isinstance(told, Reading):
+        elif isinstance(told, DecodedMessage):
             self._take(order(told))
 
-    def _take(self, wanted: Order | None) -> None:
+    def _take(self, wanted: RegisterCommand | None) -> None:
         if wanted is None:
             return
-        if wanted.kind is Kind.STOP:  # whatever waits is of before
-            waiting = [each for each in self._orders if each.kind is Kind.STOP and each != wanted]
+        if wanted.kind is RegisterCommandKind.STOP:  # whatever waits is of before
+            waiting = [
+                each for each in self._orders if each.kind is RegisterCommandKind.STOP and each != wanted
+            ]
             self._orders.clear()
             self._orders.extend(waiting)
         if not self._orders or self._orders[-1] != wanted:
@@ -90,7 +97,7 @@ class RelayedModule:
     @property
     def is_stopped(self) -> bool:
         """Whether something that stops it waits to be carried out."""
-        return any(each.kind is Kind.STOP for each in self._orders)
+        return any(each.kind is RegisterCommandKind.STOP for each in self._orders)
 
     @property
     def has_orders(self) -> bool:
@@ -127,12 +134,12 @@ class RelayedModule:
                 self._resting_until = self._wire.now() + _REST
             return []
 
-    def _attempt(self, wanted: Order) -> None:
+    def _attempt(self, wanted: RegisterCommand) -> None:
         """Carry an order out; where it was lost, all that is built on it is forgotten: what stops it goes out all the same."""
         try:
             _CARRIED_OUT[wanted.kind](self, wanted.writes)
         except AxisbusError as error:
-            waiting = [each for each in self._orders if each.kind is Kind.STOP]
+            waiting = [each for each in self._orders if each.kind is RegisterCommandKind.STOP]
             self._orders.clear()
             self._orders.extend(waiting)
             if not isinstance(error, NodeTimeout):
@@ -176,10 +183,10 @@ class RelayedModule:
 
     # Questions.
 
-    def _question(self, told: Reading | Request) -> Callable[[], Told | None] | None:
+    def _question(self, told: DecodedMessage | MessageRequest) -> Callable[[], Told | None] | None:
         """Return what answers a message; None where it is none that is answered."""
         found = told.message
-        if isinstance(told, Request):
+        if isinstance(told, MessageRequest):
             return self._answer_voltage if found.name == _VOLTAGE.name else _nothing
         if found.name == GET_ERROR.name:
             which = int(told.values["Error_Type"])
@@ -197,7 +204,7 @@ class RelayedModule:
             return None
         return status_frames.error_word(self.node, int(self._module.read(_WORDS[ErrorType(which).category])))
 
-    def _answer_endpoint(self, found: Message, told: Reading) -> Told | None:
+    def _answer_endpoint(self, found: Message, told: DecodedMessage) -> Told | None:
         """Read an endpoint; over the line nothing is written by its number, and none is read whose list is not shown to fit."""
         number, writes = int(told.values["Endpoint_ID"]), bool(told.values["opcode"])
         known = number in (*VERSION_ENDPOINTS.values(), SERIAL_ENDPOINT)
@@ -257,10 +264,10 @@ def _nothing() -> None:
     """Answer nothing: what it is about is told all the time, or not at all."""
 
 
-_CARRIED_OUT: dict[Kind, Callable[[RelayedModule, Writes], None]] = {
-    Kind.STOP: RelayedModule._stop,
-    Kind.MODES: RelayedModule._set_modes,
-    Kind.VALUES: RelayedModule._put,
-    Kind.ACT: RelayedModule._act,
-    Kind.POWER: RelayedModule._power,
+_CARRIED_OUT: dict[RegisterCommandKind, Callable[[RelayedModule, Writes], None]] = {
+    RegisterCommandKind.STOP: RelayedModule._stop,
+    RegisterCommandKind.MODES: RelayedModule._set_modes,
+    RegisterCommandKind.VALUES: RelayedModule._put,
+    RegisterCommandKind.ACT: RelayedModule._act,
+    RegisterCommandKind.POWER: RelayedModule._power,
 }

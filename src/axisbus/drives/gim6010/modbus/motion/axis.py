@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from axisbus.drives.gim6010.modbus import requests
 from axisbus.drives.gim6010.modbus.motion.course import (
-    Control,
-    Course,
+    ModbusCommand,
+    ModbusControlMode,
     require_finite,
     require_positive,
     require_torque,
@@ -13,7 +13,7 @@ from axisbus.drives.gim6010.modbus.motion.course import (
 )
 from axisbus.drives.gim6010.modbus.motion.halting import LONGEST_STEP, ramped, trapezoid_time
 from axisbus.drives.gim6010.modbus.motion.power import PLACE, PoweredModule
-from axisbus.drives.gim6010.modbus.motion.watch import MoveWatch, TurnWatch, Verdict
+from axisbus.drives.gim6010.modbus.motion.watch import ModbusMotionStatus, MoveWatch, TurnWatch
 from axisbus.drives.gim6010.modbus.registers import named
 from axisbus.errors import ArgumentError, LimitError
 
@@ -42,7 +42,7 @@ class ModbusAxis(PoweredModule):
             ArgumentError, LimitError: a value that cannot be. StateError: not enabled for positions. NodeError: no answer.
             DriveFault, UncommandedMotion, MotionTimeout, StaleError: it does not go as asked for.
         """
-        course = self._enabled(Control.POSITION)
+        course = self._enabled(ModbusControlMode.POSITION)
         require_positive(
             velocity=velocity, acceleration=acceleration, deceleration=deceleration, window=window
         )
@@ -73,7 +73,7 @@ class ModbusAxis(PoweredModule):
         Raises:
             As ``move``; StateError: not enabled for velocities.
         """
-        course = self._enabled(Control.VELOCITY)
+        course = self._enabled(ModbusControlMode.VELOCITY)
         require_positive(acceleration=acceleration)
         require_finite(velocity=velocity)
         self._require_slow(velocity)
@@ -93,7 +93,7 @@ class ModbusAxis(PoweredModule):
         Raises:
             As ``move``; LimitError: more than ``most``. StateError: not enabled for torques.
         """
-        course = self._enabled(Control.TORQUE)
+        course = self._enabled(ModbusControlMode.TORQUE)
         require_positive(slope=slope, most=most, max_velocity=max_velocity)
         require_finite(torque=torque)
         require_torque(torque, most)
@@ -119,19 +119,19 @@ class ModbusAxis(PoweredModule):
                     and seen.position is not None
                     and abs(seen.position - course.target) > PLACE
                 ):
-                    raise wrong(self.module, Verdict.AWAY, seen, course)
+                    raise wrong(self.module, ModbusMotionStatus.AWAY, seen, course)
 
-    def _follow(self, watch: MoveWatch | TurnWatch, course: Course) -> float:
+    def _follow(self, watch: MoveWatch | TurnWatch, course: ModbusCommand) -> float:
         """Look until a motion is as it was asked for; return where it is."""
         while True:
             seen = self._round()
             verdict = watch.judge(seen)
-            if verdict is Verdict.DONE and seen.position is not None:
+            if verdict is ModbusMotionStatus.DONE and seen.position is not None:
                 return seen.position
-            if verdict is not Verdict.UNDER_WAY:
+            if verdict is not ModbusMotionStatus.UNDER_WAY:
                 raise wrong(self.module, verdict, seen, course)
 
-    def _lead(self, register: str, wanted: float, rate: float, course: Course) -> None:
+    def _lead(self, register: str, wanted: float, rate: float, course: ModbusCommand) -> None:
         """Lead a set-point in steps."""
         before = self.module.wire.now()
         while course.commanded != wanted:

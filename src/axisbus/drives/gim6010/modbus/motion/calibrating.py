@@ -13,18 +13,18 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from axisbus.drives.gim6010.calibration import result
-from axisbus.drives.gim6010.calibration.kinds import ON_THE_WAY, Kind
+from axisbus.drives.gim6010.calibration.kinds import ON_THE_WAY, CalibrationKind
 from axisbus.drives.gim6010.calibration.procedure_run import BEGINS, LONGEST
-from axisbus.drives.gim6010.calibration.result import Verdict
-from axisbus.drives.gim6010.calibration.rotation import Turning
+from axisbus.drives.gim6010.calibration.result import CalibrationResult
+from axisbus.drives.gim6010.calibration.rotation import RotorRotation
 from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
 from axisbus.drives.gim6010.modbus.motion.course import fault
 from axisbus.drives.gim6010.modbus.motion.driver import PERIOD, descend
-from axisbus.drives.gim6010.modbus.motion.ladder import StopLadder
-from axisbus.drives.gim6010.modbus.motion.signals import Signals
+from axisbus.drives.gim6010.modbus.motion.ladder import ModbusStopSequence
+from axisbus.drives.gim6010.modbus.motion.signals import ModbusSignalHandlers
 from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 from axisbus.drives.gim6010.modbus.registers import named
-from axisbus.drives.gim6010.modbus.requests import Function, Request
+from axisbus.drives.gim6010.modbus.requests import ModbusFunction, ModbusRequest
 from axisbus.errors import CommandError, DriveError
 
 COUNT = "axis0.encoder.count_in_cpr"
@@ -36,7 +36,7 @@ class Calibrating:
     def __init__(
         self,
         parameters: ModbusParameters,
-        kind: Kind,
+        kind: CalibrationKind,
         *,
         tell: Callable[[str], None],
         guarded: Callable[[], bool] = lambda: True,
@@ -46,16 +46,16 @@ class Calibrating:
         ``guarded``: whether what would let the module go in our place is still there; where it no longer is, it is broken off.
         """
         self.kind = kind
-        self.turned = Turning()
+        self.turned = RotorRotation()
         self._parameters = parameters
         self._module = parameters.module
         self._tell = tell
         self._guarded = guarded
-        self._signals = Signals()
+        self._signals = ModbusSignalHandlers()
         self._seen: list[int] = []
         self._begun = 0.0
 
-    def run(self) -> Verdict:
+    def run(self) -> CalibrationResult:
         """Calibrate: THE OUTPUT MAY TURN BY ITSELF. Return what it came to; blocks for its time, at most five minutes.
 
         Raises:
@@ -84,7 +84,7 @@ class Calibrating:
             while not self._is_over():
                 self._module.wire.sleep(PERIOD)
         except BaseException as error:
-            ladder = StopLadder(None, was_closed=False)
+            ladder = ModbusStopSequence(None, was_closed=False)
             outcome = descend(self._module, ladder, lambda: self._signals.count)
             self._tell(f"module {self._module.device}: {outcome.text}")
             if not outcome.ok:
@@ -97,7 +97,7 @@ class Calibrating:
         self._begun = self._module.wire.now()
         # the register's own table has no calibration among what is ever written by name
         self._module.dialogue.write(
-            Request(Function.WRITE_ONE, register.address, register.count, (self.kind.value,))
+            ModbusRequest(ModbusFunction.WRITE_ONE, register.address, register.count, (self.kind.value,))
         )
 
     def _is_over(self) -> bool:

@@ -10,8 +10,8 @@ from axisbus.drives.gim6010.can_simple.states import state_words
 from axisbus.drives.gim6010.modbus.constants import turns
 from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.motion.halting import Halting, RampHalt, TrapezoidHalt
-from axisbus.drives.gim6010.modbus.motion.look import Look
-from axisbus.drives.gim6010.modbus.motion.watch import Verdict, too_fast
+from axisbus.drives.gim6010.modbus.motion.look import StatusRead
+from axisbus.drives.gim6010.modbus.motion.watch import ModbusMotionStatus, too_fast
 from axisbus.errors import (
     ArgumentError,
     DriveError,
@@ -22,15 +22,15 @@ from axisbus.errors import (
     UncommandedMotion,
 )
 
-_WRONG: dict[Verdict, type[DriveError]] = {
-    Verdict.TOO_FAST: UncommandedMotion,
-    Verdict.AWAY: UncommandedMotion,
-    Verdict.LATE: MotionTimeout,
-    Verdict.BLIND: StaleError,
+_WRONG: dict[ModbusMotionStatus, type[DriveError]] = {
+    ModbusMotionStatus.TOO_FAST: UncommandedMotion,
+    ModbusMotionStatus.AWAY: UncommandedMotion,
+    ModbusMotionStatus.LATE: MotionTimeout,
+    ModbusMotionStatus.BLIND: StaleError,
 }
 
 
-class Control(Enum):
+class ModbusControlMode(Enum):
     """What is controlled: the values of control mode and input mode (4.3.3)."""
 
     POSITION = (3, 5)
@@ -39,14 +39,14 @@ class Control(Enum):
 
 
 @dataclass(slots=True)
-class Course:
+class ModbusCommand:
     """What was commanded last, by this program; holds state.
 
     ``commanded``: velocity in turns/s or torque in N·m. ``target``: turns of the rotor. ``ramp``: turns/s² by which it is braked, 0
     where nothing was commanded. ``fastest``: the turns/s that a motion explains; under torque, that are allowed.
     """
 
-    control: Control
+    control: ModbusControlMode
     commanded: float = 0.0
     target: float | None = None
     ramp: float = 0.0
@@ -55,22 +55,22 @@ class Course:
     @property
     def halting(self) -> Halting | None:
         """How it is braked in its own mode; None where it cannot be."""
-        if not self.ramp or self.control is Control.TORQUE:
+        if not self.ramp or self.control is ModbusControlMode.TORQUE:
             return None
-        if self.control is Control.POSITION:
+        if self.control is ModbusControlMode.POSITION:
             return None if self.target is None else TrapezoidHalt(self.ramp, self.target)
         return RampHalt(self.ramp, self.commanded)
 
     def is_too_fast(self, velocity: float) -> bool:
         """Whether a velocity is none that was commanded."""
-        if self.control is Control.TORQUE and self.fastest:
+        if self.control is ModbusControlMode.TORQUE and self.fastest:
             return abs(velocity) > self.fastest
         return too_fast(velocity, self.fastest)
 
     @property
     def setpoint(self) -> float | None:
         """What was commanded, for a person."""
-        return self.target if self.control is Control.POSITION else self.commanded
+        return self.target if self.control is ModbusControlMode.POSITION else self.commanded
 
 
 def fault(module: ModbusModule, state: int) -> DriveFault:
@@ -83,7 +83,9 @@ def fault(module: ModbusModule, state: int) -> DriveFault:
     )
 
 
-def wrong(module: ModbusModule, verdict: Verdict, seen: Look, course: Course) -> DriveError:
+def wrong(
+    module: ModbusModule, verdict: ModbusMotionStatus, seen: StatusRead, course: ModbusCommand
+) -> DriveError:
     """Return the error of a motion that does not go as it was asked for."""
     return _WRONG[verdict](
         f"module {module.device}: {verdict.value}",

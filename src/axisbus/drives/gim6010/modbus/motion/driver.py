@@ -7,8 +7,8 @@ from collections.abc import Callable
 from axisbus.drives.gim6010.can_simple.states import IDLE
 from axisbus.drives.gim6010.modbus import requests
 from axisbus.drives.gim6010.modbus.module import ModbusModule
-from axisbus.drives.gim6010.modbus.motion.ladder import Outcome, Send, StopLadder
-from axisbus.drives.gim6010.modbus.motion.look import Look, look
+from axisbus.drives.gim6010.modbus.motion.ladder import ModbusStopSequence, Send, StopOutcome
+from axisbus.drives.gim6010.modbus.motion.look import StatusRead, look
 from axisbus.drives.gim6010.modbus.registers import named
 from axisbus.errors import AdapterError, DriveError, NodeError
 
@@ -17,7 +17,7 @@ PERIOD = 0.03  # s between two looks
 BRAKE = (("velocity_setpoint", 0.0), ("control_mode", 2), ("input_mode", 2), ("torque_setpoint", 0.0))
 
 
-def descend(module: ModbusModule, ladder: StopLadder, impatience: Callable[[], int]) -> Outcome:
+def descend(module: ModbusModule, ladder: ModbusStopSequence, impatience: Callable[[], int]) -> StopOutcome:
     """Go down a ladder until it has an outcome; blocks. Each time that ``impatience()`` grows it goes a rung further."""
     seen, held, patience = None, False, impatience()
     while ladder.outcome is None:
@@ -33,7 +33,7 @@ def descend(module: ModbusModule, ladder: StopLadder, impatience: Callable[[], i
     return ladder.outcome
 
 
-def _carry_out(module: ModbusModule, send: Send, ladder: StopLadder) -> bool:
+def _carry_out(module: ModbusModule, send: Send, ladder: ModbusStopSequence) -> bool:
     """Send what a ladder wants; return whether it is seen to hold."""
     try:
         if send is Send.IDLE:
@@ -57,7 +57,7 @@ def _held(module: ModbusModule, values: tuple[tuple[str, float], ...]) -> bool:
     )
 
 
-def _glance(module: ModbusModule) -> Look | None:
+def _glance(module: ModbusModule) -> StatusRead | None:
     try:
         return look(module, tries=1)
     except (NodeError, AdapterError):
@@ -72,7 +72,7 @@ def is_idle(module: ModbusModule) -> bool:
         return False
 
 
-def not_stopped(module: ModbusModule, outcome: Outcome) -> DriveError:
+def not_stopped(module: ModbusModule, outcome: StopOutcome) -> DriveError:
     """Return the error of a module that is not confirmed as stopped."""
     return DriveError(
         f"module {module.device}: {outcome.text}",

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from axisbus.drives.gim6010.modbus.motion.look import Look
+from axisbus.drives.gim6010.modbus.motion.look import StatusRead
 
 STANDS = 0.05  # turns/s of the rotor: slower is standing
 LONGEST_STEP = 0.1  # s of a ramp that one round may make up for
@@ -30,10 +30,10 @@ def trapezoid_time(distance: float, velocity: float, acceleration: float, decele
     return peak / acceleration + peak / deceleration
 
 
-class Moment(NamedTuple):
+class HaltInputs(NamedTuple):
     """What a set-point is made of: a look, the time now and since the last step (s), and the set-point before (None: none yet)."""
 
-    seen: Look
+    seen: StatusRead
     now: float
     dt: float
     before: float | None
@@ -51,7 +51,7 @@ class TrapezoidHalt:
     register = "position_setpoint"
     last = None  # its one set-point is the last
 
-    def setpoint(self, moment: Moment) -> float | None:
+    def setpoint(self, moment: HaltInputs) -> float | None:
         """Return the target, once: None where it was given, the place is not known, or it does not move."""
         place, velocity = moment.seen.position, moment.seen.velocity
         if moment.before is not None or place is None or velocity is None:
@@ -77,7 +77,7 @@ class RampHalt:
     register = "velocity_setpoint"
     last = 0.0
 
-    def setpoint(self, moment: Moment) -> float | None:
+    def setpoint(self, moment: HaltInputs) -> float | None:
         """Return the next velocity; None where it is 0 already."""
         last = self.commanded if moment.before is None else moment.before
         return (

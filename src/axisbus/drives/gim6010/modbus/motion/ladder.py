@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum
 
 from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
-from axisbus.drives.gim6010.modbus.motion.halting import STANDS, Halting, Moment
-from axisbus.drives.gim6010.modbus.motion.look import Look
+from axisbus.drives.gim6010.modbus.motion.halting import STANDS, Halting, HaltInputs
+from axisbus.drives.gim6010.modbus.motion.look import StatusRead
 
 _UNMOVED = 0.02  # turns of the rotor, over
 _STILL = 0.15  # s
@@ -28,7 +28,7 @@ _POWER = 1.5  # s of IDLE, and of ESTOP
 _AGAIN = 0.1  # s until what does not hold is sent again
 
 
-class Rung(IntEnum):
+class ModbusStopStep(IntEnum):
     """Where on the ladder it is."""
 
     HALT = 0
@@ -48,16 +48,16 @@ class Send(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class StopOutcome:
     """How it ended; ``ok``: what was asked for was seen. ``text`` is for a person, ``rung`` the last one."""
 
     ok: bool
     text: str
-    rung: Rung
+    rung: ModbusStopStep
     is_off: bool = False  # idle was seen
 
 
-class StopLadder:
+class ModbusStopSequence:
     """One way down; holds the rung, what was seen on it, and the outcome once there is one."""
 
     def __init__(self, halting: Halting | None, *, hold: bool = False, was_closed: bool = True) -> None:
@@ -68,8 +68,8 @@ class StopLadder:
         self.halting = halting
         self._hold = hold
         self._was_closed = was_closed
-        self.rung = Rung.BRAKE if halting is None else Rung.HALT
-        self.outcome: Outcome | None = None
+        self.rung = ModbusStopStep.BRAKE if halting is None else ModbusStopStep.HALT
+        self.outcome: StopOutcome | None = None
         self.value: float | None = None  # the set-point that is to be sent, or was
         self._new = True  # the rung has not begun yet
         self._since = self._sent = self._slower = 0.0
@@ -81,16 +81,16 @@ class StopLadder:
 
     def escalate(self) -> None:
         """Go to the next rung at once: somebody is impatient."""
-        if self.rung < Rung.ESTOP:
-            self._go(Rung(self.rung + 1))
+        if self.rung < ModbusStopStep.ESTOP:
+            self._go(ModbusStopStep(self.rung + 1))
 
-    def step(self, now: float, seen: Look | None, held: bool) -> Send:
+    def step(self, now: float, seen: StatusRead | None, held: bool) -> Send:
         """Return what is to be sent at ``now`` (s), by what was seen last (None: no answer) and whether what was sent holds."""
         self._begin(now)
         dt, self._last = now - (now if self._last is None else self._last), now
         if seen is not None:
             self._note(seen, now)
-        if self.rung <= Rung.BRAKE:
+        if self.rung <= ModbusStopStep.BRAKE:
             self._brakes(now, seen, held)
         else:
             self._switches_off(now, seen)
@@ -108,12 +108,12 @@ class StopLadder:
         self._slowest = None
         return True
 
-    def _go(self, rung: Rung) -> None:
+    def _go(self, rung: ModbusStopStep) -> None:
         self.rung, self._new = rung, True
 
     # What is seen.
 
-    def _note(self, seen: Look, now: float) -> None:
+    def _note(self, seen: StatusRead, now: float) -> None:
         self._was_closed |= seen.is_closed
         if seen.position is None or seen.velocity is None:
             self._places.clear()
@@ -135,23 +135,25 @@ class StopLadder:
             return False
         return max(place for _, place in places) - min(place for _, place in places) <= _UNMOVED
 
-    def _brakes(self, now: float, seen: Look | None, held: bool) -> None:
+    def _brakes(self, now: float, seen: StatusRead | None, held: bool) -> None:
         if seen is not None and seen.state == IDLE:
             self._end("it has let go by itself")
         elif seen is not None and not seen.is_closed:
-            self._go(Rung.IDLE)  # a calibration, or a state that is not known: no set-point leads it
+            self._go(
+                ModbusStopStep.IDLE
+            )  # a calibration, or a state that is not known: no set-point leads it
         elif self._stands and self._is_over(held):
             self._stood = True
             if self._hold:
                 self._finish(True, "it stands, and is held in closed loop")
             else:
-                self._go(Rung.IDLE)
+                self._go(ModbusStopStep.IDLE)
         elif self._is_late(now):
-            self._go(Rung(self.rung + 1))
+            self._go(ModbusStopStep(self.rung + 1))
 
     def _is_over(self, held: bool) -> bool:
         """Whether nothing that was commanded before can move it any more, as far as set-points can see to that."""
-        if self.rung is Rung.HALT and self.halting is not None:
+        if self.rung is ModbusStopStep.HALT and self.halting is not None:
             return self.halting.last in (None, self.value) and (held or self.value is None)
         return held or not self._hold
 
@@ -159,17 +161,17 @@ class StopLadder:
         if now - self._slower > _STUCK:
             return True
         longest = _LONGEST
-        if self.halting is not None and self.rung is Rung.HALT and self.value is not None:
+        if self.halting is not None and self.rung is ModbusStopStep.HALT and self.value is not None:
             longest = self.halting.longest(self._fastest)
         return now - self._since > longest
 
-    def _switches_off(self, now: float, seen: Look | None) -> None:
+    def _switches_off(self, now: float, seen: StatusRead | None) -> None:
         if seen is not None and seen.state == IDLE and seen.at >= self._since:
             self._end("it is in idle")
         elif now - self._since <= _POWER:
             return
-        elif self.rung is Rung.IDLE:
-            self._go(Rung.ESTOP)
+        elif self.rung is ModbusStopStep.IDLE:
+            self._go(ModbusStopStep.ESTOP)
         else:
             heard = "it is not heard" if seen is None else f"it is in {state_words(seen.state)}"
             self._finish(
@@ -177,7 +179,11 @@ class StopLadder:
             )
 
     def _end(self, why: str) -> None:
-        latched = "; emergency stop latches until its errors are cleared" if self.rung is Rung.ESTOP else ""
+        latched = (
+            "; emergency stop latches until its errors are cleared"
+            if self.rung is ModbusStopStep.ESTOP
+            else ""
+        )
         if self._stood:
             self._finish(True, f"it stood, and is in idle, without power{latched}", is_off=True)
         elif not self._was_closed:
@@ -189,22 +195,22 @@ class StopLadder:
             self._finish(False, f"{why}, without power; {unknown}{latched}", is_off=True)
 
     def _finish(self, ok: bool, text: str, *, is_off: bool = False) -> None:
-        self.outcome = Outcome(ok, text, self.rung, is_off)
+        self.outcome = StopOutcome(ok, text, self.rung, is_off)
 
     # What is sent.
 
-    def _send(self, now: float, dt: float, seen: Look | None, held: bool) -> Send:
-        if self.rung is Rung.HALT:
+    def _send(self, now: float, dt: float, seen: StatusRead | None, held: bool) -> Send:
+        if self.rung is ModbusStopStep.HALT:
             return self._setpoint(now, dt, seen, held)
-        if (self.rung is Rung.BRAKE and held) or now - self._sent < _AGAIN:
+        if (self.rung is ModbusStopStep.BRAKE and held) or now - self._sent < _AGAIN:
             return Send.NOTHING
         self._sent = now
         return (Send.NOTHING, Send.BRAKE, Send.IDLE, Send.ESTOP)[self.rung]
 
-    def _setpoint(self, now: float, dt: float, seen: Look | None, held: bool) -> Send:
+    def _setpoint(self, now: float, dt: float, seen: StatusRead | None, held: bool) -> Send:
         found = None
         if seen is not None and self.halting is not None:
-            found = self.halting.setpoint(Moment(seen, now, dt, self.value))
+            found = self.halting.setpoint(HaltInputs(seen, now, dt, self.value))
         if found is not None:
             self.value = found
         elif held or self.value is None or seen is None:

@@ -12,7 +12,7 @@ from axisbus.drives.gim6010.modbus.registers import named
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class StatusRead:
     """One look; ``at`` in s of the wire's clock is when the first question was sent, turns and turns/s are the rotor's.
 
     ``position`` and ``velocity`` are None where they are not alive: in any state but closed loop, or where they are no numbers.
@@ -30,7 +30,7 @@ class Look:
         return self.state == CLOSED_LOOP
 
 
-def look(module: ModbusModule, tries: int) -> Look:
+def look(module: ModbusModule, tries: int) -> StatusRead:
     """Ask a module how it is; blocks for at most some 0.7 s for each try.
 
     Raises:
@@ -39,12 +39,12 @@ def look(module: ModbusModule, tries: int) -> Look:
     at = module.wire.now()
     state, flags = int(_ask(module, "motor_state", tries)), int(_ask(module, "error_flags", tries))
     if state != CLOSED_LOOP:
-        return Look(at, state, flags)
+        return StatusRead(at, state, flags)
     position, velocity = (
         _number(module, "position_feedback", tries),
         _number(module, "velocity_feedback", tries),
     )
-    return Look(at, state, flags, position, velocity)
+    return StatusRead(at, state, flags, position, velocity)
 
 
 def _number(module: ModbusModule, name: str, tries: int) -> float | None:

@@ -19,12 +19,12 @@ from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_wo
 from axisbus.drives.gim6010.modbus import requests
 from axisbus.drives.gim6010.modbus.constants import turns
 from axisbus.drives.gim6010.modbus.module import ModbusModule
-from axisbus.drives.gim6010.modbus.motion.course import Control, Course, fault, wrong
+from axisbus.drives.gim6010.modbus.motion.course import ModbusCommand, ModbusControlMode, fault, wrong
 from axisbus.drives.gim6010.modbus.motion.driver import PERIOD, descend, is_idle, not_stopped
-from axisbus.drives.gim6010.modbus.motion.ladder import Outcome, Rung, StopLadder
-from axisbus.drives.gim6010.modbus.motion.look import Look, look
-from axisbus.drives.gim6010.modbus.motion.signals import Signals
-from axisbus.drives.gim6010.modbus.motion.watch import Verdict
+from axisbus.drives.gim6010.modbus.motion.ladder import ModbusStopSequence, ModbusStopStep, StopOutcome
+from axisbus.drives.gim6010.modbus.motion.look import StatusRead, look
+from axisbus.drives.gim6010.modbus.motion.signals import ModbusSignalHandlers
+from axisbus.drives.gim6010.modbus.motion.watch import ModbusMotionStatus
 from axisbus.drives.gim6010.modbus.registers import named
 from axisbus.errors import CommandError, StateError, TransitionError, UncommandedMotion
 
@@ -55,8 +55,8 @@ class PoweredModule:
         self.module = module
         self._tell = tell
         self._guarded = guarded
-        self._signals = Signals()
-        self._course: Course | None = None  # None: it was not enabled by this
+        self._signals = ModbusSignalHandlers()
+        self._course: ModbusCommand | None = None  # None: it was not enabled by this
         self._open = self._powered = self._was_closed = False
         self._velocity_limit = 0.0
 
@@ -98,11 +98,11 @@ class PoweredModule:
             self._signals.check()
 
     @property
-    def control(self) -> Control | None:
+    def control(self) -> ModbusControlMode | None:
         """What it is enabled for; None where it is not, by this."""
         return None if self._course is None else self._course.control
 
-    def enable(self, control: Control) -> None:
+    def enable(self, control: ModbusControlMode) -> None:
         """Enable the module for one kind of control: nothing moves. Returns once closed loop and a kept place were seen.
 
         Raises:
@@ -118,7 +118,7 @@ class PoweredModule:
             self._require_limits()
             self._preset(control)
             self._signals.check()
-            self._powered, self._was_closed, self._course = True, False, Course(control)
+            self._powered, self._was_closed, self._course = True, False, ModbusCommand(control)
             self._close()
             self._keep_place(self._course)
 
@@ -164,7 +164,7 @@ class PoweredModule:
 
     # Rounds.
 
-    def _round(self) -> Look:
+    def _round(self) -> StatusRead:
         """Look once; raise where it is not as it was commanded, or a signal came."""
         self._signals.check()
         if not self._guarded():
@@ -176,9 +176,9 @@ class PoweredModule:
         course, seen = self._enabled(), look(self.module, TRIES)
         self._require_well(seen, CLOSED_LOOP)
         if seen.position is None or seen.velocity is None:
-            raise wrong(self.module, Verdict.BLIND, seen, course)
+            raise wrong(self.module, ModbusMotionStatus.BLIND, seen, course)
         if course.is_too_fast(seen.velocity):
-            raise wrong(self.module, Verdict.TOO_FAST, seen, course)
+            raise wrong(self.module, ModbusMotionStatus.TOO_FAST, seen, course)
         self.module.wire.sleep(PERIOD)
         return seen
 
@@ -200,7 +200,7 @@ class PoweredModule:
                 )
         self._velocity_limit = limits["velocity_limit"]
 
-    def _preset(self, control: Control) -> None:
+    def _preset(self, control: ModbusControlMode) -> None:
         """Set-points of 0 and the modes, while there is no power; a position is not sent: none is alive to be sent."""
         control_mode, input_mode = control.value
         for name, value in (
@@ -226,10 +226,10 @@ class PoweredModule:
                 raise self._not_enabled(seen, taken)
             self.module.wire.sleep(PERIOD)
 
-    def _keep_place(self, course: Course) -> None:
+    def _keep_place(self, course: ModbusCommand) -> None:
         """See that it keeps the place where it was enabled."""
         place = self._place()
-        if course.control is Control.POSITION:
+        if course.control is ModbusControlMode.POSITION:
             asked = float(self.module.read("position_setpoint"))
             if not abs(asked - place) <= PLACE:
                 raise UncommandedMotion(
@@ -249,17 +249,17 @@ class PoweredModule:
 
     # The way out.
 
-    def _stop(self, *, hold: bool) -> Outcome:
+    def _stop(self, *, hold: bool) -> StopOutcome:
         """Go down the ladder; the module is enabled after it only where it is held."""
         course = self._course
-        ladder = StopLadder(
+        ladder = ModbusStopSequence(
             None if course is None else course.halting, hold=hold, was_closed=self._was_closed
         )
         outcome = descend(self.module, ladder, lambda: self._signals.count)
         if course is not None and outcome.ok and not outcome.is_off:
-            if outcome.rung is Rung.BRAKE:
-                self._course = Course(Control.VELOCITY, fastest=course.fastest)
-            elif course.control is Control.POSITION:
+            if outcome.rung is ModbusStopStep.BRAKE:
+                self._course = ModbusCommand(ModbusControlMode.VELOCITY, fastest=course.fastest)
+            elif course.control is ModbusControlMode.POSITION:
                 course.target = course.target if ladder.value is None else ladder.value
             course.commanded = 0.0
             return outcome
@@ -272,7 +272,7 @@ class PoweredModule:
         if self._powered:
             self._stop(hold=False)
 
-    def _not_enabled(self, seen: Look, taken: bool) -> TransitionError:
+    def _not_enabled(self, seen: StatusRead, taken: bool) -> TransitionError:
         return TransitionError(
             f"module {self.module.device} does not go to closed loop",
             observed=f"state 8 was written and {'taken' if taken else 'not answered'}; after {_STARTS:g} s it is in "
@@ -286,7 +286,7 @@ class PoweredModule:
         if not self._open:
             raise StateError("the axis is not open", remedy="use it in a with block: its end stops the axis")
 
-    def _enabled(self, control: Control | None = None) -> Course:
+    def _enabled(self, control: ModbusControlMode | None = None) -> ModbusCommand:
         """Return what it was commanded, where it is enabled (for ``control``)."""
         self._require_open()
         if self._course is None or control not in (None, self._course.control):
@@ -297,7 +297,7 @@ class PoweredModule:
             )
         return self._course
 
-    def _require_well(self, seen: Look, state: int | None = None) -> None:
+    def _require_well(self, seen: StatusRead, state: int | None = None) -> None:
         if seen.flags or state not in (None, seen.state):
             raise fault(self.module, seen.state)
 

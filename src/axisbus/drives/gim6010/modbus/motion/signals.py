@@ -16,7 +16,7 @@ _KEYS = ("SIGINT", "SIGTSTP")
 _ENDED = 128  # and the signal: the exit code of a program that one has ended
 
 
-class Signals:
+class ModbusSignalHandlers:
     """Holds what came; installed in the main thread alone, elsewhere nothing comes."""
 
     def __init__(self) -> None:

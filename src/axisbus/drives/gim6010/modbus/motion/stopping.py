@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.motion.driver import descend, is_idle, not_stopped
-from axisbus.drives.gim6010.modbus.motion.ladder import StopLadder
-from axisbus.drives.gim6010.modbus.motion.signals import Signals
+from axisbus.drives.gim6010.modbus.motion.ladder import ModbusStopSequence
+from axisbus.drives.gim6010.modbus.motion.signals import ModbusSignalHandlers
 
 
 def stop(module: ModbusModule, *, tell: Callable[[str], None]) -> None:
@@ -18,14 +18,14 @@ def stop(module: ModbusModule, *, tell: Callable[[str], None]) -> None:
     Raises:
         DriveError: it is not confirmed as stopped.
     """
-    signals = Signals()
+    signals = ModbusSignalHandlers()
     signals.install()
     try:
         with signals.sheltered():
             if is_idle(module):
                 tell(f"module {module.device}: it is in idle: there is no power to be stopped")
                 return
-            outcome = descend(module, StopLadder(None), lambda: signals.count)
+            outcome = descend(module, ModbusStopSequence(None), lambda: signals.count)
     finally:
         signals.restore()
     if not outcome.ok:

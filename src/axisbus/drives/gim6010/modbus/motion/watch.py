@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from enum import Enum
 
 from axisbus.drives.gim6010.modbus.motion.halting import STANDS
-from axisbus.drives.gim6010.modbus.motion.look import Look
+from axisbus.drives.gim6010.modbus.motion.look import StatusRead
 
 _MORE = 1.2  # times as fast as asked for is too fast, and
 _SPARE = 0.5  # turns/s of the rotor beside it
 _STUCK = 2.0  # s without getting nearer
 
 
-class Verdict(Enum):
+class ModbusMotionStatus(Enum):
     """How a motion stands."""
 
     UNDER_WAY = "under way"
@@ -40,19 +40,19 @@ class MoveWatch:
     deadline: float  # s of the looks' clock
     _there: int = 0
 
-    def judge(self, seen: Look) -> Verdict:
+    def judge(self, seen: StatusRead) -> ModbusMotionStatus:
         """Return how it stands by one more look."""
         if seen.position is None or seen.velocity is None:
-            return Verdict.BLIND
+            return ModbusMotionStatus.BLIND
         if too_fast(seen.velocity, self.velocity):
-            return Verdict.TOO_FAST
+            return ModbusMotionStatus.TOO_FAST
         away = abs(self.target - seen.position)
         if away > abs(self.target - self.start) + max(self.window, 0.1):
-            return Verdict.AWAY
+            return ModbusMotionStatus.AWAY
         self._there = self._there + 1 if away <= self.window and abs(seen.velocity) <= STANDS else 0
         if self._there >= 2:
-            return Verdict.DONE
-        return Verdict.LATE if seen.at > self.deadline else Verdict.UNDER_WAY
+            return ModbusMotionStatus.DONE
+        return ModbusMotionStatus.LATE if seen.at > self.deadline else ModbusMotionStatus.UNDER_WAY
 
 
 @dataclass(slots=True)
@@ -64,15 +64,15 @@ class TurnWatch:
     _nearest: float | None = None
     _since: float = 0.0
 
-    def judge(self, seen: Look) -> Verdict:
+    def judge(self, seen: StatusRead) -> ModbusMotionStatus:
         """Return how it stands by one more look."""
         if seen.velocity is None or seen.position is None:
-            return Verdict.BLIND
+            return ModbusMotionStatus.BLIND
         if too_fast(seen.velocity, self.fastest):
-            return Verdict.TOO_FAST
+            return ModbusMotionStatus.TOO_FAST
         off = abs(self.velocity - seen.velocity)
         if off <= max(STANDS, 0.02 * abs(self.velocity)):
-            return Verdict.DONE
+            return ModbusMotionStatus.DONE
         if self._nearest is None or off < self._nearest - STANDS:
             self._nearest, self._since = off, seen.at
-        return Verdict.LATE if seen.at - self._since > _STUCK else Verdict.UNDER_WAY
+        return ModbusMotionStatus.LATE if seen.at - self._since > _STUCK else ModbusMotionStatus.UNDER_WAY
