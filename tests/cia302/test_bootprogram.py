@@ -179,8 +179,8 @@ def test_it_is_looked_at_after_the_identity_and_before_anything_is_written():
     asked = [(type(each).__name__, getattr(each, "index", None)) for each in loader.asked]
     at = asked.index(("Read", 0x1F52))
     assert ("Read", 0x1018) in asked[:at]
-    assert ("Command", None) in asked[:at]  # pre-operational
-    assert "Write" not in [name for name, _ in asked[:at]]
+    assert ("BootNmtCommand", None) in asked[:at]  # pre-operational
+    assert "BootWrite" not in [name for name, _ in asked[:at]]
 
 
 @pytest.mark.parametrize("subindex", [1, 2])

@@ -251,7 +251,7 @@ def test_defaults_are_restored_and_the_node_restarted_before_it_is_configured():
     assert slave.wrote()[0] == (0x1011, 1, 0x64616F6C)  # "load", the least significant byte first
     assert slave.commands()[1] is NmtCommand.RESET_NODE
     order = [type(each).__name__ for each in slave.asked]
-    assert order.index("Write") < order.index("Command", order.index("Write"))
+    assert order.index("BootWrite") < order.index("BootNmtCommand", order.index("BootWrite"))
 
 
 def test_a_restart_whose_boot_up_message_was_lost_is_found_by_asking():

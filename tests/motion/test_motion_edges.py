@@ -395,7 +395,7 @@ def test_numbers_far_from_0_are_as_exact_as_they_can_be():
 def test_where_a_limit_comes_from_is_not_a_part_of_it():
     assert (
         repr(AxisLimits(velocity=4.0))
-        == "Limits(position=None, velocity=4.0, acceleration=None, torque=None)"
+        == "AxisLimits(position=None, velocity=4.0, acceleration=None, torque=None)"
     )
 
 
