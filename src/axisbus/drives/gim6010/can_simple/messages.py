@@ -50,20 +50,20 @@ class Effect(Enum):
     """What a message does besides what its name says, and an axis must know beforehand."""
 
     NONE = ""
-    STOPS = "stops"
-    TURNS = "may turn the motor by itself"
+    STOPS = "stops the axis"
+    TURNS = "may turn the motor without a set-point"
     REBOOTS = "restarts the module"
     SHIFTS_ZERO = "shifts the position"
-    MOVES_IDENTIFIER = "changes the identifiers that it answers to"
+    MOVES_IDENTIFIER = "changes the identifiers that the module answers to"
 
 
 class MessageSupport(Enum):
     """Whether owners report that a module takes or answers it, over CAN."""
 
-    YES = "seen at work by owners"
-    NO_REPORT = "no owner's report"
+    YES = "owners saw it work"
+    NO_REPORT = "no report by an owner"
     SILENT = "owners got no answer"
-    OTHERWISE = "owners report something else than the manual"
+    OTHERWISE = "owners' reports contradict the manual"
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -161,7 +161,7 @@ MESSAGES = (
     Message(
         0x01,
         "Heartbeat",
-        "state and faults, sent by itself",
+        "state and faults, sent without a request",
         answer=HEARTBEAT_FIELDS,
         heard=MessageSupport.YES,
     ),
@@ -174,7 +174,7 @@ MESSAGES = (
     Message(
         0x03,
         "Get_Error",
-        "one error word; it does not say which, so one is asked for at a time",
+        "one error word; the answer does not say which, so one word is requested at a time",
         (MessageField("Error_Type", UINT8, values=ERROR_TYPES),),
         (MessageField("Error", UINT64),),
         MessageRequestMethod.WITH_DATA,
@@ -193,7 +193,7 @@ MESSAGES = (
     Message(
         0x05,
         "TxSdo",
-        "as RxSdo, when it writes; answers may come here too",
+        "as RxSdo when it writes; answers may come here too",
         _ENDPOINT_FIELDS,
         _ENDPOINT_FIELDS,
         MessageRequestMethod.WITH_DATA,
@@ -213,7 +213,7 @@ MESSAGES = (
     Message(
         0x07,
         "Set_Axis_State",
-        "asks for a state of the axis: 8 enables, 1 lets go, 3, 4 and 7 calibrate",
+        "requests a state of the axis: 8 enables, 1 takes the power off, 3, 4 and 7 calibrate",
         (
             MessageField(
                 "Axis_Requested_State", UINT32, values=REQUESTED_STATES, path="axis0.requested_state"
@@ -244,7 +244,7 @@ MESSAGES = (
     Message(
         0x09,
         "Get_Encoder_Estimates",
-        "position and velocity; dead until closed loop",
+        "position and velocity; invalid until closed loop",
         answer=(
             _float("Pos_Estimate", 0, "turns", "axis0.encoder.pos_estimate"),
             _float("Vel_Estimate", 4, "turns/s", "axis0.encoder.vel_estimate"),
@@ -255,7 +255,7 @@ MESSAGES = (
     Message(
         0x0A,
         "Get_Encoder_Count",
-        "the encoder's counts, also in idle",
+        "the encoder's counts; also valid in idle",
         answer=(
             MessageField(
                 "Shadow_Count", INT32, unit="counts", side=_ROTOR, path="axis0.encoder.shadow_count"
@@ -268,7 +268,7 @@ MESSAGES = (
     Message(
         0x0B,
         "Set_Controller_Mode",
-        "what is controlled, and how set-points are led to it",
+        "control mode (the controlled quantity) and input mode (how the module approaches a set-point)",
         (
             MessageField("Control_Mode", UINT32, values=CONTROL_MODES, path=f"{_CONFIG}.control_mode"),
             MessageField("Input_Mode", UINT32, 32, values=INPUT_MODES, path=f"{_CONFIG}.input_mode"),
@@ -278,7 +278,7 @@ MESSAGES = (
     Message(
         0x0C,
         "Set_Input_Pos",
-        "target position, with velocity and torque to be fed forward",
+        "target position, with feed-forward of velocity and torque",
         (
             _float("Input_Pos", 0, "turns", "axis0.controller.input_pos"),
             MessageField("Vel_FF", INT16, 32, "turns/s", 1000, _ROTOR, path="axis0.controller.input_vel"),
@@ -289,7 +289,7 @@ MESSAGES = (
     Message(
         0x0D,
         "Set_Input_Vel",
-        "target velocity, with torque to be fed forward",
+        "target velocity, with feed-forward of torque",
         (
             _float("Input_Vel", 0, "turns/s", "axis0.controller.input_vel"),
             _float("Torque_FF", 4, "N·m", "axis0.controller.input_torque"),
@@ -320,7 +320,7 @@ MESSAGES = (
         ),
         heard=MessageSupport.YES,
     ),
-    Message(0x10, "Start_Anticogging", "measures the ripple of the torque", effect=Effect.TURNS),
+    Message(0x10, "Start_Anticogging", "measures the torque ripple", effect=Effect.TURNS),
     Message(
         0x11,
         "Set_Traj_Vel_Limit",
@@ -339,13 +339,13 @@ MESSAGES = (
     Message(
         0x13,
         "Set_Traj_Inertia",
-        "inertia, for the torque that is fed forward",
+        "inertia, for the feed-forward of torque",
         (_positive("Traj_Inertia", 0, "N·m per turn/s²", f"{_CONFIG}.inertia"),),
     ),
     Message(
         0x14,
         "Get_Iq",
-        "current that makes torque, demanded and measured",
+        "torque-producing current, demanded and measured",
         answer=(
             _float("Iq_Setpoint", 0, "A", "axis0.motor.current_control.Idq_setpoint", GearSide.NONE),
             _float("Iq_Measured", 4, "A", "axis0.motor.current_control.Iq_measured", GearSide.NONE),
@@ -353,7 +353,7 @@ MESSAGES = (
         asked=MessageRequestMethod.EMPTY,
         heard=MessageSupport.YES,
     ),
-    Message(0x16, "Reboot", "restarts the module", effect=Effect.REBOOTS),
+    Message(0x16, "Reboot", "reboot", effect=Effect.REBOOTS),
     Message(
         0x17,
         "Get_Bus_Voltage_Current",
@@ -403,7 +403,7 @@ MESSAGES = (
     Message(
         0x1C,
         "Get_Torques",
-        "torque, demanded and present",
+        "torque, demanded and actual",
         answer=(
             _float("Torque_Setpoint", 0, "N·m", "axis0.controller.torque_setpoint"),
             _float("Torque", 4, "N·m", ""),
@@ -423,12 +423,10 @@ MESSAGES = (
     Message(
         0x1E,
         "Disable_Can",
-        "switches CAN off and restarts the module: after it there is USB only",
+        "switches CAN off; afterwards the module is reachable over USB only",
         effect=Effect.REBOOTS,
     ),
-    Message(
-        0x1F, "Save_Configuration", "saves the configuration and restarts the module", effect=Effect.REBOOTS
-    ),
+    Message(0x1F, "Save_Configuration", "copies the configuration from RAM to flash", effect=Effect.REBOOTS),
 )
 
 BY_COMMAND = {each.command: each for each in MESSAGES}

@@ -43,12 +43,12 @@ class RegisterKind(Enum):
 
     MEASURED = "is measured"
     SETTING = "is a setting"
-    MODE = "is a mode of control"
+    MODE = "is a control mode"
     TARGET = "is a set-point"
-    STATE = "asks for a state"
-    ADDRESS = "is what it answers to"
-    ACT = "does something whatever is written"
-    ENDPOINT = "reaches parameters by number"
+    STATE = "requests a state"
+    ADDRESS = "is the address of the module"
+    ACT = "acts on any written value"
+    ENDPOINT = "accesses parameters by number"
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -112,6 +112,7 @@ _ROTOR = GearSide.ROTOR
 _CONFIG, _TRAJECTORY = "axis0.controller.config", "axis0.traj_traj.config"
 _MODES = {mode: words for mode, words in CONTROL_MODES.items() if mode}  # 4.3.3 lists no voltage control
 _INPUTS = {mode: INPUT_MODES[mode] for mode in (1, 2, 3, 5, 6)}  # nor MIT
+_FLAG_BITS = "its upper byte is 0; bits 0 to 4: an error of motor, encoder, controller, system, axis"
 _ASKED = {1: "idle", 8: "closed loop"}  # what is ever asked for here: the others turn the motor by themselves
 
 
@@ -167,7 +168,7 @@ def _act(address: int, title: str, name: str, note: str) -> Register:
 
 REGISTERS = (
     _input(0x01, "Motor State", "motor_state", UINT16, "axis0.current_state", note="its upper byte is 0"),
-    _input(0x02, "Error Flags", "error_flags", UINT16, "", note="its upper byte is 0; bits: ERROR_FLAGS"),
+    _input(0x02, "Error Flags", "error_flags", UINT16, "", note=_FLAG_BITS),
     _input(0x03, "Driver Error Code", "driver_error", UINT32, "axis0.error"),
     _input(0x05, "Motor Error Code", "motor_error", UINT64, "axis0.motor.error"),
     _input(0x09, "Encoder Error Code", "encoder_error", UINT32, "axis0.encoder.error"),
@@ -181,7 +182,7 @@ REGISTERS = (
         "axis0.encoder.pos_estimate",
         "turns",
         _ROTOR,
-        "counts only where closed loop is seen: over CAN the same estimate is dead in idle",
+        "valid only after closed loop was seen: over CAN the same estimate is invalid in idle",
     ),
     _input(
         0x11,
@@ -223,7 +224,7 @@ REGISTERS = (
         0x61,
         "Emergency Stop",
         "emergency_stop",
-        "the power goes at once and the motor coasts; the error latches",
+        "takes the power off at once, and the motor coasts; the error latches",
     ),
     _holding(
         0x62,
@@ -231,7 +232,7 @@ REGISTERS = (
         MessageField("node_id", UINT16, low=1, high=HIGHEST_NODE_ID, path="axis0.config.can.node_id"),
         RegisterKind.ADDRESS,
         "rw",
-        "the address on the line; 0 is no address of Modbus that is answered",
+        "0 is the broadcast address of Modbus, which is not answered",
     ),
     _holding(
         0x63,
@@ -239,7 +240,7 @@ REGISTERS = (
         MessageField("state_control", UINT16, values=_ASKED, path="axis0.requested_state"),
         RegisterKind.STATE,
         "w",
-        "motor_state tells what became of it; calibrations and homing (3, 4, 7, 11) are never asked for here",
+        "motor_state shows the result; homing (11) is never requested, calibrations (3, 4, 7) only by the command calibrate",
     ),
     _holding(
         0x64,
@@ -261,7 +262,7 @@ REGISTERS = (
         "position_setpoint",
         "turns",
         "axis0.controller.input_pos",
-        "example 2 of 4.3.4 writes a position to 68h, which is the velocity: a position goes here",
+        "a position is written here; example 2 of 4.3.4 writes one to 68h, which is the velocity",
     ),
     _target(
         0x68,
@@ -269,7 +270,7 @@ REGISTERS = (
         "velocity_setpoint",
         "turns/s",
         "axis0.controller.input_vel",
-        "never a position, whatever example 2 of 4.3.4 writes",
+        "never a position, although example 2 of 4.3.4 writes one",
     ),
     _target(0x6A, "Torque-Control Setpoint", "torque_setpoint", "N·m", "axis0.controller.input_torque"),
     _setting(0x6C, "Velocity Limit", "velocity_limit", "turns/s", f"{_CONFIG}.vel_limit"),
@@ -313,7 +314,7 @@ REGISTERS = (
         0x80,
         "Save Configuration",
         "save_configuration",
-        "RAM to flash; over USB this restarts the module (3.1.6)",
+        "copies RAM to flash; over USB this restarts the module (3.1.6)",
     ),
     _holding(
         0xA1,
@@ -321,7 +322,7 @@ REGISTERS = (
         MessageField("endpoint_number", UINT16),
         RegisterKind.ENDPOINT,
         "w",
-        "the parameter that 31h and A2h are about",
+        "the number of the parameter that 31h and A2h access",
     ),
     _holding(
         0xA2,
