@@ -69,7 +69,7 @@ def test_state_and_errors_are_told_and_cleared(line):
     assert line("state").code == 1
     code, out, _ = line("errors")
     assert code == 1
-    assert "ESTOP_REQUESTED: an emergency stop was asked for" in out
+    assert "ESTOP_REQUESTED: an emergency stop was requested" in out
     assert json.loads(line("errors", "--json").out)["axis"] == 0x4000
     code, out, _ = line("errors", "--clear")
     assert (code, out.splitlines()[-1]) == (0, "no error")

@@ -48,7 +48,7 @@ def test_values_are_read_and_written_and_it_is_said_where_they_are(params):
         code, out, _ = params("set", f"{LIMIT}=12.5", f"{KT}=0.1", channel=channel)
         assert code == 0
         assert f"{LIMIT} = 12.5 (was 30)" in out
-        assert "note: every torque is converted by it" in out
+        assert "note: is the factor for every torque" in out
         assert "in RAM only" in out
         assert module.restarts == 0
         code, out, _ = params("set", f"{GAIN}=7", "--save", channel=channel)
@@ -132,7 +132,7 @@ def test_a_backup_goes_back_to_its_module_and_to_no_other(params, folder):
         code, out, _ = params("diff", file, channel=channel)
         assert code == 1
         assert f"{LIMIT}: 30 -> 5" in out
-        assert "protected: every torque is converted by it" in out
+        assert "protected: is the factor for every torque" in out
 
         code, out, _ = params("restore", file, "--dry-run", channel=channel)
         assert f"would write {LIMIT} = 30" in out

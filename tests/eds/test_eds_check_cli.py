@@ -263,7 +263,7 @@ def test_json_has_every_field(check: Call) -> None:
             "index": 0x1018,
             "subindex": 1,
             "message": "[1018sub1] is UNSIGNED16, CiA 301 has UNSIGNED32 (Vendor-ID)",
-            "remedy": "write DataType as CiA 301 has it",
+            "remedy": "write the DataType that CiA 301 defines",
         },
         {
             "file": "a.eds",

@@ -376,7 +376,7 @@ def test_one_key_belongs_and_two_belong() -> None:
 
 def test_a_number_twice_in_a_list_is_to_be_numbered_anew_as_fix_does() -> None:
     assert (
-        "number the entries anew (axisbus eds fix does)"
+        "renumber the entries (axisbus eds fix does this)"
         in only("S004", "ManufacturerObjects>6=0x2005").remedy
     )
 

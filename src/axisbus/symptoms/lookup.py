@@ -1,4 +1,4 @@
-"""Which page an error leads to: the finest that the tables of the symptoms have, by its codes, else by its class."""
+"""Choose the page of an error: the most specific page in the tables of symptoms, by its codes or otherwise by its class."""
 
 from __future__ import annotations
 
@@ -7,26 +7,26 @@ from collections.abc import Callable, Iterable, Mapping
 from axisbus.symptoms import bus, drive, motion, objects, usage
 from axisbus.symptoms.symptom import Symptom
 
-# As a user meets them: from the adapter to the motion.
+# In the order in which a user encounters them: from the adapter to the motion.
 FAMILIES: Mapping[str, tuple[Symptom, ...]] = {
     "The bus": bus.SYMPTOMS,
     "Boot, objects and files": objects.SYMPTOMS,
     "The drive": drive.SYMPTOMS,
     "Motion": motion.SYMPTOMS,
-    "What was asked for": usage.SYMPTOMS,
+    "Requests of programs": usage.SYMPTOMS,
 }
 SYMPTOMS: Mapping[str, Symptom] = {each.name: each for family in FAMILIES.values() for each in family}
-LAST = "cannot-be"  # of an error that no class of the tree is
+LAST = "cannot-be"  # the page of an error that belongs to no class of axisbus
 
 _BY_CLASS = {name: each.name for each in SYMPTOMS.values() for name in each.errors}
 _BY_LETTER = {letter: each.name for each in SYMPTOMS.values() for letter in each.letters}
 _BY_ABORT = {code: each.name for each in SYMPTOMS.values() for code in each.aborts}
 _BY_FAULT = {digits.upper(): each.name for each in SYMPTOMS.values() for digits in each.faults}
-_LETTERS_OF_AN_OBJECT = ("", "J")  # a boot-up that ended at an object, whose abort code says more
+_LETTERS_OF_AN_OBJECT = ("", "J")  # a boot that ended at an object: the abort code is more specific
 
 
 def page_of(error: BaseException) -> str:
-    """Return the name of the page that tells most of an error."""
+    """Return the name of the most specific page for an error."""
     for kind in type(error).__mro__:
         finer = _FINER.get(kind.__name__)
         page = (finer(error) if finer is not None else None) or _BY_CLASS.get(kind.__name__)
@@ -36,7 +36,7 @@ def page_of(error: BaseException) -> str:
 
 
 def page_of_fault(code: object) -> str | None:
-    """Return the page of an error code (603Fh, EMCY); None for what is none."""
+    """Return the page of an error code (603Fh, EMCY); None if ``code`` is not an error code."""
     if not isinstance(code, int) or not 0 <= code <= 0xFFFF:
         return None
     digits = f"{code:04X}"
@@ -45,12 +45,12 @@ def page_of_fault(code: object) -> str | None:
 
 
 def page_of_abort(code: object) -> str | None:
-    """Return the page of an SDO abort code; None for one that is the device's own."""
+    """Return the page of an SDO abort code; None for a device-specific code."""
     return _BY_ABORT.get(code) if isinstance(code, int) else None
 
 
 def page_of_letter(letter: str) -> str | None:
-    """Return the page of a letter of CiA 302-2; None for what is none."""
+    """Return the page of a letter of CiA 302-2; None if there is no such letter."""
     return _BY_LETTER.get(letter)
 
 
@@ -68,7 +68,7 @@ _FINER: Mapping[str, Callable[[BaseException], str | None]] = {
 
 
 def found(word: str) -> Symptom | None:
-    """Return what a word leads to: a page's name, an error's class, a letter, or a code (0x06020000, 8611h)."""
+    """Return the symptom for a page name, an error class, a letter, or a code (0x06020000, 8611h); None if there is none."""
     name = word if word in SYMPTOMS else _by_class(word) or _by_number(word) or page_of_letter(word.upper())
     return None if name is None else SYMPTOMS[name]
 
@@ -86,5 +86,5 @@ def _by_number(word: str) -> str | None:
 
 
 def words() -> Iterable[str]:
-    """Return the names of pages and classes, for a suggestion."""
+    """Return the names of all pages and error classes, to suggest one for a misspelled word."""
     return (*SYMPTOMS, *_BY_CLASS)

@@ -7,18 +7,18 @@ from axisbus.symptoms.symptom import Symptom
 SYMPTOMS = (
     Symptom(
         name="does-not-boot",
-        title="A node does not come up",
-        seen="A node is booted by CiA 302-2: looked for, identified, configured, watched, started. The report of "
-        "`axisbus boot CELL` says at which step it ended, at which object, what was expected and what came. The "
-        "other nodes are looked at all the same; nothing is energised.",
+        title="A node cannot be booted",
+        seen="The boot of a node follows CiA 302-2: find, identify, configure, monitor and start the node. The report of "
+        "`axisbus boot CELL` names the step and the object at which the boot ended, the expected value and the "
+        "received one. The other nodes are checked nevertheless; nothing is energised.",
         checks=(
-            "`axisbus boot CELL` tells step, object and letter. Many letters have a page of their own: `axisbus "
+            "`axisbus boot CELL` reports step, object and letter. Many letters have a page of their own: `axisbus "
             "explain J`.",
-            "An object could not be set: the report says who asked for it. Take it out of the cell file, or give it "
-            "a value that the drive takes.",
-            "A value reads back as another one: the drive limits or rounds it.",
-            "Is the EDS that of this firmware? `axisbus eds verify FILE NODE --cell CELL` compares it with the node.",
-            "The drive takes its configuration only while it is pre-operational, or not while it is energised: "
+            "An object could not be set: the report says which entry requires it. Remove it from the cell file, or give "
+            "it a value that the drive accepts.",
+            "The value that is read back differs from the written one: the drive limits or rounds it.",
+            "Does the EDS belong to this firmware? `axisbus eds verify FILE NODE --cell CELL` compares it with the node.",
+            "The drive accepts its configuration only while it is pre-operational, or only while it is not energised: "
             "`axisbus nmt reset-node NODE --cell CELL`, then boot again.",
         ),
         errors=("BootError",),
@@ -27,15 +27,15 @@ SYMPTOMS = (
     ),
     Symptom(
         name="another-device",
-        title="A node is another device than the cell file says",
-        seen="Device type, vendor, product, revision or serial number (1000h, 1018h) differ from what the cell "
-        "file or its EDS expects, or nobody has listed the node. It was not configured.",
+        title="A node is not the device that the cell file describes",
+        seen="Device type, vendor, product, revision or serial number (1000h, 1018h) differs from the value in the cell "
+        "file or its EDS, or the node is not listed in the cell file. The node was not configured.",
         checks=(
-            "`axisbus scan CELL` says who is at this node-ID. Are two drives exchanged, or was one replaced?",
-            "It was replaced by one of the same kind: correct `serial` in `[nodes.N]`, or leave it out.",
-            "It has another firmware: take the EDS of that firmware. `revision` in `[nodes.N]` says which one is "
-            "wanted.",
-            "Its EDS is of a sibling: `axisbus eds verify FILE NODE --cell CELL` tells what else differs.",
+            "`axisbus scan CELL` shows the device at this node-ID. Are two drives exchanged, or was one replaced?",
+            "The drive was replaced by one of the same kind: correct `serial` in `[nodes.N]`, or leave it out.",
+            "The drive has another firmware: use the EDS of that firmware. `revision` in `[nodes.N]` is the required "
+            "revision.",
+            "The EDS describes a similar device: `axisbus eds verify FILE NODE --cell CELL` lists all differences.",
         ),
         letters="ACDMNO",
         read_on=("cell-file.md#nodesn", "commissioning.md#6-boot"),
@@ -43,14 +43,14 @@ SYMPTOMS = (
     Symptom(
         name="wrong-program",
         title="A node has another program than expected",
-        seen="The cell file says which program (firmware) the node must have (`[nodes.N.program]`), and it has "
-        "another, which may not be replaced; or its download failed. A node whose download broke off stays in "
+        seen="The cell file defines the program (firmware) of the node (`[nodes.N.program]`). The node has another "
+        "program that must not be replaced, or the download failed. If a download is interrupted, the node remains in "
         "its boot loader.",
         checks=(
-            "The report of `axisbus boot CELL` has the date or the number that was expected, and the one that came.",
-            "Take the file of this very device, and write its date or number into `[nodes.N.program]`.",
-            "Keep supply and cable still, and boot again: a download that broke off is begun anew.",
-            "It stays in its boot loader: the maker's own tool brings it back.",
+            "The report of `axisbus boot CELL` contains the expected date or number, and the received one.",
+            "Use the program file of exactly this device, and write its date or number into `[nodes.N.program]`.",
+            "Keep supply and cable stable, and boot again: an interrupted download starts again from the beginning.",
+            "The node remains in its boot loader: repair it with the manufacturer's tool.",
         ),
         letters="GHI",
         read_on=("cell-file.md#nodesnprogram",),
@@ -58,17 +58,17 @@ SYMPTOMS = (
     Symptom(
         name="object-refused",
         title="A drive refuses to read or write an object",
-        seen="The drive answered an SDO request by an abort code: it will not do it, not now, or not in this way. "
-        "Its other objects are as they were.",
+        seen="The drive answered an SDO request with an abort code: it does not support the request, not at present, or "
+        "not in this form. Its other objects are unchanged.",
         checks=(
-            "The message names the object and the code in words; `axisbus explain 0x06010002` finds the page of a "
+            "The message names the object and explains the code. `axisbus explain 0x06010002` prints the page of a "
             "code.",
-            "Not in this state: disable the axis, or bring the node to pre-operational (`axisbus nmt "
-            "pre-operational NODE --cell CELL`). Under local control (keypad, the maker's tool) a drive refuses the "
-            "bus.",
-            "Read-only, write-only, protected: see the drive's manual. The EDS may say otherwise: `axisbus eds "
+            "Not permitted in this state: disable the axis, or bring the node to pre-operational (`axisbus nmt "
+            "pre-operational NODE --cell CELL`). Under local control (keypad, the manufacturer's tool) a drive refuses "
+            "access from the bus.",
+            "The object is read-only, write-only or protected: see the drive's manual. The EDS may differ: `axisbus eds "
             "verify FILE NODE --cell CELL`.",
-            "An error of the device itself (hardware, memory): read its errors, `axisbus od read --cell CELL "
+            "The device itself has an error (hardware, memory): read its list of errors, `axisbus od read --cell CELL "
             "NODE:1003:1`.",
         ),
         errors=("SdoError", "SdoAbort"),
@@ -81,30 +81,31 @@ SYMPTOMS = (
     Symptom(
         name="object-missing",
         title="A drive does not have an object",
-        seen="The object or sub-index that was asked for is not in the drive's dictionary. Mostly the EDS "
-        "describes another firmware than the drive has.",
+        seen="The requested object or sub-index is not in the drive's dictionary. Usually the EDS describes another "
+        "firmware than that of the drive.",
         checks=(
             "`axisbus eds verify FILE NODE --cell CELL` compares the whole EDS with the drive.",
-            "Get the EDS of this firmware, or update the drive. `axisbus eds from-device NODE` makes one of what "
-            "the drive has, for want of the maker's.",
-            "Is the number right, and hexadecimal? `axisbus od dump NODE --cell CELL` lists what there is.",
-            "On a drive of several axes the objects of the second axis begin at 6800h: axisbus adds that by itself.",
+            "Get the EDS of this firmware, or update the drive. If the manufacturer provides no EDS, `axisbus eds "
+            "from-device NODE` makes one from the objects of the drive.",
+            "Is the index correct, and hexadecimal? `axisbus od dump NODE --cell CELL` lists the existing objects.",
+            "On a drive with several axes the objects of the second axis begin at 6800h: axisbus adds the offset "
+            "automatically.",
         ),
         aborts=(0x06020000, 0x06090011, 0x08000023),
         read_on=("eds-workbench.md#against-the-live-drive",),
     ),
     Symptom(
         name="value-refused",
-        title="A drive does not take a value",
-        seen="The object is there, and the value is not one that the drive takes: beyond its limits, of another "
-        "length, or against another setting.",
+        title="A drive does not accept a value",
+        seen="The object exists, but the drive does not accept the value: it is beyond the limits, has another length, or "
+        "conflicts with another setting.",
         checks=(
-            "See the range in the drive's manual; `axisbus od read --cell CELL NODE:6065` shows what it has now.",
-            "Length or type differ: the EDS describes it otherwise than it is (`axisbus eds verify FILE NODE --cell "
+            "See the range in the drive's manual. `axisbus od read --cell CELL NODE:6065` shows the present value.",
+            "Length or type differs: the EDS describes the object incorrectly (`axisbus eds verify FILE NODE --cell "
             "CELL`).",
-            "One limit above another (minimum, maximum): write them in the other order, or both.",
-            "A mode that the drive does not have, or a PDO's parameter while the PDO is valid: 6502h lists the "
-            "modes, bit 31 of the COB-ID switches a PDO off.",
+            "The minimum would be above the maximum: write the two limits in the other order, or write both.",
+            "The drive does not have the mode: 6502h lists the modes. Or the parameter of a PDO was written while the "
+            "PDO is valid: bit 31 of the COB-ID switches a PDO off.",
         ),
         aborts=(
             *(0x06040043, 0x06070010, 0x06070012, 0x06070013, 0x06090030, 0x06090031, 0x06090032, 0x06090036),
@@ -114,12 +115,12 @@ SYMPTOMS = (
     Symptom(
         name="pdo-mapping",
         title="Process data does not fit",
-        seen="A PDO cannot be mapped as asked, or a PDO that came has another length than its mapping.",
+        seen="A PDO cannot be mapped as requested, or a received PDO has another length than its mapping.",
         checks=(
-            "A PDO holds 8 bytes. `axisbus boot CELL` tells which values travel in which PDO, `axisbus plan CELL` "
-            "what that costs.",
-            "Not every object may be mapped: the EDS says which (PDOMapping).",
-            "Some drives have a fixed mapping: `remap` never in `[nodes.N]` leaves it as it is.",
+            "A PDO holds 8 bytes. `axisbus boot CELL` shows which values are in which PDO, and `axisbus plan CELL` the "
+            "resulting load of the bus.",
+            "Not every object can be mapped: the EDS shows which ones can (PDOMapping).",
+            "Some drives have a fixed mapping. If `remap` in `[nodes.N]` is never, axisbus leaves it unchanged.",
             "Does another program or tool map the same drive? `axisbus trace CELL --seconds 5` shows its frames.",
         ),
         aborts=(0x06040041, 0x06040042),
@@ -128,29 +129,27 @@ SYMPTOMS = (
     ),
     Symptom(
         name="cell-file",
-        title="The cell file is wrong",
-        seen="`cell.toml` cannot be read, or says something that cannot be. Nothing was sent.",
+        title="The cell file is not valid",
+        seen="`cell.toml` cannot be read, or contains an invalid or impossible setting. Nothing was sent.",
         checks=(
-            "The message has file and line. `axisbus check CELL` tells everything else that is wrong with it as "
-            "well.",
-            "Times have their unit (4ms), texts their quotes, tables their brackets; a misspelt key is named with "
-            "the one that may be meant.",
-            "`axisbus check --schema` prints a JSON Schema: an editor that takes it completes the keys.",
-            "`axisbus init -i socketcan -c can0 -o new.toml` writes a fresh one of what is on the bus.",
+            "The message contains file and line. `axisbus check CELL` lists all other errors too.",
+            "Times need a unit (4ms), texts need quotation marks, and tables need brackets. For a misspelled key the "
+            "message proposes a similar one.",
+            "`axisbus check --schema` prints a JSON Schema. An editor that supports it completes the keys.",
+            "`axisbus init -i socketcan -c can0 -o new.toml` writes a new file from the devices on the bus.",
         ),
         errors=("ConfigError",),
         read_on=("cell-file.md",),
     ),
     Symptom(
         name="eds",
-        title="An EDS or DCF cannot serve",
-        seen="The file that describes the device cannot be read, or lacks what is needed of it. Nothing was sent.",
+        title="An EDS or DCF cannot be used",
+        seen="The file that describes the device cannot be read, or lacks required entries. Nothing was sent.",
         checks=(
-            "`axisbus eds check FILE` tells everything that is wrong with it; `axisbus eds check --explain D002` "
-            "explains a rule.",
-            "`axisbus eds fix FILE` mends what can be mended without knowing the device.",
-            "Is it an EDS? An XDD (XML), an archive or a picture is told as such.",
-            "Ask the maker for the file of your firmware; until then a built-in one may do "
+            "`axisbus eds check FILE` lists all errors in the file. `axisbus eds check --explain D002` explains a rule.",
+            "`axisbus eds fix FILE` repairs the errors that can be repaired without knowing the device.",
+            "Is the file an EDS? The message says if it is an XDD (XML), an archive or a picture.",
+            "Ask the manufacturer for the file of your firmware. Until then a built-in file may be sufficient "
             "(`builtin:generic-cia402`).",
         ),
         errors=("EdsError",),

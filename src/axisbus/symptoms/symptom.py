@@ -1,4 +1,4 @@
-"""One symptom, as its page tells it."""
+"""One symptom: the texts of its page, and the errors and codes that refer to it."""
 
 from __future__ import annotations
 
@@ -7,18 +7,19 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Symptom:
-    """What is seen, and what to check.
+    """An observation, and the checks for it.
 
     Attributes:
-        name: that of its page; ``axisbus explain NAME`` prints it.
-        title: in the words of who sees it.
-        seen: what it is, in some sentences.
-        checks: what to check, in this order; what stands in backquotes and begins with axisbus is to be typed.
-        errors: names of the classes of ``axisbus.errors`` that lead here.
-        letters: those of CiA 302-2 with which a boot-up ends that leads here.
-        aborts: SDO abort codes (CiA 301) that lead here.
-        faults: error codes of a drive (603Fh, EMCY) that lead here, four digits each; x stands for any that no other page names.
-        read_on: pages of the documentation, with a heading's anchor where one is meant.
+        name: the name of the page; ``axisbus explain NAME`` prints it.
+        title: the observation in the words of a user.
+        seen: what happened, in a few sentences.
+        checks: what to check, in this order; a text in backquotes that begins with axisbus is a command to type.
+        errors: names of the classes of ``axisbus.errors`` that refer to the page.
+        letters: letters of CiA 302-2 at the end of a boot that refer to the page.
+        aborts: SDO abort codes (CiA 301) that refer to the page.
+        faults: error codes of a drive (603Fh, EMCY) that refer to the page, four digits each; x is any digit, for the codes that no
+            other page names.
+        read_on: pages of the documentation, optionally with the anchor of a heading.
     """
 
     name: str

@@ -19,13 +19,15 @@ def markdown(symptom: Symptom, *, every_code: bool = False, wide: bool = False) 
     parts = [
         [f"# {symptom.title}", "", symptom.seen],
         ["## What to check, in this order", "", *_numbered(symptom.checks)],
-        list(_section("What is raised", _errors(symptom))),
-        list(_section("Letters of a boot-up (CiA 302-2)", _letters(symptom))),
+        list(_section("Errors that refer to this page", _errors(symptom))),
+        list(_section("Boot letters (CiA 302-2)", _letters(symptom))),
         list(_section("SDO abort codes (CiA 301)", _aborts(symptom))),
         list(_section("Error codes of a drive (603Fh, EMCY)", _faults(symptom, every_code))),
         []
         if wide
-        else list(_section("Read on, in the documentation", (f"docs/{page}" for page in symptom.read_on))),
+        else list(
+            _section("Further reading in the documentation", (f"docs/{page}" for page in symptom.read_on))
+        ),
     ]
     return "\n\n".join("\n".join(lines) for lines in parts if lines) + "\n"
 
