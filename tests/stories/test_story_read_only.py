@@ -9,7 +9,7 @@ import pytest
 from axisbus.check.run import check
 from axisbus.eds.builtin import resolve
 from axisbus.eds.model import Severity
-from axisbus.errors import DriveError
+from axisbus.errors import BootError, DriveError
 from axisbus.machine.machine import Machine
 from kit.cell import cell_text
 
@@ -17,14 +17,15 @@ GROUP = '[groups.x1]\naxes = ["x"]\n'
 PERIOD_VALUE, PERIOD_EXPONENT = "60C2sub1", "60C2sub2"
 
 
-def cell(folder: Path, *fixed: tuple[str, int], period: str = "10ms") -> Path:
-    """Write a cell whose drive has these sections of its EDS read-only, each with this value; return its path."""
+def cell(folder: Path, *fixed: tuple[str, int | None], period: str = "10ms") -> Path:
+    """Write a cell whose drive has these sections of its EDS read-only, each with this value, or none; return its path."""
     text = resolve("builtin:generic-cia402", folder).read_text(encoding="utf-8")
     for section, value in fixed:
         head, mark, tail = text.partition(f"[{section}]\n")
         entry, blank, rest = tail.partition("\n\n")
         lines = [line for line in entry.splitlines() if not line.startswith(("AccessType", "DefaultValue"))]
-        entry = "\n".join([*lines, "AccessType=ro", f"DefaultValue={value}"])
+        lines += ["AccessType=ro"] if value is None else ["AccessType=ro", f"DefaultValue={value}"]
+        entry = "\n".join(lines)
         text = head + mark + entry + blank + rest
     (folder / "drive.eds").write_text(text, encoding="utf-8")
     path = folder / "cell.toml"
@@ -119,3 +120,51 @@ def test_check_and_boot_say_what_will_be_refused(tmp_path, fixed, command, what,
     with Machine.simulated(path) as machine:
         (warning,) = [each for each in machine.reports[0].warnings if "cannot be written" in each]
     assert "will be refused" in warning
+
+
+def about(path: Path, index: str) -> list[tuple[Severity, str]]:
+    """Return what ``check`` says of an object that cannot be written."""
+    return [
+        (each.severity, each.message)
+        for each in check(path)
+        if index in each.message and "cannot be written" in each.message
+    ]
+
+
+@pytest.mark.parametrize("value", [2, None])
+def test_an_option_code_that_a_setting_means_is_compared_at_boot(tmp_path, value):
+    path = cell(tmp_path, ("605A", value))  # quick_stop = "ramp" means 2
+    ((severity, message),) = about(path, "605Ah")
+    assert severity is Severity.NOTE
+    assert "boot compares it with 2" in message
+
+
+def test_a_drive_with_the_value_of_a_setting_boots_and_is_not_written(tmp_path):
+    path = cell(tmp_path, ("605A", 2))
+    with Machine.simulated(path) as machine:
+        assert machine.stand_in(1).device.read(0x605A) == 2
+        machine["x"].enable().wait()
+        move(machine)
+
+
+def test_check_refuses_a_setting_if_the_eds_has_another_value(tmp_path):
+    path = cell(tmp_path, ("605A", 5))
+    ((severity, message),) = about(path, "605Ah")
+    assert severity is Severity.ERROR
+    assert "quick_stop in [axes.x.stop]" in message
+    (found,) = [each for each in check(path) if each.severity is Severity.ERROR]
+    assert "it is 5; 2 is wanted" in found.observed
+    assert "drive.eds" in found.observed
+    assert found.remedy
+
+
+def test_boot_refuses_a_setting_if_the_drive_has_another_value(tmp_path):
+    path = cell(tmp_path, ("605A", None))  # the simulated drive then begins with 2
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace('quick_stop = "ramp"', 'quick_stop = "ramp-hold"'), encoding="utf-8")
+    with pytest.raises(BootError) as caught, Machine.simulated(path):
+        pass
+    assert "quick_stop in [axes.x.stop]" in caught.value.message
+    assert "read-only" in caught.value.message
+    assert "expected 6, got 2" in caught.value.observed
+    assert "maker's tool" in caught.value.remedy

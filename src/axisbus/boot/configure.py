@@ -11,7 +11,7 @@ from axisbus.boot.sync_and_time import set_services
 from axisbus.cell.drive_limits import limit_writes
 from axisbus.cell.model import BusConfig, CellConfig
 from axisbus.cell.program_file import wanted_program
-from axisbus.cell.writes import CellWrite, axis_writes, node_writes
+from axisbus.cell.writes import CellWrite, axis_writes, is_fixed, node_writes
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import watched_node
 from axisbus.cia302.types import BootPlan, Setting
@@ -52,7 +52,13 @@ def plan_of(cell: CellConfig, node_id: int, eds: Eds, find_tries: int, late: boo
         program=wanted_program(cell, node, late),
         restore=node.restore_defaults,
         settings=tuple(
-            Setting(write.index, write.subindex, write.value, f"{write.source}, {cell.file}:{write.line}")
+            Setting(
+                write.index,
+                write.subindex,
+                write.value,
+                f"{write.source}, {cell.file}:{write.line}",
+                fixed=is_fixed(write, eds),
+            )
             for write in writes
         ),
         version=node.version,

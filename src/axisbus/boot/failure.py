@@ -103,6 +103,12 @@ def _configuration(outcome: BootOutcome, cause: AxisbusError | None) -> BootErro
 
 
 def _what_went_wrong(outcome: BootOutcome, cause: AxisbusError | None) -> tuple[str, str, str]:
+    if outcome.expected is not None and outcome.setting is not None and outcome.setting.fixed:
+        return (
+            "the EDS has it read-only, and the drive has another value",
+            f"expected {outcome.expected!r}, got {outcome.got!r}",
+            f"ask for what {outcome.got!r} means, set the object with the maker's tool, or correct its access in the EDS",
+        )
     if outcome.expected is not None:
         return (
             "reads back another value",

@@ -11,6 +11,7 @@ from axisbus.cia301.datatypes import Value
 from axisbus.cia402 import objects, options
 from axisbus.cia402.axes import own_index
 from axisbus.eds.dictionary import Dictionary, DictionaryEntry
+from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError
 
 # 607Eh: position and velocity are multiplied by -1 (CiA 402-2, polarity: bits 7 and 6).
@@ -124,6 +125,12 @@ def implied_writes(axis: AxisConfig, given: frozenset[tuple[int, int]] = frozens
 
 def _write(axis: AxisConfig, index: int, subindex: int, value: int, line: int, source: str) -> CellWrite:
     return CellWrite(own_index(index, axis.drive_axis), subindex, value, line, source)
+
+
+def is_fixed(write: CellWrite, eds: Eds) -> bool:
+    """Whether the EDS has the object of a write, and does not let it be written: then it is compared at boot."""
+    variable = eds.get(*write.address)
+    return variable is not None and not variable.writable
 
 
 def initial(dictionary: Dictionary, node_id: int, index: int, subindex: int) -> Value | None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from axisbus.cell.axis_description import Drive
 from axisbus.cell.commanded import contradictions
 from axisbus.cell.model import ObjectSetting
 from axisbus.cell.parameters import modes
 from axisbus.cell.problem import CellProblem
-from axisbus.cell.writes import CellWrite, known_writes, resolve, setting_write
+from axisbus.cell.writes import CellWrite, initial, is_fixed, known_writes, resolve, setting_write
 from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.cia301 import objects as cia301
 from axisbus.cia301.datatypes import DataType
@@ -64,8 +65,34 @@ def implied(case: CheckContext) -> Problems:
     for drive in case.drives:
         explicit = {setting.line for setting in (*drive.node.objects, *drive.axis.objects)}
         for write in drive.written.values():
-            if write.line not in explicit:
+            if write.line in explicit:
+                continue
+            if is_fixed(write, drive.eds):
+                yield _compared(case, write, drive)
+            else:
                 yield from _write(case, write, drive.dictionary, drive.eds)
+
+
+def _compared(case: CheckContext, write: CellWrite, drive: Drive) -> CellProblem:
+    """Report an entry that boot compares, because the EDS has it read-only; an error if the EDS has another value."""
+    entry, variable = drive.dictionary.entry(*write.address), drive.eds.get(*write.address)
+    assert variable is not None
+    access = f"{drive.eds.source}:{variable.line}: its access is {variable.access}"
+    value = initial(drive.dictionary, drive.node.node_id, *write.address)
+    if value is not None and value != write.value:
+        return case.error(
+            write.line,
+            f"{write.source}: {entry} cannot be written, and has another value",
+            f"{access}, and it is {value!r}; {write.value!r} is wanted",
+            f"ask for what {value!r} means, delete this line, or correct the access in the EDS",
+        )
+    known = "has no value for it" if value is None else "has that value"
+    return case.note(
+        write.line,
+        f"{write.source}: {entry} cannot be written: boot compares it with {write.value!r}",
+        f"{access}; the EDS {known}",
+        "if boot finds another value, set the object with the maker's tool, or delete this line",
+    )
 
 
 def written_twice(case: CheckContext) -> Problems:

@@ -215,7 +215,7 @@ class _Run(ProgramSteps):
         yield from self._must(Local(BootPhase.CONFIGURE, self.outcome))
         for setting in self.plan.settings:
             yield from self._set(setting)
-            self._note(written=self.outcome.written + 1)
+            self._note(written=self.outcome.written + (not setting.fixed))
         yield from self._seal()
         self._did("configured")
 
@@ -236,10 +236,11 @@ class _Run(ProgramSteps):
                 self._fail(Letter.J)
 
     def _set(self, setting: Setting, verify: bool = True) -> Step:
-        """Write an object and read it back; one that may only be written is not read back."""
+        """Write an object and read it back; one that may only be written is not read back, and one that may not be is only read."""
         index, subindex, wanted = setting.index, setting.subindex, setting.value
         self._note(address=(index, subindex), setting=setting)
-        yield from self._must(BootWrite(index, subindex, wanted), Letter.J)
+        if not setting.fixed:
+            yield from self._must(BootWrite(index, subindex, wanted), Letter.J)
         if verify:
             answer = yield from self._must(Read(index, subindex), Letter.J)
             if isinstance(answer, Got) and not same(answer.value, wanted):

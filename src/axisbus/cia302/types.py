@@ -68,12 +68,16 @@ class Expected:
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """An object to be written and read back; ``source`` says in words who asks for it."""
+    """An object to be written and read back; ``source`` says in words who asks for it.
+
+    ``fixed``: the node does not let it be written, so it is only read, and must have the value already.
+    """
 
     index: int
     subindex: int
     value: Value
     source: str = ""
+    fixed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
