@@ -21,6 +21,7 @@ from axisbus.eds.builtin import resolve
 from axisbus.errors import BootError, DriveError, NodeError, NodeStateError, NodeTimeout, StateError
 from axisbus.machine.machine import Machine
 from axisbus.machine.opening import boot
+from axisbus.motion.states import AxisState
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
 from kit.cell import GENERIC
@@ -576,6 +577,21 @@ def test_a_node_that_leaves_operational_just_after_the_start_is_no_suspended_pro
         assert "did not run" not in error.observed
 
 
+@pytest.mark.parametrize("pause", [0.3, 0.301, 0.307, 0.319])  # wherever within a cycle
+def test_an_axis_is_reset_as_soon_as_its_node_has_confirmed_the_start(tmp_path, pause):
+    line = Line(tmp_path)
+    with Machine.simulated(line.file) as machine:
+        x, node = machine["x"], machine.node(1)
+        node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
+        assert x.state is AxisState.ERRORSTOP  # the axes know of it when the command returns
+        machine.sleep(pause)
+        node.command(NmtCommand.START)
+        x.reset().wait(5)
+        x.enable().wait(5)
+        x.move_relative(2.0).wait(10)
+        assert x.error is None
+
+
 @pytest.mark.parametrize(("word", "stops"), [("group", True), ("report", False)])
 def test_a_node_without_axes_that_is_lost_in_virtual_time(tmp_path, word, stops):
     line = Line(tmp_path, "xy")
@@ -659,7 +675,6 @@ def test_a_lost_node_that_kept_its_configuration_serves_again_as_enable_and_rese
         assert "start it (axisbus nmt start 1 --cell CELL" in machine["x"].error.remedy
         assert caught.value.page == "node-lost"
         machine.node(1).command(NmtCommand.START)
-        machine.sleep(0.1)  # the axes see it a cycle later
         machine["x"].reset().wait(5)
         enable(machine["x"])
         machine["x"].move_relative(2.0).wait(10)

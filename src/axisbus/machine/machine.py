@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import logging
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -53,6 +54,7 @@ if TYPE_CHECKING:  # who only looks at axes has no need of them
     from axisbus.sim.device import Device
 
 log = logging.getLogger("axisbus")
+_NEXT_CYCLE = 0.5  # seconds that a cycle may take to come
 
 
 class Machine:
@@ -271,8 +273,21 @@ class Machine:
         ):  # one that came late has new ones
             from axisbus.machine.node_access import NodeAccess
 
-            self._nodes[node_id] = NodeAccess(parts)
+            self._nodes[node_id] = NodeAccess(parts, self._await_cycle)
         return self._nodes[node_id]
+
+    def _await_cycle(self) -> None:
+        """Wait until the axes are those of a cycle that has begun since; for a second at most."""
+        session, in_cycle = self.session, self._core.in_cycle
+        if not session.snapshots or (in_cycle is not None and in_cycle()):
+            return
+        for _ in range(2):  # the first one that ends may have begun before
+            before = _newest(session)
+            with suppress(StateError):  # the scan's own thread cannot wait for a cycle
+                session.waiter.wait(
+                    lambda before=before: session.ended or _newest(session) > before,  # type: ignore[misc]
+                    _NEXT_CYCLE,
+                )
 
     def stand_in(self, node_id: int) -> SimulatedNode:
         """Return the stand-in of a simulated node: its plant, its dials, and faults on demand.
@@ -641,6 +656,11 @@ class Machine:
 
 
 EXIT.keep_within(Machine.__exit__, Machine.close, Machine._close)
+
+
+def _newest(session: MachineSession) -> float:
+    """Return the time of the newest image of an axis (seconds, monotonic)."""
+    return max(each.now for each in session.snapshots.values())
 
 
 def _add_notes(error: BaseException, failures: list[AxisbusError]) -> None:

@@ -89,9 +89,10 @@ class NoSdoAccess(SdoAccess):
 class NodeAccess:
     """One node: ``sdo``, its NMT state and commands, its emergency messages, and the PDOs that are in use."""
 
-    def __init__(self, parts: NodeParts) -> None:
-        """``parts``: those that its link has of it."""
+    def __init__(self, parts: NodeParts, await_cycle: Callable[[], None] = lambda: None) -> None:
+        """``parts``: those that its link has of it. ``await_cycle`` waits until the axes are known as of a later time."""
         self.parts = parts
+        self._await_cycle = await_cycle
         self.node_id = node_id = parts.node_id
         self.eds = eds = parts.eds
         self.plans = parts.plans
@@ -127,7 +128,8 @@ class NodeAccess:
     def command(self, command: NmtCommand, timeout: float = 2.0) -> None:
         """Send an NMT command and wait until the node confirms it; blocks up to ``timeout`` seconds.
 
-        A node that leaves operational is lost for its axes: they stop and go to ErrorStop.
+        A node that leaves operational is lost for its axes: they stop and go to ErrorStop. When this returns, the axes know of the
+        new state, so that a reset may follow at once.
 
         Raises:
             StateError: it speaks CAN Simple, which has none.
@@ -141,6 +143,7 @@ class NodeAccess:
             if self._node.nmt.reports > before:  # it is there
                 error.observed = f"{error.observed}; {self._errors()}"
             raise
+        self._await_cycle()
 
     def _errors(self) -> str:
         last = self.emcy[-1] if self.emcy else None

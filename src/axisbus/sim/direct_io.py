@@ -46,7 +46,7 @@ class DirectIoPort:
         self._boot_ups = self.device.boot_ups
         self.found = tuple(self.device.dictionary.get_int(*address) for address in self.outputs)
         self.alone = tuple(map(self.device.io.alone, self.outputs, self.found))
-        self._hear(now)
+        self.hear_state(now)
 
     def read(self, now: float) -> IoInputs:
         """Return the newest values."""
@@ -95,14 +95,14 @@ class DirectIoPort:
         if now >= self._next_beat - 1e-9 and self.device.nmt is not NmtState.INITIALISING:
             self._next_beat = now + self._heartbeat
             if not self.device.dials.heartbeat_stops:
-                self._hear(now)
+                self.hear_state(now)
         if not self._sync:
             for place, sample in enumerate(self._now(now)):
                 before = self._samples[place]
                 if before is None or before.value != sample.value:
                     self._samples[place] = sample
 
-    def _hear(self, now: float) -> None:
+    def hear_state(self, now: float) -> None:
         self._last_beat, self._state = now, self.device.nmt
 
     @property

@@ -275,7 +275,7 @@ class DirectPort:
         if now >= self._next_beat - 1e-9 and device.nmt is not _INITIALISING:
             self._next_beat = now + self._node_heartbeat
             if not device.dials.heartbeat_stops:
-                self._hear(now)
+                self.hear_state(now)
         if self._events:
             self._watch_events(now)
         if self._polled and now >= self._next_poll and device.answers_sdo:
@@ -289,11 +289,11 @@ class DirectPort:
 
     def know_state(self, now: float) -> None:
         """The node's NMT state is known at once, as after a boot-up that was watched."""
-        self._hear(now)
+        self.hear_state(now)
         self._boot_ups = self.device.boot_ups
         self._next_beat = now + self._node_heartbeat
 
-    def _hear(self, now: float) -> None:
+    def hear_state(self, now: float) -> None:
         """A heartbeat came."""
         self._last_beat, self._reported, self._nmt = now, self.device.nmt, int(self.device.nmt)
         self._in_service = self._in_service or self._reported is _OPERATIONAL

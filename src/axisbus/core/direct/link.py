@@ -221,7 +221,8 @@ class DirectLink:
         }
         comms = DirectComms(device, self._ports, self._io.get(node_id), more)
         booted = NodeBoot(cell, node_id, eds, objects, comms).run()
-        node = DirectNode(device, self.cycle.now(), cell.bus.heartbeat or _HEARTBEAT)
+        heartbeat = cell.bus.heartbeat or _HEARTBEAT
+        node = DirectNode(device, self.cycle.now(), heartbeat, lambda: self._hear(node_id))
         self._booted[node_id] = booted
         self._parts[node_id] = NodeParts(
             node_id,
@@ -239,6 +240,14 @@ class DirectLink:
                 comms.io.know_state(self.cycle.now())
                 self._io_used[node_id] = comms.io
         return booted
+
+    def _hear(self, node_id: int) -> None:
+        """Let the axes and the outputs of a node have the NMT state that has just been confirmed, as on a bus."""
+        now = self.cycle.now()
+        for port in self._own(node_id).values():
+            port.hear_state(now)
+        if (io := self._io_used.get(node_id)) is not None:
+            io.hear_state(now)
 
     def begin(self) -> None:
         """Its cycle is there from the beginning; modules are served by it from now on."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from axisbus.boot.configure import HEARTBEATS
 from axisbus.bus.node.events import NodeEvents
 from axisbus.bus.node.nmt import not_obeyed
@@ -66,8 +68,14 @@ class DirectMonitor:
 class DirectNode:
     """One node without a bus; holds its monitor, its log of messages, and what error control has told of it."""
 
-    def __init__(self, device: Device, now: float, heartbeat: float) -> None:
-        """``now`` is the virtual time, ``heartbeat`` the period of the node's heartbeats, both in seconds."""
+    def __init__(
+        self, device: Device, now: float, heartbeat: float, confirmed: Callable[[], None] = lambda: None
+    ) -> None:
+        """``now`` is the virtual time, ``heartbeat`` the period of the node's heartbeats, both in seconds.
+
+        ``confirmed`` is called after a command that the node has obeyed.
+        """
+        self._confirmed = confirmed
         self.nmt = DirectMonitor(device, now, heartbeat)
         self.emcy = EmcyLog()
         self.events = NodeEvents(self.nmt)
@@ -102,3 +110,4 @@ class DirectNode:
         self.nmt.reports += 1
         if state is not RESULT[command]:
             raise not_obeyed(self._device.node_id, command, state, f"NMT state {state.text}")
+        self._confirmed()
