@@ -2,9 +2,12 @@
 
 import configparser
 import itertools
+import time
 from datetime import datetime
 from pathlib import Path
+from types import MappingProxyType
 
+import can
 import pytest
 
 from axisbus import eds
@@ -14,8 +17,10 @@ from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.node.verify import VerifiedAspect, verify
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds import writer
+from axisbus.errors import SdoTimeout
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
+from kit.talker import Talker
 
 ROOT = Path(__file__).parents[2]
 GENERIC = (ROOT / "eds" / "generic-cia402.eds").read_text()
@@ -179,3 +184,61 @@ def test_the_stored_eds_is_taken_where_there_is_one(live):
         DefaultValue="3B20454453",
     )
     assert stored_eds(live(text)) == b"; EDS"
+
+
+class Terse(Talker):
+    """Node 5 answers for the objects that it has, ``delay`` seconds after the request, and is silent for all others.
+
+    Once ``gone_at`` is asked for it is silent for good.
+    """
+
+    HAS = MappingProxyType({0x1000: 0x00020192, 0x1001: 0, 0x6040: 0, 0x6041: 0x0250, 0x67FF: 0x00020192})
+
+    def __init__(self, channel, delay=0.0, gone_at=None):
+        super().__init__(channel)
+        self._delay, self._gone_at = delay, gone_at
+
+    def _talk(self):
+        gone = False
+        while not self._over.is_set():
+            request = self._bus.recv(0.05)
+            if request is None or request.arbitration_id != 0x605 or request.data[0] != 0x40:
+                continue
+            index = int.from_bytes(request.data[1:3], "little")
+            gone = gone or index == self._gone_at
+            if gone or index not in self.HAS or request.data[3]:
+                continue
+            if self._delay:
+                time.sleep(self._delay)
+            data = b"\x43" + bytes(request.data[1:4]) + self.HAS[index].to_bytes(4, "little")
+            self._bus.send(can.Message(arbitration_id=0x585, data=data, is_extended_id=False))
+
+
+def asked(delay=0.0, gone_at=None):
+    """What asking a terse node gives: its skeleton, what is told, and the seconds that it took."""
+    name, told, begun = f"terse-{next(NUMBER)}", [], time.monotonic()
+    with (
+        Terse(name, delay, gone_at),
+        Channel.open("virtual", name) as channel,
+        CanopenNode(channel, 5, None) as node,
+    ):
+        made = skeleton(node.sdo, tell=told.append)
+    return made, told, time.monotonic() - begun
+
+
+@pytest.mark.parametrize(("delay", "limit"), [(0.0, "0.1 s"), (0.2, "0.5 s")])
+def test_a_node_that_is_silent_for_what_it_does_not_have_gets_less_time_after_three_objects(delay, limit):
+    made, told, took = asked(delay)
+    assert sorted(made.objects) == sorted(Terse.HAS)  # also what comes after the shorter limit
+    (text,) = told
+    assert limit in text
+    assert "answers for 1000h" in text
+    if not delay:
+        assert took < 120.0  # it was 1.5 s for each of more than 300 objects
+
+
+def test_a_node_that_falls_silent_while_it_is_asked_is_said_to_be_gone():
+    with pytest.raises(SdoTimeout, match="node 5 is gone") as caught:
+        asked(gone_at=0x6040)
+    assert "nor for 1000h" in caught.value.observed
+    assert caught.value.remedy

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import time
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from datetime import datetime
 
 from axisbus.bus.sdo.access import SdoObjectAccess, require_answering, try_upload
+from axisbus.bus.sdo.client import SdoClient
 from axisbus.bus.sdo.transfer import Progress
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as c301
@@ -18,7 +20,7 @@ from axisbus.cia402.dictionary import StandardObject
 from axisbus.eds.dcf import BAUD_RATES
 from axisbus.eds.device_to_dcf import printable
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
-from axisbus.errors import EdsError, SdoAbort, SdoTimeout
+from axisbus.errors import EdsError, SdoAbort, SdoError, SdoTimeout
 from axisbus.wording import counted
 
 STORED_EDS, STORE_FORMAT = 0x1021, 0x1022
@@ -34,6 +36,11 @@ _BY_SIZE = {1: DataType.UNSIGNED8, 2: DataType.UNSIGNED16, 4: DataType.UNSIGNED3
 _LARGEST_RECORD = 64
 _IDENTITY = {"vendornumber": 1, "productnumber": 2, "revisionnumber": 3}  # sub-indices of 1018h
 _CONSTANT = frozenset((0x6502, 0x67FF))  # of the profile area: what a value read once says for good
+_SILENT_IN_A_ROW = (
+    3  # objects without an answer, after which a device that is there gets less time for the others
+)
+_SHORT, _SHORT_TRIES = 0.1, 2  # seconds for an answer then, at least, and attempts
+_MANDATORY = (c301.DEVICE_TYPE, c301.ERROR_REGISTER)
 _NOT_FOR_A_DOWNLOAD = frozenset((c301.STORE_PARAMETERS, c301.RESTORE_DEFAULTS))
 
 
@@ -92,19 +99,27 @@ def _format(sdo: SdoObjectAccess) -> int:
         return _PLAIN
 
 
-def skeleton(sdo: SdoObjectAccess, progress: Callable[[int, int], None] | None = None) -> Eds:
+def skeleton(
+    sdo: SdoObjectAccess,
+    progress: Callable[[int, int], None] | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> Eds:
     """Ask the device for every object of CiA 301 and CiA 402 and describe those that it has; blocks, writes nothing.
 
     Names and types are the standard's; where the device sends another size, the type is an unsigned one of that size. Access is the
     standard's too, because reading cannot show it. The maker's own objects are not found. ``progress(done, all)``.
 
+    An object that gets no answer is left out. After several in a row a device that still answers for 1000h is given a shorter time
+    limit for the others (twice 0.1 s, or four times its slowest answer if that is longer); ``tell`` gets a sentence that says so.
+
     Raises:
-        SdoTimeout: the device answers for no object. AdapterError: the channel failed.
+        SdoTimeout: the device answers for no object, or no longer does. AdapterError: the channel failed.
     """
     heads = _candidates()
+    asking = _Asking(sdo, tell)
     objects: dict[int, Object] = {}
     for number, (index, row) in enumerate(heads.items(), start=1):
-        found = _object(sdo, index, _name(index, row), row)
+        found = _object(asking, index, _name(index, row), row)
         if found is not None:
             objects[index] = found
         if progress is not None:
@@ -159,35 +174,96 @@ def _name(index: int, row: StandardObject) -> str:
     return row.name if row.single else f"{row.name} {index - row.index + 1}"
 
 
-def _object(sdo: SdoObjectAccess, index: int, name: str, row: StandardObject) -> Object | None:
-    first = _upload(sdo, index, 0)
+class _Asking:
+    """Uploads for a skeleton; holds how many objects in a row got no answer, and the time limit that follows from it."""
+
+    def __init__(self, sdo: SdoObjectAccess, tell: Callable[[str], None] | None) -> None:
+        self.sdo = sdo
+        self._tell = tell
+        self._silent = 0
+        self._slowest = 0.0  # seconds that an answer took
+        self._limit: float | None = None  # seconds for an answer; None: as usual
+        self._answered = False
+
+    def upload(self, index: int, subindex: int = 0) -> bytes:
+        """As ``SdoObjectAccess.upload``; 1000h and 1001h, by which ``try_upload`` sees whether the device is there, have the usual time."""
+        begun = time.monotonic()
+        if self._limit is not None and index not in _MANDATORY and isinstance(self.sdo, SdoClient):
+            data = self.sdo.upload(index, subindex, timeout=self._limit, tries=_SHORT_TRIES)
+        else:
+            data = self.sdo.upload(index, subindex)
+        self._slowest = max(self._slowest, time.monotonic() - begun)
+        return data
+
+    def find(self, index: int, subindex: int) -> bytes | SdoError:
+        """As ``try_upload``.
+
+        Raises:
+            SdoTimeout: the device answers for no object, or no longer does. AdapterError: the channel failed.
+        """
+        try:
+            found = try_upload(self, index, subindex)
+        except SdoTimeout as error:
+            if not self._answered:
+                raise
+            raise _gone(self.sdo.node_id, error) from error
+        if isinstance(found, SdoTimeout):
+            self._silent += 1
+            if self._silent >= _SILENT_IN_A_ROW and self._limit is None and isinstance(self.sdo, SdoClient):
+                self._shorten(self.sdo.timeout)
+        else:
+            self._silent, self._answered = 0, True
+        return found
+
+    def _shorten(self, usual: float) -> None:
+        self._limit = min(usual, max(_SHORT, 4 * self._slowest))
+        if self._tell is not None:
+            self._tell(
+                f"node {self.sdo.node_id} gives no answer for objects that it does not have, and answers for 1000h: each further "
+                f"object was given {_SHORT_TRIES} attempts of {self._limit:.2g} s"
+            )
+
+
+def _gone(node_id: int, error: SdoTimeout) -> SdoTimeout:
+    return SdoTimeout(
+        f"node {node_id} is gone: it answered before, and answers for no object any more; nothing was made of it",
+        node=node_id,
+        index=error.index,
+        subindex=error.subindex,
+        observed=f"no answer for {error.index:04X}h:{error.subindex:02X}, nor for 1000h",
+        remedy="check its supply, its cable and the bus (axisbus scan), then ask again",
+    )
+
+
+def _object(asking: _Asking, index: int, name: str, row: StandardObject) -> Object | None:
+    first = _upload(asking, index, 0)
     if first is None:
         return None
     kind = ObjectType[row.object_type]
     if kind is ObjectType.VAR:
-        return Object(index, name, kind, {0: _variable(sdo, index, 0, name, first)})
+        return Object(index, name, kind, {0: _variable(asking.sdo, index, 0, name, first)})
     subs = {
         0: Variable(
             index, 0, "Highest sub-index supported", DataType.UNSIGNED8, "const", Number(_count(first))
         )
     }
-    subs.update(_subs(sdo, index, name, _count(first)))
+    subs.update(_subs(asking, index, name, _count(first)))
     return Object(index, name, kind, subs)
 
 
-def _subs(sdo: SdoObjectAccess, index: int, name: str, count: int) -> Iterator[tuple[int, Variable]]:
+def _subs(asking: _Asking, index: int, name: str, count: int) -> Iterator[tuple[int, Variable]]:
     for subindex in range(1, count + 1):
-        data = _upload(sdo, index, subindex)
+        data = _upload(asking, index, subindex)
         if data is not None:
-            yield subindex, _variable(sdo, index, subindex, f"{name} {subindex}", data)
+            yield subindex, _variable(asking.sdo, index, subindex, f"{name} {subindex}", data)
 
 
-def _upload(sdo: SdoObjectAccess, index: int, subindex: int) -> bytes | None:
+def _upload(asking: _Asking, index: int, subindex: int) -> bytes | None:
     """Return an entry's bytes, empty if it is there but cannot be read, None if it is not there.
 
     An object that gets no answer counts as one that the device does not have: some devices are silent for those.
     """
-    found = try_upload(sdo, index, subindex)
+    found = asking.find(index, subindex)
     if isinstance(found, bytes):
         return found
     gone = isinstance(found, SdoTimeout) or (isinstance(found, SdoAbort) and found.code in _GONE)

@@ -46,6 +46,7 @@ def command(
 
     target = output or Path(f"node-{node}.eds")
     require_free(target, force=force)
+    notes: list[str] = []
     with ExitStack() as stack:
         bus = open_bus(stack, cell, interface, channel, bitrate, option)
         device = stack.enter_context(CanopenNode(bus, node))
@@ -57,10 +58,12 @@ def command(
             what = "the EDS that the drive stores"
         else:
             tell = stack.enter_context(progress_bar("asking for objects"))
-            found = skeleton(device.sdo, tell)
+            found = skeleton(device.sdo, tell, notes.append)
             data = _HEADER.encode() + writer.dumps(as_file(found, target.name, datetime.now(), bitrate))
             what = f"a skeleton of {counted(len(found.objects), 'object')}"
     write_whole(target, data)
+    for note in notes:
+        say(note)
     say(f"{target}: {what}")
     say_next(f"axisbus eds check {target}")
     return OK
