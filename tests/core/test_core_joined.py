@@ -12,6 +12,8 @@ import time
 
 import pytest
 
+from axisbus.core.process import listener
+from axisbus.core.process.listener import StopRequest
 from axisbus.core.process.rpc_client import RpcClient
 from axisbus.errors import OwnershipError, ScanError, StateError, Stopped
 from axisbus.machine.machine import Machine
@@ -19,12 +21,16 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.record.recorder import Recorder
 from kit.attacks import ATTACKS
+from kit.crowd import Crowd
 from kit.stories.own import enabled, own_cell, turns, under_way
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
     pytest.mark.timeout(120),
 ]
+PROMPT = (
+    2.0  # seconds from a request until it is known to be done: half a second on a computer that is not busy
+)
 
 
 @pytest.fixture(scope="module")
@@ -355,3 +361,33 @@ def test_whoever_comes_in_disturbs_neither_the_cycle_nor_the_motion(machine, fil
             time.sleep(0.1)
     with guest:
         assert guest["x"].state is AxisState.DISCRETE_MOTION
+
+
+# What each of a thousand hostile connections says at the core's own door, and whether it says so again and again.
+CROWDS = {
+    "silent": (b"", False),
+    "half a request to stop": (b"s\xff", False),
+    "wants to join": (b"a", False),
+    "a flood of junk": (b"x" * 4096, True),
+    "requests to stop another axis": (StopRequest(("y",)).pack(), True),
+}
+
+
+@pytest.mark.parametrize("crowd", list(CROWDS))
+def test_a_thousand_hostile_connections_keep_no_stop_and_no_command_of_the_holder_waiting(
+    machine, file, crowd
+):
+    handle = under_way(machine["x"])
+    (found,) = listener.machines_of(str(file))
+    said, flood = CROWDS[crowd]
+    with Crowd(found.name, said, flood=flood):
+        assert handle.active
+        assert abs(turns(machine)) == pytest.approx(30.0, abs=1.0)
+        for _ in range(2):
+            began = time.monotonic()
+            (stopped,) = listener.ask_to_stop(found, StopRequest(("x",), quick=False), 5.0).axes
+            assert time.monotonic() - began < PROMPT
+            assert stopped.ok
+            began = time.monotonic()
+            machine["x"].move_relative(-10.0 if machine["x"].position > 0 else 10.0, velocity=30.0).wait(10)
+            assert time.monotonic() - began < PROMPT

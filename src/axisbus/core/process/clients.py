@@ -53,6 +53,7 @@ from axisbus.version import __version__
 
 log = logging.getLogger("axisbus")
 _MOST = 16  # guests
+_MOST_STOPS = 64  # requests to stop whose ends are waited for at the same time
 _HOUSE = 1 << 20  # the place of commands that no client has given
 _LARGEST = 1 << 18  # bytes of a guest's message
 _FEWEST = 0.002  # seconds between two messages of a guest, once it has sent many at a time
@@ -70,6 +71,9 @@ class _End:
         self.come = threading.Event()
         self.event: CommandEvent | None = None
         self.event_at = 0.0
+
+
+_Stop = dict[str, _End | None]  # axis -> the end of its stop; None: its node has not come up
 
 
 class Clients:
@@ -225,8 +229,8 @@ class Clients:
         times = [facts.parameters.stop_times.ladder for facts in self.core.session.axes.values()]
         return max(times, default=0.0) + _MARGIN
 
-    def stop(self, axes: Sequence[str], quick: bool, who: str) -> list[StopResult]:
-        """Quick-stop or halt these axes, or all of the cell where none is named, for ``who``; return how each was left. Blocks."""
+    def begin_stop(self, axes: Sequence[str], quick: bool, who: str) -> _Stop:
+        """Quick-stop or halt these axes, or all of the cell where none is named, for ``who``; does not block."""
         verb, there = "quick_stop" if quick else "halt", self.core.session.axes
         names = list(axes or self.core.cell.axes)
         ends = {
@@ -234,8 +238,12 @@ class Clients:
             for name in names
             if name in there
         }
+        return {name: ends.get(name) for name in names}
+
+    def await_stop(self, ends: _Stop, quick: bool) -> list[StopResult]:
+        """Return how each axis was left by the commands of ``begin_stop``; blocks."""
         until = time.monotonic() + self.stop_within
-        return [self._stopped(name, ends.get(name), until, quick) for name in names]
+        return [self._stopped(name, end, until, quick) for name, end in ends.items()]
 
     def _stopped(self, name: str, end: _End | None, until: float, quick: bool) -> StopResult:
         if end is None:
@@ -336,8 +344,8 @@ class Guests:
         self._text = text
         self._there = threading.Semaphore(_MOST)
         self._stops = ThreadPoolExecutor(
-            _MOST, "axisbus stop"
-        )  # whoever comes after these waits for a stop to end
+            _MOST_STOPS, "axisbus stop"
+        )  # who comes after these waits for the answer alone
 
     def start(self) -> None:
         """Begin to let them in."""
@@ -350,7 +358,7 @@ class Guests:
     def _run(self) -> None:
         for caller in self._door.callers():
             if caller.stop is not None:
-                self._stops.submit(self._stop, caller.line, caller.process, caller.stop)
+                self._take_stop(caller.line, caller.process, caller.stop)
             elif not self._there.acquire(blocking=False):
                 refuse(caller.line)
             else:
@@ -358,13 +366,23 @@ class Guests:
                     target=self._serve, args=(caller.line, caller.process), name="axisbus guest", daemon=True
                 ).start()
 
-    def _stop(self, line: socket.socket, process: int, request: StopRequest) -> None:
-        """Stop axes, and tell whoever asked for it; an asker that is gone, or reads nothing, changes nothing."""
+    def _take_stop(self, line: socket.socket, process: int, request: StopRequest) -> None:
+        """Give the commands at once: however many wait for the end of theirs, none keeps another from being done."""
+        try:
+            begun = self._clients.begin_stop(request.axes, request.quick, described(process, kept=True))
+        except Exception:  # the next request is taken all the same
+            log.exception("a request to stop could not be taken")
+            line.close()
+            return
+        with suppress(OSError):  # its asker may be gone; a new connection has room for so few bytes
+            answer_stop(line, self._clients.stop_within)
+        self._stops.submit(self._stop, line, begun, request.quick)
+
+    def _stop(self, line: socket.socket, begun: _Stop, quick: bool) -> None:
+        """See how axes stop, and tell whoever asked for it; an asker that is gone, or reads nothing, changes nothing."""
         with line:
             line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _SHAKE)
-            with suppress(OSError):
-                answer_stop(line, self._clients.stop_within)
-            stopped = self._clients.stop(request.axes, request.quick, described(process, kept=True))
+            stopped = self._clients.await_stop(begun, quick)
             with suppress(OSError):
                 answer_stop(line, StopAnswer(tuple(stopped), self._text))
 
