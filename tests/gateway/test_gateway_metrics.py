@@ -32,6 +32,7 @@ from axisbus.machine.machine import Machine
 from axisbus.session import LATENESS_BOUNDS
 from kit import commands
 from kit.connections import closed
+from kit.crowd import Crowd
 from kit.stories.own import own_cell
 
 DASHBOARD = Path(__file__).parents[2] / "examples" / "dashboard.json"
@@ -213,6 +214,27 @@ def test_who_connects_and_says_nothing_keeps_nobody_out_and_few_threads(url):
         assert found(read(url), "axisbus_up") == [0.0]
         assert threads() - before <= server.CONNECTIONS + 10  # those that end are ending
         until(lambda: threads() - before <= server.CONNECTIONS)
+
+
+# What each of a thousand hostile connections says, and whether it says so again and again.
+CROWDS = {
+    "silent": (b"", False),
+    "half a request": (b"GET /metrics HTTP/1.1\r\nHost: ", False),
+    "a flood of requests": (b"GET /metrics HTTP/1.1\r\n\r\n", True),
+    "a flood of junk": (b"x" * 4096, True),
+}
+
+
+@pytest.mark.parametrize("crowd", list(CROWDS))
+def test_a_thousand_hostile_connections_keep_nobody_from_reading(url, crowd):
+    said, flood = CROWDS[crowd]
+    before = threads()
+    with Crowd(place_of(url), said, flood=flood):
+        for _ in range(3):
+            began = time.monotonic()
+            assert found(read(url), "axisbus_up") == [0.0]
+            assert time.monotonic() - began < 8.0  # a Prometheus server gives up after 10
+    until(lambda: threads() - before <= server.CONNECTIONS)
 
 
 def test_who_takes_too_long_is_ended(url, monkeypatch):

@@ -19,6 +19,7 @@ import zenoh
 from axisbus.fleet import messages as m
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
+from kit.crowd import Crowd
 from kit.stories.own import own_cell, recover, turns
 from kit.zenoh_cell import KEYS, BridgeProcess, Client, Wire, holder, until
 
@@ -315,6 +316,34 @@ kept = [session.declare_subscriber("ax/**", zenoh.handlers.FifoChannel(1))]
 print("deaf", flush=True)
 time.sleep(60)
 """
+
+
+# What each of a thousand hostile connections says to the bridge, and whether it says so again and again.
+CROWDS = {
+    "silent": (b"", False),
+    "half a greeting": (b"\x20\x00\x01", False),
+    "a flood of junk": (b"\x20\x00" + b"x" * 2000, True),
+}
+
+
+@pytest.mark.parametrize("crowd", list(CROWDS))
+def test_a_thousand_hostile_connections_cost_nobody_the_lease_and_keep_no_newcomer_from_halting(
+    client, bridge, machine, crowd
+):
+    said, flood = CROWDS[crowd]
+    with holder(bridge.endpoint):
+        until(lambda: not stands(machine))
+        with Crowd(("127.0.0.1", int(bridge.endpoint.rpartition(":")[2])), said, flood=flood):
+            time.sleep(1.5)  # longer than a lease that is not renewed
+            assert turns(machine) == pytest.approx(30.0, abs=1.0)
+            began = time.monotonic()
+            assert client.lease("look").holder == "Holder"
+            assert time.monotonic() - began < 1.0
+            with Client(bridge.endpoint, "Ben") as newcomer:
+                until(newcomer.alive, 12.0)
+                newcomer.must("halt", "x")
+            assert stands(machine)
+            client.must("halt", "x")
 
 
 @pytest.mark.parametrize("how", ["never reads", "suspended"])

@@ -23,6 +23,7 @@ LARGEST = 16 * 1024 * 1024  # bytes of a message that is taken
 _BLOCKED = 0.5  # seconds that what must arrive waits for one who does not read, before he is cut off
 _BATCH = 16_384  # bytes in a piece: on a slow network one must have left within that time
 _HANDSHAKE = 2.0  # seconds until both ends must have greeted; one that tries to is not closed before
+_GREETING = 4000  # connections that have not greeted yet: a crowd that never does must not keep others out
 _ENDPOINT = re.compile(r"(tcp|tls|quic|udp|ws|unixsock-stream|vsock|serial)/[^\s?#]+(\?[^\s#]*)?(#[^\s]*)?")
 _EXAMPLE = f"write it as tcp/192.168.0.10:{PORT}, or tls/cell-one.example:{PORT}"
 
@@ -167,6 +168,7 @@ def _settings(network: ZenohNetwork) -> Mapping[str, Any]:
         "connect/retry": {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2},
         "transport/unicast/open_timeout": round(_HANDSHAKE * 1000),
         "transport/unicast/accept_timeout": round(_HANDSHAKE * 1000),
+        "transport/unicast/accept_pending": _GREETING,
         "transport/link/tx/lease": round(LEASE * 1000),
         "transport/link/tx/queue/congestion_control/block/wait_before_close": round(_BLOCKED * 1e6),
         "transport/link/tx/batch_size": _BATCH,
