@@ -215,7 +215,7 @@ class Terse(Talker):
 
 
 def asked(delay=0.0, gone_at=None):
-    """What asking a terse node gives: its skeleton, what is told, and the seconds that it took."""
+    """Return the skeleton of a terse node, the notes, and the seconds that asking took."""
     name, told, begun = f"terse-{next(NUMBER)}", [], time.monotonic()
     with (
         Terse(name, delay, gone_at),

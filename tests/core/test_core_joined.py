@@ -363,7 +363,7 @@ def test_whoever_comes_in_disturbs_neither_the_cycle_nor_the_motion(machine, fil
         assert guest["x"].state is AxisState.DISCRETE_MOTION
 
 
-# What each of a thousand hostile connections says at the core's own door, and whether it says so again and again.
+# The bytes that each of a thousand hostile connections sends to the core, and whether it sends them repeatedly.
 CROWDS = {
     "silent": (b"", False),
     "half a request to stop": (b"s\xff", False),

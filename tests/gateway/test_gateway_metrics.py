@@ -216,7 +216,7 @@ def test_who_connects_and_says_nothing_keeps_nobody_out_and_few_threads(url):
         until(lambda: threads() - before <= server.CONNECTIONS)
 
 
-# What each of a thousand hostile connections says, and whether it says so again and again.
+# The bytes that each of a thousand hostile connections sends, and whether it sends them repeatedly.
 CROWDS = {
     "silent": (b"", False),
     "half a request": (b"GET /metrics HTTP/1.1\r\nHost: ", False),

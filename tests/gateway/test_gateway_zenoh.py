@@ -318,7 +318,7 @@ time.sleep(60)
 """
 
 
-# What each of a thousand hostile connections says to the bridge, and whether it says so again and again.
+# The bytes that each of a thousand hostile connections sends to the bridge, and whether it sends them repeatedly.
 CROWDS = {
     "silent": (b"", False),
     "half a greeting": (b"\x20\x00\x01", False),

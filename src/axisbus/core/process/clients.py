@@ -345,7 +345,7 @@ class Guests:
         self._there = threading.Semaphore(_MOST)
         self._stops = ThreadPoolExecutor(
             _MOST_STOPS, "axisbus stop"
-        )  # who comes after these waits for the answer alone
+        )  # further requests wait for their answer only
 
     def start(self) -> None:
         """Begin to let them in."""
@@ -379,7 +379,7 @@ class Guests:
         self._stops.submit(self._stop, line, begun, request.quick)
 
     def _stop(self, line: socket.socket, begun: _Stop, quick: bool) -> None:
-        """See how axes stop, and tell whoever asked for it; an asker that is gone, or reads nothing, changes nothing."""
+        """Wait until axes have stopped, and report it to the client; a client that has gone, or does not read, changes nothing."""
         with line:
             line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _SHAKE)
             stopped = self._clients.await_stop(begun, quick)
