@@ -130,7 +130,16 @@ def test_a_request_that_comes_byte_by_byte_is_one(cell):
 
 
 @pytest.mark.parametrize(
-    "words", [b"x", b"s\x02\x00{}", b"s\x02\x00\xff\xff", b"s\x04\x00[1]]", b"s\x01\x00["]
+    "words",
+    [
+        b"x",
+        b"s\x02\x00{}",
+        b"s\x02\x00\xff\xff",
+        b"s\x04\x00[1]]",
+        b"s\x01\x00[",
+        b"s\x00\x40" + b"[" * 0x4000,  # nested too deeply; the door must stay open
+    ],
+    ids=range(6),
 )
 def test_who_says_something_else_is_sent_away_and_nothing_comes_of_it(cell, words):
     with served(cell) as core:
@@ -212,7 +221,17 @@ def test_a_core_whose_queue_is_full_is_not_taken_for_none(cell):
 
 
 @pytest.mark.parametrize(
-    "words", [b"", b"null\n", b"1.0\n", b"1.0\n[]\n", b"1.0\n{}\n", b'1.0\n[[["x", 1, "stands"]], ""]\n']
+    "words",
+    [
+        b"",
+        b"null\n",
+        b"1.0\n",
+        b"1.0\n[]\n",
+        b"1.0\n{}\n",
+        b'1.0\n[[["x", 1, "stands"]], ""]\n',
+        b"1.0\n" + b"[" * 20_000 + b"\n",
+    ],
+    ids=range(7),
 )
 def test_an_answer_that_does_not_say_how_axes_were_left_is_no_success(cell, words):
     with claim(None, CellFileId.of(cell), exclusive=False, door=True) as held:

@@ -14,13 +14,15 @@ import pytest
 
 pytest.importorskip("zenoh", reason="a Zenoh network needs eclipse-zenoh")
 
+import zenoh
+
 from axisbus.errors import ArgumentError, OwnershipError, StateError, Stopped, UserError
 from axisbus.fleet import network
 from axisbus.fleet.keys import ZenohCellKeys, named
 from axisbus.fleet.messages import CommandAsk, EventsAsk, HistoryAsk
 from axisbus.fleet.network import ZenohNetwork
 from axisbus.gateway.machine_events import MachineEventSource
-from axisbus.gateway.zenoh import redact_process, samples
+from axisbus.gateway.zenoh import redact_process, samples, service
 from axisbus.gateway.zenoh.command_dedup import CLIENTS, CommandDeduplicator, require_id
 from axisbus.gateway.zenoh.command_table import STOPS, VERBS, act_of
 from axisbus.gateway.zenoh.commands import Commands
@@ -28,6 +30,7 @@ from axisbus.gateway.zenoh.deferred_replies import DeferredReplies
 from axisbus.gateway.zenoh.event_log import AT_ONCE, KEPT, BridgeEventLog, Happened
 from axisbus.gateway.zenoh.event_mapping import told
 from axisbus.gateway.zenoh.lease import SECONDS, CellLease, LeasePhase
+from axisbus.gateway.zenoh.query import ZenohQuery
 from axisbus.gateway.zenoh.states import state_of
 from axisbus.machine.axis import Axis
 from axisbus.record.recording_data import Recorded, RecordedSeries
@@ -150,6 +153,16 @@ def test_without_axes_it_is_of_all_and_nothing_spoils_a_stop():
     assert act_of("halt", ask("x", "x", "q", nonsense="z"), ("x", "y")).axes == ("x", "q")
     assert act_of("halt_all", ask("x"), ("x", "y")).axes == ("x", "y")
     assert {"halt", "quick_stop", "halt_all", "quick_stop_all"} == STOPS
+
+
+DEEP = b'{"axes": [], "more": ' + b"[" * 5000  # nested too deeply for JSON
+
+
+def test_a_deeply_nested_query_is_refused_and_does_not_prevent_a_stop():
+    query = SimpleNamespace(key_expr="ax/hall/press/cmd/halt_all", payload=zenoh.ZBytes(DEEP))
+    with pytest.raises(ArgumentError, match="no CommandAsk"):
+        ZenohQuery(query).message(CommandAsk)
+    assert service._stop("halt_all", ZenohQuery(query)).axes == ()
 
 
 # -- commands of a machine, in virtual time --------------------------------------------------------------------------

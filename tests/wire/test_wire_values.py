@@ -151,7 +151,11 @@ def test_what_is_not_ours_does_not_cross(value):
         msgspec.msgpack.encode(["error", ["SystemExit", {"message": "x"}, [], ""]]),
         msgspec.msgpack.encode(["no such kind"]),
         msgspec.msgpack.encode([]),
+        msgspec.msgpack.encode(["fraction", 1, 0]),
+        msgspec.msgpack.encode(["record", "axisbus.ipc.messages.Leave", 3]),
+        b"\x91" * 100_000 + b"\xc0",
     ],
+    ids=range(11),
 )
 def test_bytes_that_hold_nothing_of_ours_are_refused(data):
     with pytest.raises(NotForCrossing):

@@ -63,7 +63,10 @@ class StopRequest:
     @classmethod
     def read(cls, text: bytes) -> StopRequest:
         """Return what a program has said; raises ValueError where it is no request."""
-        found = json.loads(text)
+        try:
+            found = json.loads(text)
+        except RecursionError:
+            raise ValueError("nested too deeply") from None
         if not (isinstance(found, list) and len(found) == 2 and isinstance(found[0], list)):
             raise ValueError("not a request to stop")
         return cls(tuple(map(str, found[0])), bool(found[1]))
@@ -296,7 +299,7 @@ def ask_to_stop(claim: ChannelClaim, request: StopRequest, patience: float) -> S
             )
         except TimeoutError:
             raise _unreached(claim, "it does not answer: it hangs, or boots its nodes") from None
-        except (OSError, ValueError, TypeError):
+        except (OSError, ValueError, TypeError, RecursionError):
             raise _unreached(claim, "it closed the connection") from None
 
 

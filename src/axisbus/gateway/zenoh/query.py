@@ -63,7 +63,7 @@ class ZenohQuery:
         """
         try:
             return msgspec.json.decode(self.data, type=kind)
-        except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        except (msgspec.MsgspecError, ValueError, RecursionError) as error:
             raise ArgumentError(
                 f"the query brings no {kind.__name__} of this protocol", observed=str(error)
             ) from error
