@@ -312,6 +312,14 @@ def test_a_lease_is_renewed_in_time_and_counts_from_when_it_was_asked_for():
     assert keeper.lost(11.27)
 
 
+def test_a_lease_lasts_for_a_minute_at_most():
+    keeper = LeaseKeeper("t", 1e300, 10.0)
+    assert keeper.left(10.0) == 60.0
+    assert keeper.next == 25.0
+    keeper.renewed(1e300, 20.0)
+    assert keeper.left(20.0) == 60.0
+
+
 def test_a_late_answer_shortens_no_lease_and_brings_none_back():
     keeper = LeaseKeeper("t", 1.0, 10.0)
     keeper.renewed(1.0, 10.8)

@@ -6,6 +6,7 @@ from axisbus.errors import AxisbusError
 
 _RENEWED = 0.25  # of its time, after which it is renewed
 _AGAIN = 0.1  # of its time, after which a renewal that got no answer is asked for once more
+_LONGEST = 60.0  # s, the longest lease that is believed; a larger number would overflow a wait
 
 
 class LeaseKeeper:
@@ -15,9 +16,9 @@ class LeaseKeeper:
         """``asked``: the time at which it was asked for."""
         self.token = token
         self.why: AxisbusError | None = None
-        self._seconds = seconds
-        self._until = asked + seconds
-        self._next = asked + seconds * _RENEWED
+        self._seconds = min(seconds, _LONGEST)
+        self._until = asked + self._seconds
+        self._next = asked + self._seconds * _RENEWED
 
     def due(self, now: float) -> bool:
         """Return whether it is to be renewed now; then it is not due again for a moment."""
@@ -38,6 +39,7 @@ class LeaseKeeper:
 
     def renewed(self, seconds: float, asked: float) -> None:
         """A renewal that was asked for at a time was granted; a late answer never shortens it."""
+        seconds = min(seconds, _LONGEST)
         if self.why is None and asked + seconds > self._until:
             self._seconds = seconds
             self._until = asked + seconds
