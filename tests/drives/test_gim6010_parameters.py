@@ -169,9 +169,15 @@ def test_a_backup_is_read_as_it_was_written(settings, serial):
         backup.ParameterBackup(1, V13, {"a": 1}).text().replace("0.5.13", "new"),
     ],
 )  # fmt: skip
-def test_what_is_no_backup_is_refused(text):
-    with pytest.raises(ArgumentError):
+def test_what_is_no_backup_is_refused_by_the_name_of_its_file(text):
+    with pytest.raises(ArgumentError, match="file: "):
         backup.read(text, "file")
+
+
+def test_an_integer_beyond_the_floats_differs_from_every_float():
+    text = backup.ParameterBackup(1, V13, {"a": 1}).text().replace('"a": 1', f'"a": 1{"0" * 400}')
+    (differs,) = backup.differences({"a": 1.5}, backup.read(text, "file").values)
+    assert differs.path == "a"
 
 
 def test_a_backup_is_whole_or_none():

@@ -62,8 +62,12 @@ def read(text: str, source: str) -> ParameterBackup:
         serial = int(str(found["serial"]), 16)
     except ValueError:
         raise ArgumentError(f"{source}: its serial number is {found['serial']!r}") from None
+    try:
+        firmware = Firmware.parse(str(found["firmware"]))
+    except ArgumentError as error:
+        raise ArgumentError(f"{source}: {error.message}", remedy=error.remedy) from None
     named = {path: values.of_plain(path, value, source) for path, value in found["values"].items()}
-    return ParameterBackup(serial, Firmware.parse(str(found["firmware"])), named, source)
+    return ParameterBackup(serial, firmware, named, source)
 
 
 @dataclass(frozen=True, slots=True)

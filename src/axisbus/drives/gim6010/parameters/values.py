@@ -44,14 +44,14 @@ def show(value: Value) -> str:
 def same(one: Value, other: Value) -> bool:
     """Whether two values are the same to a module, whose floats have 32 bits; NaN is the same as NaN."""
     if isinstance(one, float) or isinstance(other, float):
-        return _single(float(one)) == _single(float(other))
+        return _single(one) == _single(other)
     return one == other
 
 
-def _single(value: float) -> object:
+def _single(value: Value) -> object:
     try:
         (found,) = struct.unpack("<f", struct.pack("<f", value))
-    except OverflowError:
+    except (OverflowError, struct.error):  # beyond a 32-bit float
         return value
     return "nan" if math.isnan(found) else found
 
