@@ -28,9 +28,12 @@ from asyncua.common.utils import ServiceError
 from asyncua.crypto.permission_rules import User
 from asyncua.ua.ua_binary import nodeid_to_binary, struct_to_binary
 from asyncua.ua.uaerrors import UaStatusCodeError
+from cryptography import x509
+from cryptography.hazmat.primitives.serialization import Encoding
 
 from axisbus.cell import reader
-from axisbus.gateway.opcua import limits, users
+from axisbus.errors import ConfigError, StateError
+from axisbus.gateway.opcua import limits, trust, users
 from axisbus.gateway.opcua.access import Given, decide
 from axisbus.gateway.opcua.event_mapping import OpcuaEvent
 from axisbus.gateway.opcua.limited_server import CHECKED, OpcuaUserManager
@@ -1112,3 +1115,20 @@ def test_a_client_of_another_stack_hears_what_is_refused(server):
     assert "no machine runs" in cause
     assert (remedy, axis) == ("", "x")
     assert all(status.startswith("Bad") for _, status in seen["positions"])
+
+
+@pytest.mark.parametrize(("there", "instead"), [("a003020102", "a003020107"), ("0603551d0f", "0603551d11")])
+def test_an_invalid_certificate_is_refused_by_the_name_of_its_file(tmp_path, there, instead):
+    """The version is unknown, or an extension occurs twice."""
+    made = x509.load_pem_x509_certificate(papers(tmp_path, "x", server=True).certificate.read_bytes())
+    octets = made.public_bytes(Encoding.DER)
+    assert trust.is_in_time(octets)
+    wrong = tmp_path / "trusted" / "wrong.der"
+    wrong.parent.mkdir()
+    wrong.write_bytes(octets.replace(bytes.fromhex(there), bytes.fromhex(instead), 1))
+    with pytest.raises(StateError, match=r"wrong\.der"):
+        trust.uri_of(wrong)
+    if "07" in instead:
+        assert not trust.is_in_time(wrong.read_bytes())
+        with pytest.raises(ConfigError, match=r"wrong\.der"):
+            trust.trusted(wrong.parent)

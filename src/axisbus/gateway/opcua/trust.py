@@ -12,6 +12,14 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from axisbus.errors import ConfigError, StateError
 
 _ENDINGS = (".pem", ".crt", ".cer", ".der")
+_UNFIT = (  # errors of an invalid file or certificate; those of cryptography have no common base
+    OSError,
+    ValueError,
+    x509.InvalidVersion,
+    x509.ExtensionNotFound,
+    x509.DuplicateExtension,
+    x509.UnsupportedGeneralNameType,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,9 +37,9 @@ def is_in_time(certificate: bytes) -> bool:
     """Whether a certificate (DER) is one, and holds now."""
     try:
         found = x509.load_der_x509_certificate(certificate)
-    except ValueError:
+        return found.not_valid_before_utc <= datetime.now(UTC) <= found.not_valid_after_utc
+    except _UNFIT:
         return False
-    return found.not_valid_before_utc <= datetime.now(UTC) <= found.not_valid_after_utc
 
 
 def trusted(folder: Path) -> Trust:
@@ -56,7 +64,7 @@ def trusted(folder: Path) -> Trust:
 def _der(path: Path) -> bytes:
     try:
         return _parsed(path.read_bytes()).public_bytes(Encoding.DER)
-    except (OSError, ValueError) as error:
+    except _UNFIT as error:
         raise ConfigError("that is no certificate", file=str(path), observed=str(error)) from error
 
 
@@ -75,7 +83,7 @@ def uri_of(path: Path) -> str:
         certificate = _parsed(path.read_bytes())
         names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
         found = names.get_values_for_type(x509.UniformResourceIdentifier)
-    except (OSError, ValueError, x509.ExtensionNotFound) as error:
+    except _UNFIT as error:
         raise _no_uri(path, str(error)) from error
     if not found:
         raise _no_uri(path, "its subjectAltName has none")
