@@ -65,7 +65,7 @@ campaign: $(READY)        ## 10,000 fresh scenarios of random commands and misha
 bounds: $(READY)          ## 10,000 random commands of axes that the master leads, with the highest share of each limit
 	$(BIN)/python tests/bounds.py
 
-fuzz: $(READY)            ## 100,000 mutated inputs for every reader of files from outside; some hours
+fuzz: $(READY)            ## 100,000 mutated files, frames and messages for every reader of bytes from outside; a day
 	PYTHONPATH=tests $(BIN)/python tests/fuzz_readers.py
 
 flaky: $(READY)           ## the tests 20 times under CPU load, with counts

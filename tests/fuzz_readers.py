@@ -1,9 +1,10 @@
-"""Mutated files for every reader of files from outside: ``make fuzz``.
+"""Mutated files, frames and messages for every reader of bytes from outside: ``make fuzz``.
 
-``python tests/fuzz_readers.py [--inputs 100000] [--reader NAME] [--seed N]``: each reader gets so many mutations of valid files. It
-may raise the library's own error, which names the file, and nothing else; it may take the time and memory of ``kit.readers``. The
-valid files are read before and after. A finding is printed with the number of its input, and its input kept in ``-o``; then the
-exit code is 1.
+``python tests/fuzz_readers.py [--inputs 100000] [--reader NAME] [--seed N] [--seconds S]``: a reader gets so many mutations of
+valid inputs, or as many as fit into the seconds. A reader raises only the errors in ``kit.readers``. Their messages must name the
+file, line, object or frame. Its time and memory are limited by ``kit.fuzzing.Limits``. The valid inputs must be accepted before,
+during and after the run. A finding is printed with the number of its input; ``-o`` keeps the input. The exit code is 1 if there are
+findings.
 """
 
 from __future__ import annotations
@@ -16,24 +17,30 @@ import warnings
 from collections import Counter
 from pathlib import Path
 
-from kit.readers import FEW, READERS, Reader, fuzzed, inputs
+from kit.fuzzing import FEW, Reader, fuzzed, inputs
+from kit.readers import READERS
 
 MOST_SHOWN = 10  # findings of a reader, each of another kind
+VALID_EVERY = 5000  # inputs between two looks whether the valid ones are read still
 
 
-def fuzz(name: str, reader: Reader, count: int, seed: int, kept: Path | None) -> int:
+def fuzz(name: str, reader: Reader, count: int, seed: int, kept: Path | None, seconds: float) -> int:
     """Fuzz one reader; return the number of findings. Progress goes to standard error."""
-    began, taken, kinds = time.monotonic(), 0, Counter[str]()
-    with tempfile.TemporaryDirectory() as place:
+    began, taken, done, kinds = time.monotonic(), 0, 0, Counter[str]()
+    with tempfile.TemporaryDirectory() as place, reader.holds():
         folder, wrong = Path(place), 0
         path = folder / f"input{reader.suffix}"
         valid = reader.valid(folder)
-        made = inputs(valid, seed)
+        made = inputs(valid, seed, reader.mutate)
         wrong += _valid_ones(name, reader, path, valid)
         for number in range(count):
+            if time.monotonic() - began > seconds:
+                break
             data = made(number)
             found = fuzzed(reader, path, data, measured=number % FEW == 0)
-            taken += found.taken
+            taken, done = taken + found.taken, number + 1
+            if done % VALID_EVERY == 0:
+                wrong += _valid_ones(name, reader, path, valid)
             if found.finding:
                 wrong += 1
                 kind = found.finding.split(":")[0]
@@ -46,14 +53,18 @@ def fuzz(name: str, reader: Reader, count: int, seed: int, kept: Path | None) ->
                 _progress(name, number, count, wrong, began)
         wrong += _valid_ones(name, reader, path, valid)
     took = time.monotonic() - began
-    print(f"\r{name:12} {count} inputs, {taken} read, {wrong} findings, {took:.0f} s        ", flush=True)
+    rate = done / max(took, 1e-9)
+    print(
+        f"\r{name:16} {done} inputs, {taken} read, {wrong} findings, {took:.0f} s, {rate:.0f}/s        ",
+        flush=True,
+    )
     return wrong
 
 
 def _valid_ones(name: str, reader: Reader, path: Path, valid: list[bytes]) -> int:
     found = [fuzzed(reader, path, data).finding for data in valid]
     for each in filter(None, found):
-        print(f"{name}: a valid file is refused: {each}")
+        print(f"{name}: a valid input is refused: {each}")
     return sum(map(bool, found))
 
 
@@ -67,7 +78,10 @@ def main() -> int:
     """Return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--inputs", type=int, default=100_000, help="of each reader")
-    parser.add_argument("--reader", choices=READERS, help="only this one")
+    parser.add_argument(
+        "--reader", choices=READERS, action="append", help="only this one; may be given again"
+    )
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="the most for each reader")
     parser.add_argument("--seed", type=int, default=None, help="without, another one in each run")
     parser.add_argument("-o", type=Path, default=None, help="a folder for the inputs that are findings")
     given = parser.parse_args()
@@ -75,8 +89,9 @@ def main() -> int:
     if given.o is not None:
         given.o.mkdir(parents=True, exist_ok=True)
     warnings.simplefilter("ignore")  # of readers about what they have repaired
-    names = [given.reader] if given.reader else list(READERS)
-    wrong = sum(fuzz(name, READERS[name], given.inputs, seed, given.o) for name in names)
+    print(f"seed {seed}", flush=True)
+    names = given.reader or list(READERS)
+    wrong = sum(fuzz(name, READERS[name], given.inputs, seed, given.o, given.seconds) for name in names)
     return 1 if wrong else 0
 
 

@@ -1,22 +1,83 @@
-"""A small part of ``make fuzz``: mutated files end in the library's own error, which names the file, within time and memory."""
+"""A small part of ``make fuzz``, and tests of its judgement."""
 
 from __future__ import annotations
 
 import pytest
 
-from kit.readers import READERS, fuzzed, inputs
+from axisbus.errors import ArgumentError
+from kit import fuzzing
+from kit.framed import packed, unpacked
+from kit.fuzzing import Limits, Reader, fuzzed, inputs
+from kit.readers import READERS
 
 INPUTS = 60
 
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name", READERS)
-def test_a_mutated_file_is_read_or_refused_by_its_name(name, tmp_path):
+def test_a_mutated_input_is_read_or_refused_by_its_name(name, tmp_path):
     reader = READERS[name]
     path = tmp_path / f"input{reader.suffix}"
-    valid = reader.valid(tmp_path)
-    for data in valid:
-        assert fuzzed(reader, path, data) == ("", True)
-    made = inputs(valid, 37)
-    found = [fuzzed(reader, path, made(number), measured=number == 0) for number in range(INPUTS)]
-    assert [each.finding for each in found if each.finding] == []
+    with reader.holds():
+        valid = reader.valid(tmp_path)
+        for data in valid:
+            assert fuzzed(reader, path, data) == ("", True)
+        made = inputs(valid, 37, reader.mutate)
+        found = [fuzzed(reader, path, made(number), measured=number == 0) for number in range(INPUTS)]
+        assert [each.finding for each in found if each.finding] == []
+        for data in valid:
+            assert fuzzed(reader, path, data) == ("", True)
+
+
+def _raised(error):
+    def read(_):
+        raise error
+
+    return read
+
+
+def _hangs(_):
+    while True:
+        pass
+
+
+def _hangs_on(_):
+    for _ in range(2):
+        try:
+            _hangs(None)
+        except AssertionError:  # like a reader that ignores every error
+            return
+
+
+@pytest.mark.parametrize(
+    ("read", "finding"),
+    [
+        (_raised(ArgumentError("line 3 is wrong")), "does not name where it is wrong: ArgumentError"),
+        (_raised(KeyError("x")), "KeyError"),
+        (_raised(OSError("disk")), "OSError"),
+        (_hangs, "hangs"),
+        (_hangs_on, "hangs"),
+        (lambda _: sum(range(1_000_000)), "takes 0."),
+        (lambda _: bytearray(30 << 20), "takes 30 MB"),
+    ],
+    ids=["nameless", "another error", "disk", "hangs", "hangs and says nothing", "slow", "memory"],
+)
+def test_a_fault_of_a_reader_is_found(monkeypatch, tmp_path, read, finding):
+    monkeypatch.setattr(fuzzing, "HANGS", 0.3 if read in (_hangs, _hangs_on) else 20.0)
+    limits = Limits(seconds=0.005, per_kb=0.0, memory=16 << 20)
+    reader = Reader(".x", lambda _: [b""], read, limits=limits)
+    found = fuzzed(reader, tmp_path / "input.x", b"x", measured="memory" in finding or "MB" in finding)
+    assert found.finding.startswith(finding)
+
+
+def test_a_refusal_that_names_the_file_is_none(tmp_path):
+    path = tmp_path / "input.x"
+    reader = Reader(".x", lambda _: [b""], _raised(ArgumentError(f"{path}, line 3: wrong")))
+    assert fuzzed(reader, path, b"x") == ("", False)
+
+
+def test_frames_are_lines_of_an_input_and_each_number_makes_the_same_one():
+    frames = [b"", b"\0\xff", bytes(range(64))]
+    assert unpacked(packed(frames)) == frames
+    made = inputs([packed(frames)], 37, fuzzing.mutated)
+    assert made(5) == made(5) != made(6)

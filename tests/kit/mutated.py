@@ -34,6 +34,7 @@ _TEXTS = (
     b";",
     b"\xff\xfe",
     b"[" * 3000,
+    b"\x91" * 3000,  # the same in MessagePack
     b"\n" * 50,
 )
 _DIGITS = re.compile(rb"(?:0x)?[0-9A-Fa-f]+")

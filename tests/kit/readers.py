@@ -1,13 +1,14 @@
-"""Every reader of files from outside, with valid files for it, and what an input may cost it: for fuzzing."""
+"""Every reader of bytes from outside, those of files with valid files for them: for fuzzing.
+
+Parsers of other packages are left out: HTTP and WebSocket (uvicorn), TLS, Zenoh's protocol, USB (odrive), and CAN frames in the
+kernel and in drivers. Memory and pipes between this package's own processes are left out too.
+"""
 
 from __future__ import annotations
 
-import random
-import time
-import tracemalloc
-from collections.abc import Callable, Sequence
+import json
+from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 
 import can
 
@@ -15,18 +16,25 @@ from axisbus import Cam, Machine, eds
 from axisbus.bus.link import frame_files
 from axisbus.cell import reader as cells
 from axisbus.core.sim_server.faults_file import load_faults
+from axisbus.drives.gim6010.can_simple import endpoints
+from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
+from axisbus.drives.gim6010.parameters import backup
 from axisbus.eds import concise
 from axisbus.eds.concise_dcf_values import Configuration, configuration
 from axisbus.eds.io import reader as dictionaries
-from axisbus.errors import UserError
+from axisbus.gateway.opcua import users
+from axisbus.record import fault_file
+from axisbus.record.columns import AxisForm
 from axisbus.record.load import load as load_recording
+from axisbus.record.recording_data import RecordedEvent
+from axisbus.record.sample_packing import RowForm
+from axisbus.sim.can_simple.module import Module
+from kit.bridge_readers import OF_BRIDGES
 from kit.commands import ROOT
-from kit.mutated import mutated
+from kit.connection_readers import OF_CONNECTIONS
+from kit.frame_readers import OF_FRAMES
+from kit.fuzzing import Reader
 
-MB = 1 << 20
-SECONDS, PER_KB = 2.0, 0.02  # that an input may take: at least, and for each kB of it
-MEMORY, PER_OCTET = 64 * MB, 1024  # octets that it may take: at least, and for each octet of it
-FEW = 25  # of so many inputs the memory of one is measured, which takes its time
 FRAMES = [
     can.Message(
         timestamp=1.0 + 0.01 * n,
@@ -50,14 +58,6 @@ every = "2s"
 fault = 0x2310
 restart = true
 """
-
-
-class Reader(NamedTuple):
-    """One reader: the ending of its files, valid ones of them, and a function that reads a file as users of it do."""
-
-    suffix: str
-    valid: Callable[[Path], list[bytes]]
-    read: Callable[[Path], object]
 
 
 def _files(*names: str) -> Callable[[Path], list[bytes]]:
@@ -107,6 +107,42 @@ def _recorded(suffix: str) -> Callable[[Path], list[bytes]]:
     return write
 
 
+def _fault(folder: Path) -> list[bytes]:
+    """Return a fault that a core has kept, of two axes."""
+    form = AxisForm(100.0, 100.0, 0.001, {"position": "deg", "velocity": "deg/s", "torque": "N·m", "": ""})
+    row = RowForm(2).struct
+    rows = b"".join(row.pack(now, *[1, 2, 3, 4, 5, 0, 8, 0x1237, 3, 2, 255] * 2) for now in range(20))
+    facts = {"began_ns": "1000000000", "began_monotonic_ns": "0"}
+    path = folder / "one.fault"
+    fault_file.write(path, {"x": form, "y": form}, rows, [RecordedEvent(1.0, "nmt", "node 1", "lost")], facts)
+    return [path.read_bytes()]
+
+
+_VALUES = {"axis0.config.can.node_id": 1, "axis0.motor.config.current_lim": 10.5, "config.enable_uart": True}
+
+
+def _backup(_: Path) -> list[bytes]:
+    """Return the settings of a GIM6010-8."""
+    found = backup.ParameterBackup(
+        0x1234, Firmware(0, 5, 13), {**_VALUES, "a.b": float("nan"), "a.c": 1 << 40}
+    )
+    return [found.text().encode()]
+
+
+def _restored(path: Path) -> object:
+    return backup.differences(
+        backup.read(path.read_bytes().decode("utf-8", "replace"), str(path)).values, _VALUES
+    )
+
+
+def _endpoints(_: Path) -> list[bytes]:
+    return [json.dumps(Module(1).json()).encode()]
+
+
+def _users(_: Path) -> list[bytes]:
+    return [f"# who may call\n{users.line_of('anna', 'right', b's' * 16)}\n".encode()]
+
+
 def _frames(path: Path) -> object:
     return sum(1 for _ in frame_files.read(path, frame_files.SkippedLines()))
 
@@ -115,7 +151,7 @@ def _faults(path: Path) -> object:
     return load_faults(path, cells.load(ROOT / "examples" / "cell.toml"))
 
 
-READERS: dict[str, Reader] = {
+OF_FILES: dict[str, Reader] = {
     "EDS": Reader(
         ".eds", _files("eds/generic-cia402.eds", "eds/gim6010-8.eds", "eds/generic-cia401.eds"), eds.load
     ),
@@ -132,51 +168,9 @@ READERS: dict[str, Reader] = {
     "BLF": Reader(".blf", _logged(".blf"), _frames),
     "MCAP": Reader(".mcap", _recorded(".mcap"), load_recording),
     "CSV": Reader(".csv", _recorded(".csv"), load_recording),
+    "kept fault": Reader(".fault", _fault, load_recording),
+    "backup": Reader(".json", _backup, _restored),
+    "endpoints": Reader(".json", _endpoints, lambda path: endpoints.parse(path.read_bytes(), str(path))),
+    "users": Reader(".txt", _users, users.read),
 }
-
-
-class Fuzzed(NamedTuple):
-    """The result of one input: the reason if it is a finding, else an empty text; and whether it was read."""
-
-    finding: str
-    taken: bool = False
-
-
-def fuzzed(reader: Reader, path: Path, data: bytes, *, measured: bool = False) -> Fuzzed:
-    """Let an input be read from ``path``; ``measured``: look at its memory, too, for which all is slower."""
-    path.write_bytes(data)
-    kilobytes, found, taken = len(data) / 1024, "", False
-    if measured:
-        tracemalloc.start()
-    began = time.perf_counter()
-    try:
-        reader.read(path)
-        taken = True
-    except UserError as error:
-        if str(path) not in str(error):
-            found = f"names no file: {str(error)[:300]}"
-    except (
-        OSError
-    ) as error:  # a user is told of these by the command line; here nothing is wrong with the disk
-        found = f"{type(error).__name__}: {error}"
-    except Exception as error:  # noqa: BLE001 - whatever else it is, it is a finding
-        found = f"{type(error).__name__}: {str(error)[:300]}"
-    took = time.perf_counter() - began
-    if measured:
-        peak = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-        if peak > MEMORY + PER_OCTET * len(data):
-            found = found or f"takes {peak / MB:.0f} MB for {kilobytes:.0f} kB"
-    elif took > SECONDS + PER_KB * kilobytes:
-        found = found or f"takes {took:.1f} s for {kilobytes:.0f} kB"
-    return Fuzzed(found, taken)
-
-
-def inputs(valid: Sequence[bytes], seed: int) -> Callable[[int], bytes]:
-    """Return a function that mutates one of the ``valid`` files; each number of a ``seed`` always makes the same input."""
-
-    def made(number: int) -> bytes:
-        drawn = random.Random(f"{seed}:{number}")
-        return mutated(drawn.choice(valid), drawn)
-
-    return made
+READERS: dict[str, Reader] = {**OF_FILES, **OF_FRAMES, **OF_CONNECTIONS, **OF_BRIDGES}

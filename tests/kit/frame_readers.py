@@ -1,0 +1,593 @@
+"""The readers of CAN frames and of serial frames, each with valid conversations, for the fuzzer.
+
+A frame of the CAN bus is its identifier (four octets, highest first; the flags of ``linux/can.h`` above it), then its data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import can
+
+from axisbus.bus.link import errorframe
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.node.node import CanopenNode
+from axisbus.bus.pdo.plan import PdoChange, PlannedPdo
+from axisbus.bus.pdo.tpdo import TpdoSlot
+from axisbus.bus.sdo.errors import failed
+from axisbus.bus.sync import SyncConsumer
+from axisbus.bus.timeofday import TimeConsumer
+from axisbus.cell import reader as cells
+from axisbus.check.load_meter import Meter
+from axisbus.cia301.datatypes import DataType, decode
+from axisbus.cia301.dropped_frames import DropReason
+from axisbus.cia301.emcy import explain
+from axisbus.cia301.frame import CanFrame
+from axisbus.cia301.master_detection import ExpectedMasters, MasterDetector
+from axisbus.cia301.pdo import MappedObject, PdoConfiguration
+from axisbus.cia301.sdo import SdoTransferType
+from axisbus.cia301.sdo_session import SdoSession, SdoTransferRequest
+from axisbus.cia305 import master
+from axisbus.cia305.dialogue import AdaptiveLssTimeout, LssReplies, LssReply, LssRequest
+from axisbus.cia305.fastscan import FastScan
+from axisbus.cia305.services import LssAddress
+from axisbus.core.files import load_dictionaries
+from axisbus.drives.gim6010.can_simple import codec, endpoint_messages, error_query, mit
+from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeats
+from axisbus.drives.gim6010.modbus import requests as modbus
+from axisbus.drives.gim6010.modbus.registers import named as modbus_named
+from axisbus.drives.gim6010.modbus.requests import fits
+from axisbus.drives.gim6010.modbus.serial_wire import SerialWire, libraries
+from axisbus.drives.gim6010.modbus.wire import ModbusTimeout
+from axisbus.eds import builtin, load
+from axisbus.eds.dictionary import DictionaryEntry
+from axisbus.errors import LssError, SdoError
+from axisbus.machine.bus_monitor import BusMonitor
+from axisbus.sim.build import device_from_eds
+from axisbus.sim.can_simple.module import Module
+from axisbus.sim.modbus.framing import framed
+from axisbus.sim.modbus.station import Station
+from axisbus.sim.node.slave import Slave
+from axisbus.trace import context, json_form, text
+from axisbus.trace.decoder import Decoder
+from kit.bus.peer import FakeBus
+from kit.commands import ROOT
+from kit.framed import mutated_frames, packed, unpacked
+from kit.fuzzing import MB, Limits, Names, PassedOver, Reader
+from kit.lss_line import HandSlave, Line
+
+ID = 5
+_EXTENDED, _REMOTE, _ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
+_LIMITS = Limits(seconds=1.0, memory=16 * MB)  # of a conversation
+Take = Callable[[Sequence[bytes]], object]
+Conversations = list[list[bytes]]
+
+
+def never(_: str, __: Path) -> bool:
+    """Reject every error: this reader drops and counts an invalid frame, and raises nothing."""
+    return False
+
+
+def reader_of(
+    valid: Callable[[], Conversations],
+    take: Take,
+    *,
+    errors: tuple[type[Exception], ...] = (),
+    names: Names = never,
+    limits: Limits = _LIMITS,
+    holds: Callable[[], Any] | None = None,
+) -> Reader:
+    """Make a reader whose inputs are conversations: one frame in each line."""
+    made = Reader(
+        ".frames",
+        lambda _: [packed(each) for each in valid()],
+        lambda path: take(unpacked(path.read_bytes())),
+        mutated_frames,
+        errors,
+        names,
+        limits,
+    )
+    return made if holds is None else made._replace(holds=holds)
+
+
+def unshown(_: str, __: Path) -> bool:
+    """Accept every error message: the program handles the error itself, and shows it to nobody."""
+    return True
+
+
+def names_any(*words: str) -> Names:
+    """Return a function that looks for one of these words in a message."""
+    return lambda message, _: any(word in message for word in words)
+
+
+def on_bus(can_id: int, data: bytes | str) -> bytes:
+    """Return a frame of the bus as a line of an input."""
+    return can_id.to_bytes(4, "big") + (bytes.fromhex(data) if isinstance(data, str) else data)
+
+
+def off_bus(line: bytes) -> CanFrame:
+    """Return the frame of a line, with at most 8 data bytes."""
+    flags, data = int.from_bytes(line[:4], "big"), line[4:12]
+    extended, remote, error = (bool(flags & flag) for flag in (_EXTENDED, _REMOTE, _ERROR))
+    can_id = flags & (0x1FFF_FFFF if extended or error else 0x7FF)
+    return CanFrame(0.0, can_id, data, extended, remote, error)
+
+
+# -- SDO -------------------------------------------------------------------------------------------------------------
+
+_REQUESTS = (
+    SdoTransferRequest(0x1000, 0, None, 0.5, 3, SdoTransferType.NORMAL, 500),
+    SdoTransferRequest(0x1008, 0, None, 0.5, 3, SdoTransferType.NORMAL, 500),
+    SdoTransferRequest(0x1008, 0, None, 0.5, 3, SdoTransferType.BLOCK, 500),
+    SdoTransferRequest(0x1017, 0, bytes(2), 0.5, 3, SdoTransferType.NORMAL),
+    SdoTransferRequest(0x1F50, 1, bytes(range(40)), 0.5, 3, SdoTransferType.NORMAL),
+    SdoTransferRequest(0x1F50, 1, bytes(range(40)), 0.5, 3, SdoTransferType.BLOCK),
+)
+_SILENCES = 60
+
+
+def _sdo_answers() -> Conversations:
+    """Return the answers to each request, behind the number of the request; the last two are typed from CiA 301 7.2.4.3."""
+    device = Slave(device_from_eds(load(builtin.resolve("builtin:gim6010-8", Path())), ID, seed=1))
+    now = _booted(device)
+    conversations = []
+    for number, request in enumerate(_REQUESTS[:4]):
+        session, answers = SdoSession(request), [bytes([number])]
+        sent = list(session.start())
+        while not session.done:
+            device.on_frame(0x600 + ID, sent.pop(0), now)
+            now += 0.01
+            device.step(now)
+            for can_id, data in device.take_frames():
+                if can_id == 0x580 + ID:
+                    answers.append(data)
+                    sent += session.receive(data, 0.001)
+        assert session.failure is None
+        conversations.append(answers)
+    segmented = [f"{0x20 | number % 2 << 4:02x}00000000000000" for number in range(6)]
+    in_blocks = ["a4501f0104000000", "a204040000000000", "a202040000000000", "a100000000000000"]
+    for number, lines in ((4, ["60501f0100000000", *segmented]), (5, in_blocks)):
+        conversations.append([bytes([number]), *map(bytes.fromhex, lines)])
+    return conversations
+
+
+def _booted(device: Slave) -> float:
+    now = 0.0
+    for _ in range(5):
+        device.step(now)
+        now += 0.5
+    device.take_frames()
+    return now
+
+
+def _sdo_client(frames: Sequence[bytes]) -> None:
+    first = frames[0][0] if frames and frames[0] else 0
+    request = _REQUESTS[first % len(_REQUESTS)]
+    session = SdoSession(request)
+    sent = session.start()
+    for frame in frames[1:]:
+        if session.done:
+            break
+        sent = session.receive(frame[:8], 0.001)
+        assert all(len(each) == 8 for each in sent)
+    for _ in range(_SILENCES):
+        if session.done:
+            break
+        session.elapse(session.remaining)
+    assert session.done, "it goes on asking"
+    assert len(session.data) <= request.most
+    for kind in DataType:
+        decode(session.data, kind)
+    if session.failure is not None:
+        raise failed(ID, DictionaryEntry(request.index, request.subindex), request, session, "")
+
+
+# -- a simulated drive -------------------------------------------------------------------------------------------------
+
+_TO_DRIVE: Conversations = [
+    [
+        on_bus(0x605, "4000100000000000"),
+        on_bus(0x605, "4008100000000000"),
+        on_bus(0x605, "6000000000000000"),
+        on_bus(0x605, "7000000000000000"),
+        on_bus(0x605, "2b17100064000000"),
+        on_bus(0x605, "a00810000a000000"),
+        on_bus(0x605, "a300000000000000"),
+        on_bus(0x605, "a2010a0000000000"),
+        on_bus(0x605, "a100000000000000"),
+        on_bus(0x605, "2300140105020080"),
+        on_bus(0x605, "2300140105020000"),
+        on_bus(0x605, "2300180185010000"),
+        on_bus(0x000, "0105"),
+        on_bus(0x080, ""),
+        on_bus(0x205, "0600"),
+        on_bus(0x205, "0700"),
+        on_bus(0x305, "0f0001"),
+        on_bus(0x405, "0f0010000000"),
+        on_bus(0x705 | _REMOTE, ""),
+        on_bus(0x100, "000000000000"),
+    ],
+    [
+        on_bus(0x7E5, "0401000000000000"),
+        on_bus(0x7E5, "5e00000000000000"),
+        on_bus(0x7E5, "1105000000000000"),
+        on_bus(0x7E5, "1700000000000000"),
+        on_bus(0x7E5, "1300020000000000"),
+        on_bus(0x7E5, "0400000000000000"),
+        on_bus(0x7E5, "5100000000800000"),
+        on_bus(0x000, "8105"),
+        on_bus(0x605, "4000100000000000"),
+    ],
+    [
+        on_bus(0x605, "2f60600001000000"),
+        on_bus(0x605, "237a600000100000"),
+        on_bus(0x605, "2b40600006000000"),
+        on_bus(0x605, "2b40600007000000"),
+        on_bus(0x605, "2b4060000f000000"),
+        on_bus(0x605, "2b4060001f000000"),
+        on_bus(0x605, "2310100173617665"),
+        on_bus(0x605, "230010000000"),
+    ],
+]
+_DRIVE = load(builtin.resolve("builtin:generic-cia402", Path()))
+
+
+def _drive(frames: Sequence[bytes]) -> None:
+    """Require an answer of the drive after LSS has given it its node-ID back and NMT has reset it."""
+    slave = Slave(device_from_eds(_DRIVE, ID, seed=1))
+    now = _booted(slave)
+    for frame in map(off_bus, frames):
+        if not frame.extended and not frame.error:
+            slave.on_frame(frame.can_id, frame.data, now, remote=frame.remote)
+        now += 0.002
+        slave.step(now)
+        for can_id, data in slave.take_frames():
+            assert 0 <= can_id <= 0x7FF
+            assert len(data) <= 8
+    for request in ("0401", f"11{ID:02x}", "17", "0400"):  # the input may have changed the node-ID
+        slave.on_frame(0x7E5, bytes.fromhex(request).ljust(8, b"\0"), now)
+        now += 0.01
+        slave.step(now)
+    slave.on_frame(0, b"\x81\0", now)
+    for _ in range(4):
+        now += 0.5
+        slave.step(now)
+    slave.take_frames()
+    slave.on_frame(0x600 + ID, bytes.fromhex("4000100000000000"), now)
+    for _ in range(4):
+        now += 0.1
+        slave.step(now)
+    assert any(can_id == 0x580 + ID for can_id, _ in slave.take_frames()), "it does not answer any more"
+
+
+# -- LSS ---------------------------------------------------------------------------------------------------------------
+
+_ADDRESS = LssAddress(0xC0B00, 8, 0x10002, 4711)
+_DIALOGUES: tuple[Callable[[AdaptiveLssTimeout], Generator[LssRequest, LssReplies, Any]], ...] = (
+    lambda pace: FastScan(pace, most=1).run(),
+    lambda pace: master.inquire(pace, _ADDRESS),
+    lambda pace: master.set_node_id(pace, _ADDRESS, 5, store=True),
+    lambda pace: master.set_bit_rate(pace, [_ADDRESS], 500_000, store=False),
+    lambda pace: master.identify(pace, _ADDRESS, _ADDRESS),
+)
+
+
+class _Recorded(Line):
+    """A line that records the answer to each request; empty if there was no answer."""
+
+    def __init__(self, *slaves: HandSlave) -> None:
+        super().__init__(*slaves)
+        self.answers: list[bytes] = []
+
+    def _exchange(self, ask: Any) -> Any:
+        heard = super()._exchange(ask)
+        if ask.expects is not None:
+            self.answers.append(heard.answers[0].data if heard.answers else b"")
+        return heard
+
+
+def _lss_answers() -> Conversations:
+    """Return the answers of each dialogue, behind the number of the dialogue."""
+    conversations = []
+    for number, dialogue in enumerate(_DIALOGUES):
+        line = _Recorded(HandSlave(0xC0B00, 8, 0x10002, 4711))
+        line.run(dialogue(AdaptiveLssTimeout()))
+        conversations.append([bytes([number]), *line.answers])
+    return conversations
+
+
+def _lss_master(frames: Sequence[bytes]) -> object:
+    """Run a dialogue against the frames of the input, then against silence."""
+    first = frames[0][0] if frames and frames[0] else 0
+    dialogue = _DIALOGUES[first % len(_DIALOGUES)](AdaptiveLssTimeout())
+    said, asked = iter(frames[1:]), 0
+    try:
+        ask = next(dialogue)
+        while True:
+            asked += 1
+            assert asked < 20_000, "there is no end to it"
+            assert len(ask.frame) == 8
+            frame = next(said, b"")[:8] if ask.expects is not None else b""
+            fits = bool(frame) and frame[0] == ask.expects
+            ask = dialogue.send(LssReplies((LssReply(frame, 0.001),) if fits else ()))
+    except StopIteration as end:
+        return end.value
+
+
+# -- what listens to a channel -----------------------------------------------------------------------------------------
+
+_MAPPING = (MappedObject(0x6041, 0, 16), MappedObject(0x6064, 0, 32), MappedObject(0x6061, 0, 8))
+_TPDO = PdoConfiguration(1, 0x180 + ID, True, 1, _MAPPING)
+_PLANNED = PlannedPdo(
+    False, _TPDO, _TPDO, PdoChange.KEEP, ("statusword", "position", "mode"), (False, True, True)
+)
+_TO_MASTER: Conversations = [
+    [
+        on_bus(0x705, "00"),
+        on_bus(0x705, "7f"),
+        on_bus(0x705, "05"),
+        on_bus(0x085, "1081010000000000"),
+        on_bus(0x085, "0000000000000000"),
+        on_bus(0x080, ""),
+        on_bus(0x080, "01"),
+        on_bus(0x185, "37020001000008"),
+        on_bus(0x185, "37020002000008"),
+        on_bus(0x285, "3702"),
+        on_bus(0x100, "0100000002000000"[:12]),
+        on_bus(0x585, "4300100092010200"),
+        on_bus(_ERROR | 0x20000004, "0004000000000000"),
+        on_bus(_EXTENDED | 0x185, "3702"),
+        on_bus(0x705 | _REMOTE, ""),
+        on_bus(0x000, "8005"),
+        on_bus(0x605, "4000100000000000"),
+        on_bus(0x7E4, "4f00000000000000"),
+    ]
+]
+
+
+class _Listeners:
+    """A channel with all its listeners; this thread delivers the frames."""
+
+    channel: Channel
+    node: CanopenNode
+    slot: TpdoSlot
+    clock: TimeConsumer
+
+    @contextmanager
+    def there(self) -> Iterator[None]:
+        with ExitStack() as stack:
+            self.channel = stack.enter_context(Channel(FakeBus(), "socketcan:fake"))
+            self.node = stack.enter_context(CanopenNode(self.channel, ID))
+            self.node.nmt.watch(0.3)
+            self.feed = self.node.emcy.feed()
+            self.slot = TpdoSlot(
+                _PLANNED, lambda data, at: self.channel.drops.note(DropReason.SHORT_PDO, ID, at, 0x185, data)
+            )
+            self.channel.subscribe(self.slot.cob_id, self.slot.on_frame)
+            self.sync, self.clock = SyncConsumer(self.channel, 0x80, 0.01), TimeConsumer(self.channel)
+            self.signs = MasterDetector(ExpectedMasters(frozenset({1, ID}), frozenset({127})))
+            self.now = 0.0
+            yield
+
+    def take(self, frames: Sequence[bytes]) -> None:
+        for frame in map(off_bus, frames):
+            self.now += 0.001
+            self.channel._dispatch(_message(frame), self.now)
+            self.signs.note(frame)
+            if self.channel.failure is not None:
+                raise self.channel.failure
+        self.slot.read_into({}, self.now)
+        for emcy in self.feed.take():
+            assert explain(emcy.code)
+        assert self.node.nmt.describe(self.now)
+        assert all(map(str, self.channel.drops.found))
+        assert len(self.channel.drops.found) <= 257
+
+
+def _message(frame: CanFrame) -> can.Message:
+    return can.Message(
+        arbitration_id=frame.can_id,
+        data=b"" if frame.remote else frame.data,
+        is_extended_id=frame.extended,
+        is_remote_frame=frame.remote,
+        is_error_frame=frame.error,
+        check=False,
+    )
+
+
+_LISTENERS = _Listeners()
+
+
+# -- decoded traffic -----------------------------------------------------------------------------------------------------
+
+_CELL = cells.load(ROOT / "examples" / "cell.toml")
+_FILES = load_dictionaries(_CELL)
+_KNOWN = context.of_cell(_CELL, _FILES)
+_OVERVIEW = BusMonitor(_CELL, _FILES)  # shared by all inputs: making one is slow
+
+
+def _traffic() -> Conversations:
+    both = [
+        *_TO_DRIVE[0][:4],
+        on_bus(0x585, "4300100092010200"),
+        *_TO_MASTER[0],
+        *_TO_DRIVE[1],
+        *_TO_DRIVE[2],
+    ]
+    first = [on_bus(int.from_bytes(line[:4], "big") & ~0x7F | 1, line[4:]) for line in both]
+    return [both, first]
+
+
+def _decoded(frames: Sequence[bytes]) -> None:
+    decoder, meter = Decoder(_KNOWN), Meter(1_000_000)
+    for number, line in enumerate(frames):
+        frame = off_bus(line)._replace(time=number * 0.001)
+        if frame.error:
+            assert errorframe.describe(frame.can_id, frame.data)
+        one = decoder.feed(frame)
+        assert "\n" not in text.line(one)
+        json_form.plain(one)
+        _OVERVIEW.feed(frame, frame.time)
+        meter.add(frame, "SDO", None)
+
+
+# -- CAN Simple ----------------------------------------------------------------------------------------------------------
+
+_NODE = 1 << 5
+
+
+def _simple_frames() -> Conversations:
+    by_module = [
+        (0x01, "0000000008000001"),
+        (0x01, "0000000008000002"),
+        (0x03, "0000000000000000"),
+        (0x05, "0001000004000500"),
+        (0x04, "0001000004000500"),
+        (0x08, "01800080080000"),
+        (0x09, "0000803f00000040"),
+        (0x0A, "1000000010000000"),
+        (0x14, "0000803f00000040"),
+        (0x17, "0000404100000040"),
+    ]
+    to_module = [
+        (0x07, "0800000000000000"),
+        (0x0B, "0300000001000000"),
+        (0x0C, "0000803f00000000"),
+        (0x0D, "0000803f00000000"),
+        (0x0E, "0000003f00000000"),
+        (0x0F, "0000a0410000a041"),
+        (0x08, "8000800800008000"),
+        (0x04, "0001000000000000"),
+        (0x02, ""),
+        (0x18, ""),
+        (0x07, "0100000000000000"),
+    ]
+    return [[on_bus(_NODE | command, data) for command, data in one] for one in (by_module, to_module)]
+
+
+def _simple(frames: Sequence[bytes]) -> None:
+    beats = Heartbeats()
+    for frame in map(off_bus, frames):
+        for from_module in (True, False):
+            codec.decode(
+                frame.can_id,
+                frame.data,
+                from_module=from_module,
+                remote=frame.remote,
+                extended=frame.extended,
+            )
+        codec.readings(frame.can_id, frame.data, remote=frame.remote, extended=frame.extended)
+        endpoint_messages.answer(frame.can_id, frame.data)
+        for which in error_query.ErrorType:
+            error_query.read(1, frame.data, which)
+        mit.unpack(1, frame.data)
+        mit.read(1, frame.data)
+        after = beats.after(1, frame.data)
+        beats = after if isinstance(after, Heartbeats) else beats
+
+
+def _simple_module(frames: Sequence[bytes]) -> None:
+    module, now = Module(1), 0.0
+    for frame in map(off_bus, frames):
+        if not frame.extended and not frame.error:
+            module.on_frame(frame.can_id, frame.data, now, remote=frame.remote)
+        now += 0.002
+        module.step(now)
+        for sent in module.take_frames():
+            assert sent[0] <= 0x7FF
+            assert len(sent[1]) in (0, 4, 6, 8)
+
+
+# -- Modbus --------------------------------------------------------------------------------------------------------------
+
+
+def _modbus_requests() -> Conversations:
+    requests = [
+        "010400000001",
+        "010400000002",
+        "0103 0060 0001",
+        "0106 0060 0001",
+        "0110 0066 0002 04 00000000",
+    ]
+    whole = [framed(bytes.fromhex(each)) for each in requests]
+    return [whole, [b"".join(whole)], [part for each in whole for part in (each[:3], each[3:])]]
+
+
+def _modbus_station(frames: Sequence[bytes]) -> None:
+    station, now, answers = Station(), 0.0, b""
+    for frame in frames:
+        station.take(frame, now)
+        now += 0.005
+        answers += station.due(now)
+    if not answers:
+        raise PassedOver
+
+
+class _Port:
+    """A serial port that answers each request with the next line of the input."""
+
+    is_open = True
+
+    def __init__(self, answers: Sequence[bytes]) -> None:
+        self._answers, self._came = iter(answers), b""
+
+    @property
+    def in_waiting(self) -> int:
+        return len(self._came)
+
+    def write(self, data: bytes) -> int:
+        self._came = next(self._answers, b"")
+        return len(data)
+
+    def read(self, size: int) -> bytes:
+        found, self._came = self._came[:size], self._came[size:]
+        return found
+
+
+_ASKED = tuple(modbus.read(modbus_named(name)) for name in ("motor_state", "node_id", "position_feedback"))
+
+
+def _modbus_replies() -> Conversations:
+    station, replies, now = Station(), [], 0.0
+    for request in _ASKED:
+        station.take(framed(request.frame(1)), now)
+        now += 0.1
+        replies.append(station.due(now))
+    return [replies]
+
+
+def _modbus_client(frames: Sequence[bytes]) -> None:
+    """Read three registers; pymodbus decodes the frames, and our wire and requests check the result."""
+    wire = SerialWire.__new__(SerialWire)
+    serial, library = libraries()
+    client = library.make("fuzz", timeout=0.001, retries=0)
+    client.socket = _Port(frames)
+    wire._gone, wire._failures, wire._client = (serial.SerialException, OSError), library.exceptions, client
+    wire.port = "fuzz"
+    heard = 0
+    for request in _ASKED:
+        with suppress(ModbusTimeout):
+            reply = wire.exchange(1, request)
+            heard += 1
+            if fits(request, reply) and not reply.exception:
+                request.register.value(reply.words)
+    if not heard:
+        raise PassedOver
+
+
+OF_FRAMES: dict[str, Reader] = {
+    "SDO client": reader_of(
+        _sdo_answers, _sdo_client, errors=(SdoError,), names=names_any("1000", "1008", "1017", "1F50")
+    ),
+    "LSS master": reader_of(_lss_answers, _lss_master, errors=(LssError,), names=names_any("slave", "LSS")),
+    "listeners": reader_of(lambda: _TO_MASTER, _LISTENERS.take, holds=_LISTENERS.there),
+    "decoder": reader_of(_traffic, _decoded),
+    "CAN Simple": reader_of(_simple_frames, _simple),
+    "simulated drive": reader_of(lambda: _TO_DRIVE, _drive),
+    "simulated module": reader_of(_simple_frames, _simple_module),
+    "Modbus client": reader_of(_modbus_replies, _modbus_client, errors=(PassedOver,), names=unshown),
+    "Modbus station": reader_of(_modbus_requests, _modbus_station, errors=(PassedOver,), names=unshown),
+}
