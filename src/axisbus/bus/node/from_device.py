@@ -186,7 +186,7 @@ class _Asking:
         self._answered = False
 
     def upload(self, index: int, subindex: int = 0) -> bytes:
-        """As ``SdoObjectAccess.upload``; 1000h and 1001h, by which ``try_upload`` sees whether the device is there, have the usual time."""
+        """As ``SdoObjectAccess.upload``. 1000h and 1001h have the usual time: ``try_upload`` checks the device by them."""
         begun = time.monotonic()
         if self._limit is not None and index not in _MANDATORY and isinstance(self.sdo, SdoClient):
             data = self.sdo.upload(index, subindex, timeout=self._limit, tries=_SHORT_TRIES)
