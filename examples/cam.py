@@ -11,7 +11,7 @@ with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
     wait(axis.enable() for axis in (x, y))
     wait(axis.home() for axis in (x, y))
     y.move_absolute(5.0).wait()
-    into = y.cam_in(x, LOBES, over=36.0)
+    into = y.cam_in(x, LOBES, master_start_distance=36.0)
     turn = x.follow([(0.0, x.position), (1.5, 90.0), (2.5, 180.0)])
     into.wait()
     print("in step at", round(x.position), "deg of x")

@@ -27,7 +27,7 @@ with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
     x.enable().wait()
     x.home().wait()
     swing = Swing()
-    with x.controller(swing, late=LATE) as controller:
+    with x.controller(swing, max_missed_cycles=LATE) as controller:
         for _ in range(4):
             cell.sleep(0.5)
             print(f"x is at {x.position:.1f} deg, {swing.off:.1f} deg off")

@@ -6,7 +6,7 @@ from axisbus import Machine
 
 with Machine.simulated(Path(__file__).with_name("encoder.toml")) as cell:  # with hardware: Machine.open
     belt, slide = cell["belt"], cell["slide"]
-    counter = cell.stand_in(7).device.io  # what is wired to the simulated node
+    counter = cell.simulated_node(7).device.io  # what is wired to the simulated node
 
     def run_belt(until: float, speed: float = 100.0) -> None:
         """Let the belt go to a place (mm): here, nobody else does."""
@@ -19,7 +19,7 @@ with Machine.simulated(Path(__file__).with_name("encoder.toml")) as cell:  # wit
     slide.enable().wait()
     slide.home().wait()
     meeting = slide.gear_in(
-        belt, 1.0, at=(150.0, 20.0), over=80.0
+        belt, 1.0, sync_positions=(150.0, 20.0), master_start_distance=80.0
     )  # from 70 on; where the belt is at 150 it is at 20
     run_belt(151.0)
     meeting.wait()

@@ -9,7 +9,7 @@ with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
     wait(axis.home() for axis in cell)
     moves = [cell["x"].move_absolute(60.0), cell["z"].move_absolute(60.0)]
     cell.sleep(0.3)
-    cell.stand_in(1).fault(0x4310)  # excess temperature, in the drive of x
+    cell.simulated_node(1).fault(0x4310)  # excess temperature, in the drive of x
     try:
         wait(moves)
     except* AxisbusError as group:

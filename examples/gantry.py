@@ -7,8 +7,8 @@ from axisbus.errors import StateError
 
 with Machine.open(Path(__file__).with_name("gantry.toml")) as cell:
     # Only in simulation: the switches, and a beam that stands 1.5 mm out of square (in increments of the motors).
-    cell.stand_in(1).drive().touch_probe.put_mark(1, -200_000, -20_000)
-    cell.stand_in(2).drive().touch_probe.put_mark(1, -200_000, -21_000)
+    cell.simulated_node(1).drive().touch_probe.put_mark(1, -200_000, -20_000)
+    cell.simulated_node(2).drive().touch_probe.put_mark(1, -200_000, -21_000)
 
     y = cell.gantry("y")
     y.enable().wait()

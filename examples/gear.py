@@ -14,7 +14,7 @@ with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
     y.gear_out().wait()  # goes on with its speed, whatever x does
     wait(axis.halt() for axis in (x, y))
     wait(axis.move_absolute(0.0) for axis in (x, y))
-    meeting = y.gear_in(x, -0.5, at=(60.0, 10.0), over=40.0)
+    meeting = y.gear_in(x, -0.5, sync_positions=(60.0, 10.0), master_start_distance=40.0)
     x.move_absolute(90.0, velocity=60.0).wait()
     meeting.wait()
     cell.sleep(0.3)

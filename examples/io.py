@@ -6,7 +6,7 @@ from axisbus import Machine
 
 with Machine.open(Path(__file__).with_name("io.toml")) as cell:
     x, part, lamp = cell["x"], cell.io["part"], cell.io["lamp"]
-    wired = cell.stand_in(5).device.io  # what is wired to the simulated module
+    wired = cell.simulated_node(5).device.io  # what is wired to the simulated module
     x.enable().wait()
     wired.set_bit(0x6000, 1, 0, True)  # a part arrives
     part.wait(True, timeout=2.0)

@@ -26,14 +26,14 @@ with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
     tool = joints.with_kinematics(Turntable())
     tool.move_linear((80.0, 60.0), velocity=200.0, acceleration=1500.0).wait()
     tool.move_path([(80.0, 0.0), (120.0, 0.0)], velocity=200.0, acceleration=1500.0, blend=5.0).wait()
-    print("tool at", [round(value, 1) for value in tool.place], "mm")
+    print("tool at", [round(value, 1) for value in tool.tool_position], "mm")
     with tool.stream(period="10ms") as points:  # once round a circle, from rest to rest
         for number in range(101):
             angle = math.pi * (1.0 - math.cos(math.pi * number / 100))
             points.push((110.0 + 10.0 * math.cos(angle), 10.0 * math.sin(angle)))
     print(
         "and again at",
-        [round(value, 1) for value in tool.place],
+        [round(value, 1) for value in tool.tool_position],
         "mm: x and y at",
         [round(axis.position, 1) for axis in joints],
     )

@@ -10,7 +10,7 @@ with Machine.open(Path(__file__).with_name("probe.toml")) as cell:
     x.home().wait()
 
     # Only in simulation: a part under the probe, from 20 mm to 55.5 mm (in increments of the motor).
-    cell.stand_in(1).drive().touch_probe.put_mark(1, 20_000, 55_500)
+    cell.simulated_node(1).drive().touch_probe.put_mark(1, 20_000, 55_500)
 
     with x.probe(1, "both") as probe:
         probe.wait_armed(1)  # from here on an edge counts

@@ -65,17 +65,20 @@ def numbers(fleet):
         (cell.name, axis.name): seen.state.n
         for cell in fleet
         for axis in cell
-        if (seen := cell.seen(axis.name)) is not None
+        if (seen := cell.last_state(axis.name)) is not None
     }
 
 
 def fresh(fleet):
-    return sum(1 for cell in fleet for axis in cell if (seen := cell.seen(axis.name)) and seen.fresh)
+    return sum(1 for cell in fleet for axis in cell if (seen := cell.last_state(axis.name)) and seen.fresh)
 
 
 def ages(fleet):
     return sorted(
-        seen.age for cell in fleet for axis in cell if (seen := cell.seen(axis.name)) and seen.age is not None
+        seen.age
+        for cell in fleet
+        for axis in cell
+        if (seen := cell.last_state(axis.name)) and seen.age is not None
     )
 
 

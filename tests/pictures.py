@@ -133,7 +133,7 @@ def override_axis() -> None:
         begun = cell.session.snapshots["x"].now
         handles = [
             cell["x"].move_absolute(150.0, velocity=80.0, acceleration=400.0),
-            cell["y"].follow(TrapezoidalTrajectory(cell["y"].led_to, 80.0, 50.0, 250.0)),
+            cell["y"].follow(TrapezoidalTrajectory(cell["y"].commanded_position, 80.0, 50.0, 250.0)),
         ]
         cell.sleep(0.6)
         for factor, pause in ((0.4, 0.7), (0.0, 0.8), (1.5, 0.6), (1.0, 0.0)):
@@ -172,7 +172,7 @@ def superimposed() -> None:
 
     def near_limit(cell: Machine, _: Group, distance: float = 0.0) -> None:
         cell["x"].move_absolute(-160.0).wait()
-        below = cell["x"].follow(TrapezoidalTrajectory(cell["x"].led_to, 110.0, 324.0, 2000.0))
+        below = cell["x"].follow(TrapezoidalTrajectory(cell["x"].commanded_position, 110.0, 324.0, 2000.0))
         cell.sleep(0.3)
         cell["x"].move_superimposed(distance, velocity=200.0, acceleration=1000.0)
         below.wait()
@@ -458,7 +458,7 @@ def gear() -> None:
         cell.sleep(0.5)
 
     def at_place(cell: Machine) -> None:
-        meeting = cell["y"].gear_in(cell["x"], -0.5, at=(60.0, 10.0), over=40.0)
+        meeting = cell["y"].gear_in(cell["x"], -0.5, sync_positions=(60.0, 10.0), master_start_distance=40.0)
         cell["x"].follow([(0.0, 0.0), (0.5, 20.0), (1.0, 50.0), (1.7, 90.0)]).wait()
         meeting.wait()
 
@@ -487,9 +487,9 @@ def phase() -> None:
         x.move_velocity(60.0, acceleration=300.0).wait()
         y.gear_in(x, 0.5).wait()
         cell.sleep(0.4)
-        y.phase_by(20.0, velocity=40.0, acceleration=150.0).wait()
+        y.phasing_relative(20.0, velocity=40.0, acceleration=150.0).wait()
         cell.sleep(0.4)
-        y.phase_by(-20.0, velocity=80.0, acceleration=300.0).wait()
+        y.phasing_relative(-20.0, velocity=80.0, acceleration=300.0).wait()
         cell.sleep(0.2)
 
     trace, times, *speeds = coupled(run)
@@ -504,7 +504,7 @@ def phase() -> None:
     off = [2.0 * y - x for x, y in zip(trace.x[step:], trace.y[step:], strict=True)]
     ahead.plot(shown[step - begin :], [one - off[0] for one in off], color=COLOURS[2], linewidth=1.3)
     ahead.sharex(speed)
-    speed.set(xlabel="s", ylabel="deg/s", title="y.gear_in(x, 0.5), and twice phase_by")
+    speed.set(xlabel="s", ylabel="deg/s", title="y.gear_in(x, 0.5), and twice phasing_relative")
     ahead.set(xlabel="s", ylabel="deg of x", title="how much farther on y has x than it is")
     speed.legend(fontsize=8)
     save(figure, "phase.png")
@@ -566,7 +566,7 @@ def cam() -> None:
 
     def run(cell: Machine) -> None:
         cell["y"].move_absolute(8.0).wait()
-        cell["y"].cam_in(cell["x"], lobes, over=60.0)
+        cell["y"].cam_in(cell["x"], lobes, master_start_distance=60.0)
         cell["x"].follow([(0.0, 0.0), (2.0, 90.0), (3.0, 150.0), (3.5, 175.0)]).wait()
 
     trace, *_ = coupled(run)
@@ -661,7 +661,7 @@ def beam(what: Callable[[Machine], None], x: float, y: float) -> tuple[list[floa
     """Return when, and where both motors of examples/gantry.toml were, with switches at x and y (mm of the motors)."""
     seen: tuple[list[float], list[float], list[float]] = ([], [], [])
     with Machine.simulated(ROOT / "examples" / "gantry.toml") as cell:
-        drives = [cell.stand_in(node).drive() for node in (1, 2)]
+        drives = [cell.simulated_node(node).drive() for node in (1, 2)]
         for drive, at in zip(drives, (x, y), strict=True):
             drive.touch_probe.put_mark(1, at * 1000.0 - 500_000.0, at * 1000.0)
         cell.gantry("y").enable().wait()
@@ -692,7 +692,7 @@ def gantry() -> None:
         y.set_position(100.0, square=True).wait()
         move = y.move_absolute(300.0)
         cell.sleep(0.8)
-        cell.stand_in(2).drive().dials.blocked = True
+        cell.simulated_node(2).drive().dials.blocked = True
         with suppress(AxisbusError):
             move.wait()
         cell.sleep(0.3)

@@ -71,7 +71,7 @@ def noted(cls: type[BaseException], error: AxisbusError) -> BaseException:
 def raised_by_wait(error: AxisbusError) -> str:
     handles = [Handle(name, NOBODY) for name in "xy"]
     for handle in handles:
-        handle.finish(Status.ERROR, error)
+        handle._finish(Status.ERROR, error)
     with pytest.raises(ExceptionGroup) as caught:
         wait(handles)
     return str(caught.value)

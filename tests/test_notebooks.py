@@ -285,7 +285,7 @@ def test_an_interrupt_of_another_program_halts_only_where_it_has_the_command(ben
         guest.session.request_halt("the guest was interrupted", 1)
         guest.sleep(0.5)
         assert bench.turns()
-    with Machine.attach(path, take=True) as guest:
+    with Machine.attach(path, force=True) as guest:
         move = guest["x"].move_velocity(SPEED)
         await_turning(bench)
         guest.session.request_halt("the guest was interrupted", 2)

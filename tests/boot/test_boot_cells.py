@@ -131,7 +131,7 @@ def test_without_1016_the_node_is_guarded(tmp_path):
         machine["x"].enable().wait()
         machine["x"].move_relative(30.0).wait()  # longer than the life time
         assert machine.node(3).nmt is NmtState.OPERATIONAL
-        made = machine.stand_in(3).device
+        made = machine.simulated_node(3).device
         assert made.drive.error_code == 0
     time.sleep(0.5)  # our silence afterwards faults nobody
     assert made.drive.error_code == 0
@@ -221,7 +221,7 @@ def test_an_event_driven_rpdo_is_sent_three_times_within_the_deadline_that_boot_
     )
     with Machine.open(path) as machine:
         assert "1400h:05 expects our RPDO within 180 ms" in machine.reports[0].watchdog.text
-        assert machine.stand_in(3).device.read(0x1400, 5) == 180
+        assert machine.simulated_node(3).device.read(0x1400, 5) == 180
         (port,) = machine._core.scan.cycle._ports
         assert {rpdo.repeat for rpdo in port._pace._rpdos.values()} == {0.06}
 
@@ -302,7 +302,7 @@ def test_direct_access_over_the_bus(tmp_path):
             node.sdo[0x6081] = -1
         with pytest.raises(StateError, match="sent by PDO in every cycle"):
             node.sdo[0x607A] = 5
-        machine.stand_in(3).fault(0x2310)
+        machine.simulated_node(3).fault(0x2310)
         deadline = time.monotonic() + 5
         while not node.emcy and time.monotonic() < deadline:
             time.sleep(0.01)

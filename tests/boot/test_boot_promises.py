@@ -284,7 +284,7 @@ def farthest(cell, velocity: float, seconds: float = 15.0) -> float:
     a.enable().wait()
     a.home().wait()
     a.move_velocity(velocity)
-    motor, top = cell.stand_in(1).drive().axis.motor, 0.0
+    motor, top = cell.simulated_node(1).drive().axis.motor, 0.0
     for _ in range(round(seconds / 0.01)):
         cell.sleep(0.01)
         top = max(top, motor.position)

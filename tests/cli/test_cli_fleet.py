@@ -131,14 +131,14 @@ def test_on_a_terminal_what_is_gone_is_told_as_that_and_its_values_as_unknown(pl
     press = plant.cell("press", protocol=PROTOCOL + 1)
     press.happen("the drive has stopped")
     with Fleet(plant.name, connect=plant.endpoints) as fleet:
-        until(lambda: fleet["press"].events and fleet["press"].seen("x"))
+        until(lambda: fleet["press"].events and fleet["press"].last_state("x"))
         live.show(lambda: [(cell, ()) for cell in fleet], lambda: ["plant hall"], 0.0, 1)
         seen = capsys.readouterr().out
         assert "1 of 1 cell alive" in seen
         assert "Standstill" in seen
         assert "VERSION DIFFERS" in seen
         press.cut()
-        until(lambda: not fleet["press"].bridged)
+        until(lambda: not fleet["press"].bridge_online)
         live.show(lambda: [(cell, ()) for cell in fleet], lambda: ["plant hall", "NOT REACHED"], 0.0, 1)
         seen = capsys.readouterr().out
         assert "0 of 1 cell alive" in seen

@@ -134,7 +134,7 @@ def test_a_machine_that_is_run_has_its_command_free_for_whoever_comes(axisbus, t
             assert axisbus("disable", path).out == "x: Disabled\n"
         running.terminate()
         running.wait(20)
-    assert Machine.join(path) is None
+    assert Machine.try_attach(path) is None
 
 
 def test_a_command_that_is_interrupted_leaves_the_axes_as_it_found_them(axisbus, tmp_path):
@@ -158,7 +158,7 @@ def test_a_command_that_is_interrupted_leaves_the_axes_as_it_found_them(axisbus,
         with Machine.attach(path) as looking:
             assert looking["x"].state is AxisState.DISABLED
             assert looking["y"].state is AxisState.STANDSTILL
-            assert looking.commanded_by == ""
+            assert looking.control_owner == ""
         running.send_signal(signal.SIGINT)
 
 
@@ -234,7 +234,7 @@ def test_what_only_reads_joins_and_the_motion_goes_on(axisbus, moving, file, wor
 
 def test_a_value_that_is_read_is_the_one_of_the_running_drive(axisbus, moving, file):
     machine, _ = moving
-    assert machine.stand_in(1).drive().axis.motor.velocity != 0.0
+    assert machine.simulated_node(1).drive().axis.motor.velocity != 0.0
     code, out, _ = axisbus("od", "read", "x:606C", "--cell", file, "--json")
     assert code == 0
     assert json.loads(out)[0]["value"] != 0

@@ -35,7 +35,7 @@ def touched(monkeypatch):
         machine = open_machine(*given, **options)
 
         def touch() -> None:
-            signal = machine.stand_in(1).drive().touch_probe
+            signal = machine.simulated_node(1).drive().touch_probe
             signal.set_input(1, True)
             signal.set_input(1, False)
 

@@ -129,12 +129,12 @@ def test_faults_come_as_they_are_planned_and_a_test_sees_the_plant(axisbus, tmp_
             assert line
         with SimulationControl(control) as plant:
             assert plant.nodes == (1, 2)
-            began = plant.stand_in(1).drive().position
+            began = plant.simulated_node(1).drive().position
             code, _, err = axisbus("move", mine, "x=50", "--home", "--velocity", "30")
             assert code == 3
             assert "0x2310" in err
-            assert plant.stand_in(1).drive().position > began
-            assert plant.stand_in(1).drive().error_code == 0x2310
+            assert plant.simulated_node(1).drive().position > began
+            assert plant.simulated_node(1).drive().error_code == 0x2310
             assert re.search(r"\d s  short_circuit: axis = x, fault = 2310h", sim.stdout.readline())
             assert axisbus("move", mine, "y=5", "--home").code in (0, 3)
             assert re.search(r"jam: axis = y, blocked = true", sim.stdout.readline())

@@ -225,7 +225,7 @@ def test_a_terminal_that_is_gone_leaves_nothing_that_moves(tmp_path):
         while abs(machine["x"].velocity) > 0.5:
             assert time.monotonic() < end, machine["x"]
             time.sleep(0.02)
-        assert not machine.stand_in(1).drive().axis.motor.velocity
+        assert not machine.simulated_node(1).drive().axis.motor.velocity
 
 
 @pty_only

@@ -112,7 +112,7 @@ def test_a_failure_is_raised_behind_the_line(monkeypatch, capsys):
         x.home().wait()
         handle = x.move_absolute(90.0)
         cell.sleep(0.3)
-        cell.stand_in(1).fault(0x4310, 0)
+        cell.simulated_node(1).fault(0x4310, 0)
         with pytest.raises(ExceptionGroup):
             progress.follow(cell, [MoverProgress(x, handle)])
     assert capsys.readouterr().err.endswith("\r")

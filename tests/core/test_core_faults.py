@@ -46,12 +46,12 @@ def test_a_fault_is_kept_with_the_seconds_around_it(file):
         x.enable().wait(20)
         handle = x.move_velocity(30.0)
         machine.sleep(2.0)
-        machine.stand_in(1).fault(OVER_TEMPERATURE)
+        machine.simulated_node(1).fault(OVER_TEMPERATURE)
         assert machine.session.waiter.wait(lambda: x.error is not None, 5.0)
         assert isinstance(x.error, DriveError)
         assert not handle.active
         (path,) = kept(file)
-        assert machine.kept_faults == [path]
+        assert machine.fault_recordings == [path]
         assert path.parent == folder_of(str(file))
     fault = load(path)
     track = fault.tracks["x"]
@@ -77,7 +77,7 @@ def test_a_fault_that_a_program_dies_of_is_kept_with_its_stop(file):
             x.enable().wait(20)
             handle = x.move_relative(3000.0, velocity=30.0)
             machine.sleep(0.5)
-            machine.stand_in(1).fault({OVER_TEMPERATURE})
+            machine.simulated_node(1).fault({OVER_TEMPERATURE})
             handle.wait(20)
     """
     done = subprocess.run(
@@ -107,7 +107,7 @@ def test_the_newest_are_kept_listed_and_drawn(file, monkeypatch, capsys, tmp_pat
         (folder / f"2020-01-01T00-00-{number:02d}.000{FAULT}").write_bytes(MAGIC + b"no fault")
     with Machine.open(file) as machine:
         machine["x"].enable().wait(20)
-        machine.stand_in(1).fault(OVER_TEMPERATURE)
+        machine.simulated_node(1).fault(OVER_TEMPERATURE)
         machine.sleep(1.5)
     found = faults_of(str(file))
     assert len(found) == 20
@@ -125,7 +125,7 @@ def test_the_newest_are_kept_listed_and_drawn(file, monkeypatch, capsys, tmp_pat
 def test_a_fault_that_is_cut_off_or_wrong_is_no_surprise(file, tmp_path):
     with Machine.open(file) as machine:
         machine["x"].enable().wait(20)
-        machine.stand_in(1).fault(OVER_TEMPERATURE)
+        machine.simulated_node(1).fault(OVER_TEMPERATURE)
         machine.sleep(1.5)
     whole, drawn = faults_of(str(file))[-1].read_bytes(), random.Random(3)
     path = tmp_path / "wrong.fault"
@@ -145,7 +145,7 @@ def test_a_folder_that_cannot_be_written_is_told_and_disturbs_nothing(file, capl
     with Machine.open(file) as machine:
         x = machine["x"]
         x.enable().wait(20)
-        machine.stand_in(1).fault(OVER_TEMPERATURE)
+        machine.simulated_node(1).fault(OVER_TEMPERATURE)
         machine.sleep(1.5)
         x.reset().wait(10)
         x.enable().wait(10)

@@ -57,8 +57,8 @@ def machine(opened):
 def test_a_guest_sees_what_the_owner_sees_and_its_leaving_changes_nothing(machine, file):
     handle = under_way(machine["x"])
     with Machine.attach(file) as guest:
-        assert guest.is_joined
-        assert f"process {os.getpid()} " in guest.commanded_by
+        assert guest.is_attached
+        assert f"process {os.getpid()} " in guest.control_owner
         assert [each.commands for each in guest.programs] == [True, False]
         assert all(f"process {os.getpid()} " in each.who for each in guest.programs)
         assert list(guest.axes) == ["x", "y"]
@@ -69,7 +69,7 @@ def test_a_guest_sees_what_the_owner_sees_and_its_leaving_changes_nothing(machin
     time.sleep(0.2)
     assert handle.active
     assert abs(turns(machine)) == pytest.approx(30.0, abs=1.0)
-    assert not machine.is_joined
+    assert not machine.is_attached
 
 
 @pytest.mark.parametrize(
@@ -125,7 +125,7 @@ def test_the_command_is_not_given_to_two_and_comes_back_when_its_holder_leaves(m
     with pytest.raises(OwnershipError):
         Machine.attach(file, command=True)
     handle = under_way(machine["x"])
-    with Machine.attach(file, command=True, take=True) as guest:
+    with Machine.attach(file, command=True, force=True) as guest:
         assert turns(machine) == pytest.approx(0.0, abs=0.1)  # before anybody else commands
         with pytest.raises(Stopped, match="took the command"):
             handle.wait(5)
@@ -142,30 +142,30 @@ def test_the_command_is_not_given_to_two_and_comes_back_when_its_holder_leaves(m
 def test_a_program_that_is_there_takes_the_command_and_takes_it_back(machine, file):
     handle = under_way(machine["x"])
     with Machine.attach(file) as guest:
-        assert (machine.has_command, guest.has_command) == (True, False)
-        guest.take_command()
+        assert (machine.has_control, guest.has_control) == (True, False)
+        guest.take_control()
         assert turns(machine) == pytest.approx(0.0, abs=0.1)
-        assert (machine.has_command, guest.has_command) == (False, True)
+        assert (machine.has_control, guest.has_control) == (False, True)
         with pytest.raises(Stopped, match="took the command"):
             handle.wait(5)
-        guest.take_command()  # harmless
+        guest.take_control()  # harmless
         going = under_way(guest["y"])
-        machine.take_command()
+        machine.take_control()
         assert turns(machine, 2) == pytest.approx(0.0, abs=0.1)
         with pytest.raises(Stopped, match="took the command"):
             going.wait(5)
-        assert (machine.has_command, guest.has_command) == (True, False)
+        assert (machine.has_control, guest.has_control) == (True, False)
         with pytest.raises(OwnershipError):
             guest["x"].move_relative(1.0).wait(5)
         machine["x"].move_relative(1.0).wait(20)
-    assert machine.has_command
+    assert machine.has_control
 
 
 def test_a_program_that_takes_the_command_and_dies_leaves_it_to_who_had_it(machine, file):
     program = "import os, sys; from axisbus import Machine; guest = Machine.attach(sys.argv[1]); guest.take_command(); os._exit(0)"
     subprocess.run([sys.executable, "-c", program, str(file)], check=True)
     until = time.monotonic() + 20.0
-    while not machine.has_command:
+    while not machine.has_control:
         assert time.monotonic() < until
         time.sleep(0.01)
     machine["x"].move_relative(1.0).wait(20)
@@ -175,8 +175,8 @@ def test_a_program_that_was_told_to_stop_takes_no_command(machine, file):
     with Machine.attach(file) as guest:
         guest.session.request_stop("it was told to")
         with pytest.raises(Stopped, match="not taken"):
-            guest.take_command()
-    assert machine.has_command
+            guest.take_control()
+    assert machine.has_control
 
 
 def ended(handle):
@@ -196,10 +196,11 @@ def is_passing(handle):
 KILLED = """
 import sys, time
 from axisbus import Machine
-from axisbus import Trapezoid
-machine = Machine.attach(sys.argv[1], command=True, take=True)
+from axisbus import TrapezoidalTrajectory
+machine = Machine.attach(sys.argv[1], command=True, force=True)
 y = machine["y"]
-handle = y.follow(Trapezoid(y.position, y.position + 1000.0, 30.0, 300.0)) if sys.argv[2] == "follow" else y.move_velocity(30.0)
+there = TrapezoidalTrajectory(y.position, y.position + 1000.0, 30.0, 300.0)
+handle = y.follow(there) if sys.argv[2] == "follow" else y.move_velocity(30.0)
 time.sleep(0.5)
 print("moves", flush=True)
 time.sleep(60)
@@ -234,7 +235,7 @@ def test_a_guest_that_is_gone_while_it_commands_leaves_nothing_in_motion(machine
 HELD = """
 import sys, threading, time
 from axisbus import Machine
-machine = Machine.attach(sys.argv[1], command=True, take=True)
+machine = Machine.attach(sys.argv[1], command=True, force=True)
 machine["y"].move_velocity(30.0)
 for beat in range(1000):
     machine.hold_to_run(0.5)
@@ -255,19 +256,19 @@ def test_a_guest_that_holds_what_moves_to_run_and_is_stopped_is_halted_for(machi
             assert turns(machine, 2) == pytest.approx(30.0, abs=1.0)
             program.send_signal(signal.SIGSTOP)
             stands_by(machine, 5.0)
-            assert not machine.has_command
+            assert not machine.has_control
         finally:
             program.kill()
     until = time.monotonic() + 20.0
-    while not machine.has_command:
+    while not machine.has_control:
         assert time.monotonic() < until
         time.sleep(0.01)
 
 
 def test_a_promise_ends_with_the_command(machine, file):
-    with Machine.attach(file, command=True, take=True) as guest:
+    with Machine.attach(file, command=True, force=True) as guest:
         guest.hold_to_run(0.3)
-        machine.take_command()
+        machine.take_control()
         handle = under_way(machine["y"])
         guest.hold_to_run(0.3)  # of one that has not the command it means nothing
         time.sleep(0.6)
@@ -298,7 +299,7 @@ def test_another_text_of_the_file_and_no_machine_at_all_are_told(machine, file, 
     other.write_text(file.read_text(), encoding="utf-8")
     with pytest.raises(StateError, match="no machine of "):
         Machine.attach(other)
-    assert Machine.join(other) is None
+    assert Machine.try_attach(other) is None
     before = file.read_text()
     try:
         file.write_text(before + "\n# changed\n")
@@ -313,9 +314,9 @@ def test_another_text_of_the_file_and_no_machine_at_all_are_told(machine, file, 
 
 def skipped_in_a_second(machine):
     """How many cycles are skipped from now on, in a second in which most of them are done."""
-    start = machine.lateness
+    start = machine.cycle_jitter
     time.sleep(1.0)
-    end = machine.lateness
+    end = machine.cycle_jitter
     assert end.cycles - start.cycles > 20
     return end.skipped - start.skipped
 

@@ -109,9 +109,9 @@ def test_a_cell_tells_of_a_send_that_blocked(tmp_path):
     with Stage(tmp_path) as stage:
         cell = stage.simulated()
         cell.run(0.5)
-        assert cell.machine.lateness.skipped == 0
+        assert cell.machine.cycle_jitter.skipped == 0
         cell.cycle.dials.send_blocks = 0.05
         cell.run(0.5)
-        report = cell.machine.lateness
+        report = cell.machine.cycle_jitter
         assert set(report.causes) == {"a send that blocked"}
         assert report.skipped == report.causes["a send that blocked"] >= 3

@@ -38,4 +38,4 @@ def test_a_way_is_gone_along_halted_and_gone_on_with(tmp_path):
         with pytest.raises(Interrupted):
             path.wait(20)
         tool.resume().wait(20)
-        assert tool.place == pytest.approx((80.0, -60.0), abs=0.1)
+        assert tool.tool_position == pytest.approx((80.0, -60.0), abs=0.1)

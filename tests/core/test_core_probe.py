@@ -22,7 +22,7 @@ pytestmark = [
 def test_captures_cross_as_they_come_and_a_killed_core_ends_the_request(tmp_path):
     machine = Machine.open(own_cell(tmp_path, "x"))
     try:
-        x, drive = machine["x"], machine.stand_in(1).drive()
+        x, drive = machine["x"], machine.simulated_node(1).drive()
         x.enable().wait(20)
         drive.touch_probe.put_mark(2, 10 * SCALE, 20 * SCALE)
         found = x.probe_move(30.0, input=2, velocity=60.0).wait(20)

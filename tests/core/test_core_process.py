@@ -65,7 +65,7 @@ def test_a_move_ends_where_it_was_asked_to_and_its_values_are_of_after_that(mach
         assert not handle.done
         handle.wait(20)
         assert x.position == pytest.approx(goal, abs=0.1)
-        assert machine.stand_in(1).drive().axis.motor.position / SCALE == pytest.approx(goal, abs=0.2)
+        assert machine.simulated_node(1).drive().axis.motor.position / SCALE == pytest.approx(goal, abs=0.2)
     assert x.state is AxisState.STANDSTILL
 
 
@@ -107,20 +107,20 @@ def test_objects_nmt_and_error_history_are_the_nodes_own(machine):
     assert node.pdos()
     assert node.pdo_events == ()
     assert node.events == []
-    assert isinstance(node.error_history_words(), list)
+    assert isinstance(node.format_error_history(), list)
     with pytest.raises(StateError, match="process"):
         node.canopen  # noqa: B018
 
 
 def test_a_fault_is_told_with_all_that_is_known_of_it(machine):
     x, heard = machine["x"], []
-    machine.stand_in(1).fault(0x4310)
+    machine.simulated_node(1).fault(0x4310)
     until(lambda: x.state is AxisState.ERRORSTOP and x.error is not None and "4310" in str(x.error))
     assert isinstance(x.error, DriveFault)
     assert x.error.code == 0x4310
     until(lambda: len(machine.node(1).emcy) > 0)
     assert machine.node(1).emcy[-1].code == 0x4310
-    assert any("4310" in line for line in machine.node(1).incident_words(machine.node(1).incidents[-1]))
+    assert any("4310" in line for line in machine.node(1).format_incident(machine.node(1).incidents[-1]))
     machine.node(1).on_event(heard.append)
 
 
@@ -169,7 +169,7 @@ def test_a_trajectory_that_fails_on_its_way_ends_with_its_own_error_and_the_axis
     with pytest.raises(ArgumentError, match="gives no position at 3") as caught:
         x.follow(Failing()).wait(20)
     assert "a mistake of its own" in caught.value.observed
-    until(lambda: machine.stand_in(1).drive().axis.motor.velocity == 0.0)
+    until(lambda: machine.simulated_node(1).drive().axis.motor.velocity == 0.0)
 
 
 def test_a_recording_has_every_cycle_in_order(machine):
@@ -182,13 +182,13 @@ def test_a_recording_has_every_cycle_in_order(machine):
 
 
 def test_how_late_the_cycles_were_is_asked_of_the_core(machine):
-    first = machine.lateness.cycles
+    first = machine.cycle_jitter.cycles
     time.sleep(0.2)
-    assert machine.lateness.cycles > first
-    assert "in a process of its own" in machine.degree
+    assert machine.cycle_jitter.cycles > first
+    assert "in a process of its own" in machine.real_time_status
     assert machine.bus_events == []
     assert machine.bus_time is None
-    assert machine.dropped == ()
+    assert machine.dropped_frames == ()
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="POSIX")
@@ -205,17 +205,17 @@ def test_a_forked_child_can_do_nothing_and_takes_nothing_away(machine):
 
 
 def test_stand_ins_are_looked_at_and_turned_from_here(machine):
-    drive = machine.stand_in(1).drive()
+    drive = machine.simulated_node(1).drive()
     assert drive.dials.blocked is False
     drive.dials.blocked = True
-    assert machine.stand_in(1).drive().dials.blocked is True
+    assert machine.simulated_node(1).drive().dials.blocked is True
     drive.dials.blocked = False
     with pytest.raises(AttributeError):
         drive._private  # noqa: B018
     with pytest.raises(StateError, match="AttributeError"):
         drive.no_such_thing  # noqa: B018
     with pytest.raises(StateError):
-        machine.stand_in(9)
+        machine.simulated_node(9)
 
 
 # -- opening and closing --------------------------------------------------------------------------------------------------------
@@ -238,11 +238,11 @@ def test_a_machine_that_is_closed_stands_and_says_no_more(file):
         handle.wait(10)
         motion = x.move_relative(1e6, velocity=50.0)
         until(lambda: motion.active)
-        stand_in = machine.stand_in(1)
+        stand_in = machine.simulated_node(1)
     with pytest.raises(Stopped):
         motion.wait(1)
     assert stand_in.drive().axis.motor.velocity == 0.0
-    assert machine.lateness.cycles > 10
+    assert machine.cycle_jitter.cycles > 10
     assert machine.node(1).nmt in (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL)  # as it was heard last
     assert not machine.node(1).emcy
     assert machine.events[-1].reason == "the with block ended"
@@ -258,14 +258,14 @@ def test_a_callback_may_close_the_machine(file):
         handle.add_done_callback(machine.close)
         handle.wait(10)
         until(lambda: machine.session.ended)
-    assert machine.stand_in(1).drive().statusword & 0x6F != 0x27
+    assert machine.simulated_node(1).drive().statusword & 0x6F != 0x27
 
 
 def test_two_machines_at_once_do_not_know_of_each_other(file, machine):
     with Machine.open(file) as other:
         other["x"].enable().wait(20)
         other["x"].move_relative(3.0).wait(10)
-        motor = machine.stand_in(1).drive().axis.motor
+        motor = machine.simulated_node(1).drive().axis.motor
         before = motor.position
         other["x"].move_relative(3.0).wait(10)
         assert motor.position == pytest.approx(before, abs=10)
@@ -292,5 +292,5 @@ def test_a_program_that_closes_the_moment_its_core_dies_is_told_how_its_drives_w
     with pytest.raises(ScanError, match="it was ended by SIGKILL") as caught:
         machine.close()
     assert re.search(STOPPED, caught.value.observed)
-    assert machine.stand_in(1).drive().axis.motor.velocity == 0.0
+    assert machine.simulated_node(1).drive().axis.motor.velocity == 0.0
     assert "ended by SIGKILL" in machine.session.dead

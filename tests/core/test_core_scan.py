@@ -399,7 +399,7 @@ def test_a_handle_of_nobody_never_blocks():
     handle = Handle("x", NOBODY)
     with pytest.raises(TimeoutError):
         handle.wait(0)
-    handle.finish(Status.ERROR, AxisbusError("x"))
+    handle._finish(Status.ERROR, AxisbusError("x"))
     with pytest.raises(AxisbusError):
         handle.wait()
 

@@ -67,8 +67,8 @@ ignore_halt = true
 modes_refused = [1, 3]
 mode_delay = "300ms"
 acknowledge_delay = "never"
-creep = 20.5
-mode_slips_to = -1
+drift_velocity = 20.5
+spontaneous_mode = -1
 encoder_jump = -500
 sdo_lost = [3, 4]
 sdo_aborts = { "6060:00" = 0x08000022, "607A" = 1 }
@@ -86,8 +86,8 @@ def test_every_kind_of_dial_is_read(read):
         "modes_refused": frozenset({1, 3}),
         "mode_delay": 0.3,
         "acknowledge_delay": NEVER,
-        "creep": 20.5,
-        "mode_slips_to": -1,
+        "drift_velocity": 20.5,
+        "spontaneous_mode": -1,
         "encoder_jump": -500,
         "sdo_lost": {3, 4},
         "sdo_aborts": {(0x6060, 0): 0x08000022, (0x607A, 0): 1},
@@ -173,25 +173,25 @@ def test_the_plant_is_seen_and_turned_by_several_at_once(served):
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
     with SimulationControl(path) as one, SimulationControl(path) as other:
         assert one.nodes == (1, 2)
-        one.stand_in(2).drive().dials.blocked = True
-        assert other.stand_in(2).drive().dials.blocked is True
+        one.simulated_node(2).drive().dials.blocked = True
+        assert other.simulated_node(2).drive().dials.blocked is True
         assert made[2].drive.dials.blocked
-        other.stand_in(1).fault(0x7500)
-        assert one.stand_in(1).drive().error_code == 0x7500
+        other.simulated_node(1).fault(0x7500)
+        assert one.simulated_node(1).drive().error_code == 0x7500
         with pytest.raises(StateError, match="no simulated node 3"):
-            one.stand_in(3)
+            one.simulated_node(3)
     one.close()
     with pytest.raises(AxisbusError):
-        one.stand_in(2).drive()
+        one.simulated_node(2).drive()
 
 
 def test_what_is_private_is_not_asked_for(served):
     path, _ = served
     with SimulationControl(path) as plant:
         with pytest.raises(AttributeError):
-            plant.stand_in(1).drive()._begin()
+            plant.simulated_node(1).drive()._begin()
         with pytest.raises(StateError, match="private"):
-            plant.stand_in(1)._go("__class__", None)  # as a client of one's own might ask
+            plant.simulated_node(1)._go("__class__", None)  # as a client of one's own might ask
 
 
 def test_nonsense_ends_its_own_connection_alone(served):
@@ -210,7 +210,7 @@ def test_nonsense_ends_its_own_connection_alone(served):
                 mad.settimeout(5.0)
                 with suppress(ConnectionResetError):
                     assert mad.recv(100) == b""
-        assert plant.stand_in(1).drive().error_code == 0
+        assert plant.simulated_node(1).drive().error_code == 0
 
 
 def test_a_socket_that_was_left_is_replaced_and_nothing_else(cell, tmp_path):

@@ -21,7 +21,7 @@ pytestmark = [
 
 def test_a_stream_is_halted_and_gone_on_with_again_and_again(tmp_path):
     with Machine.open(own_cell(tmp_path, "xy", axis="max_acceleration = 2000.0")) as machine:
-        group, drive = machine.group("x", "y"), machine.stand_in(1).drive()
+        group, drive = machine.group("x", "y"), machine.simulated_node(1).drive()
         group.enable().wait(20)
         points = group.stream(period="20ms", buffer="400ms")
         seen = []
@@ -40,7 +40,7 @@ def test_a_stream_is_halted_and_gone_on_with_again_and_again(tmp_path):
             points.resume()
         feed(0.5)
         last = 0.8 * (points.count - 1)
-        points.end().wait(30)
+        points.finish().wait(30)
         assert machine["x"].position == pytest.approx(last, abs=0.1)
         assert machine["y"].position == pytest.approx(-0.5 * last, abs=0.1)
         assert max(a - b for a, b in pairwise(seen)) < 0.05  # never back

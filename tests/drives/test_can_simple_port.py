@@ -118,7 +118,7 @@ def test_a_loaded_axis_is_held_where_it_was_when_it_gets_power(made, load):
     """Without power the load moves it; it is caught there, as fast as it was, and not led back or on."""
     r = made(module=module(motor=MotorParams(load=load)), warm=0.12, holds_load=HoldsLoad.TORQUE)
     r.rough = bool(load)  # the module catches it as hard as it can
-    r.axis.enable(moving=True).wait(5)
+    r.axis.enable(allow_moving=True).wait(5)
     caught = r.module.position
     r.run(1.0)
     assert r.module.position == pytest.approx(caught, abs=0.01)

@@ -26,7 +26,7 @@ from kit.plain_parameters import PlainParameters
 from kit.sim.module import ESTOP, IDLE, MIT, POS, SET_MODE, SET_STATE, Bench
 
 MANUAL = MitRanges(12.5, 65.0, 500.0, 5.0, 50.0)
-SETTINGS = MitSettings(5, MANUAL, gear=8.0, damping=1.0, period=0.005, patience=0.05)
+SETTINGS = MitSettings(5, MANUAL, gear=8.0, damping=1.0, period=0.005, command_timeout=0.05)
 TURN = math.tau / 8.0  # rad of the output in one turn of the rotor
 SPIN = MitCommand(0.0, 6.0, 0.0, 3.0, 0.0)
 DAMPING = bytes.fromhex("80 00 80 00 00 33 38 00")  # kd 1 of 5: 819 = 333h, by the manual's formula
@@ -186,7 +186,7 @@ def test_a_spring_goes_where_it_is_led():
     led.lead(3.0, MitCommand(1.0, 0.0, 20.0, 2.0, 0.0))
     assert led.output == pytest.approx(1.0, abs=0.1)
     cycle = led.leader.answered
-    assert (cycle.as_asked, cycle.clipped) == (True, ())
+    assert (cycle.exact, cycle.saturated) == (True, ())
     assert cycle.feedback.position == pytest.approx(led.output, abs=0.01)
     led.leader.leave("over")
     led.left()
@@ -213,11 +213,11 @@ def test_stiffness_at_the_output_is_what_the_gear_makes_of_it():
 def test_what_lies_beyond_its_range_is_brought_to_it_and_told():
     led = Led().enabled()
     led.lead(0.05, MitCommand(20.0, 0.0, 0.0, 5.0, -60.0))
-    assert [(each.name, each.sent) for each in led.leader.answered.clipped] == [
+    assert [(each.name, each.sent) for each in led.leader.answered.saturated] == [
         ("position", 12.5),
         ("torque", -50.0),
     ]
-    assert not led.leader.answered.as_asked
+    assert not led.leader.answered.exact
 
 
 def test_a_program_that_waits_for_an_answer_is_not_dead():

@@ -49,7 +49,7 @@ def fleet_of(cells, **more):
 
 def is_in(axis, state):
     """Whether an axis is in a state now, for sure."""
-    seen = axis._cell.seen(axis.name)
+    seen = axis._cell.last_state(axis.name)
     return seen is not None and seen.fresh and seen.state.state == state.value
 
 
@@ -131,7 +131,7 @@ with Fleet("hall", connect=sys.argv[1:]) as fleet:
             press["x"].move_relative(5.0).wait(20)
         except Exception as error:
             print(type(error).__name__, flush=True)
-        while not press.seen("x").fresh:
+        while not press.last_state("x").fresh:
             time.sleep(0.05)
         print(press["x"].state.value, flush=True)
 """
@@ -203,7 +203,7 @@ def test_who_takes_the_command_over_has_it_and_the_one_before_is_told(plant):
             until(lambda: move.active)
             with pytest.raises(OwnershipError, match="one"), two["press"].command():
                 pass
-            with two["press"].command(over=True) as theirs:
+            with two["press"].command(force=True) as theirs:
                 until(lambda: mine.lost is not None)
                 assert move.exception() or until(lambda: move.exception())
                 with pytest.raises(OwnershipError):
@@ -244,7 +244,7 @@ def test_over_a_wire_that_is_cut_and_mended_nothing_is_believed_and_no_event_is_
             numbers = [event.n for event in press.events]
             assert numbers == list(range(numbers[0], numbers[-1] + 1))
             assert press.lost_events == 0
-            until(lambda: press.seen("x").fresh)
+            until(lambda: press.last_state("x").fresh)
             assert press["x"].state is AxisState.STANDSTILL
     finally:
         wire.close()
@@ -255,14 +255,14 @@ def test_a_cell_that_says_nothing_any_more_is_gone_within_a_second_and_comes_bac
     with fleet_of(plant) as fleet:
         cell = fleet["saw"]
         saw.signal(saw.bridge, signal.SIGSTOP)  # as a cable that is pulled: no connection is closed
-        assert until(lambda: not cell.alive or not cell.seen("x").fresh) < LOST
+        assert until(lambda: not cell.alive or not cell.last_state("x").fresh) < LOST
         until(lambda: not cell.alive)
         code, out, _ = axisbus("fleet", "stop", *way(plant))
         assert (code, "press: stopped" in out) == (3, True)
         assert f"NOT REACHED: {saw.endpoint}" in out
         saw.signal(saw.bridge, signal.SIGCONT)
         fleet.wait_for("saw")
-        until(lambda: cell.seen("x").fresh)
+        until(lambda: cell.last_state("x").fresh)
         assert fleet["press"].alive
 
 
@@ -328,7 +328,7 @@ def test_a_cell_that_is_killed_is_gone_within_a_second_and_the_others_go_on(plan
             with pytest.raises(ExceptionGroup, match="1 of 2 commands failed"):
                 wait(*moves, timeout=20)
             assert moves[1].done
-        until(lambda: "gone for" in fleet["press"].silence)
+        until(lambda: "gone for" in fleet["press"].offline_reason)
 
 
 def test_a_machine_that_is_killed_under_its_bridge_is_told_within_a_second(plant):
@@ -336,6 +336,6 @@ def test_a_machine_that_is_killed_under_its_bridge_is_told_within_a_second(plant
     with fleet_of([saw]) as fleet:
         cell = fleet["saw"]
         saw.signal(saw.machine, signal.SIGKILL)
-        assert until(lambda: not cell.seen("x").fresh) < LOST
-        until(lambda: "does not run" in cell.silence)
+        assert until(lambda: not cell.last_state("x").fresh) < LOST
+        until(lambda: "does not run" in cell.offline_reason)
         until(lambda: any("has ended" in event.text for event in cell.incidents))

@@ -59,9 +59,9 @@ def test_opening_finds_the_cells_that_are_there_with_what_they_are(plant):
         assert press["x"].unit == "deg"
         assert press["x"].limits == {"max_velocity": 100.0}
         assert press.info.simulated
-        assert not press.differs
+        assert not press.version_mismatch
         assert abs(press.clock_difference) < 5.0
-        until(lambda: press.seen("x") is not None)
+        until(lambda: press.last_state("x") is not None)
         assert press["x"].position == 0.0
         assert press["x"].state is AxisState.STANDSTILL
         assert press["x"].age < 1.0
@@ -93,14 +93,14 @@ def test_a_cell_that_is_cut_off_is_gone_within_a_second_and_nothing_of_it_is_kno
     cell = plant.cell("press")
     with fleet_of(plant) as fleet:
         press = fleet["press"]
-        until(lambda: press.seen("x") is not None)
+        until(lambda: press.last_state("x") is not None)
         cell.cut()
         assert until(lambda: not press.alive) < 1.0
         with pytest.raises(StaleError) as caught:
             press["x"].position  # noqa: B018
         assert caught.value.observed
-        until(lambda: not press.bridged)
-        assert "gone for" in press.silence
+        until(lambda: not press.bridge_online)
+        assert "gone for" in press.offline_reason
         assert "gone" in repr(press)
         assert "unknown" in repr(press["x"])
 
@@ -109,7 +109,7 @@ def test_a_cell_that_tells_no_more_is_not_known_after_a_second(plant):
     cell = plant.cell("press")
     with fleet_of(plant) as fleet:
         axis = fleet["press"]["x"]
-        until(lambda: fleet["press"].seen("x") is not None)
+        until(lambda: fleet["press"].last_state("x") is not None)
         cell.silent = True
         time.sleep(1.2)
         assert fleet["press"].alive
@@ -123,15 +123,15 @@ def test_a_machine_that_ends_while_its_bridge_stays_is_told_as_that(plant):
     with fleet_of(plant) as fleet:
         cell.machine_ends()
         until(lambda: not fleet["press"].alive)
-        assert "its machine does not run" in fleet["press"].silence
+        assert "its machine does not run" in fleet["press"].offline_reason
 
 
 def test_a_version_and_a_protocol_that_differ_are_told_and_another_protocol_is_not_commanded(plant):
     plant.cell("old", version="0.0.1")
     new = plant.cell("new", protocol=PROTOCOL + 1)
     with fleet_of(plant) as fleet:
-        assert "0.0.1" in fleet["old"].differs
-        assert "protocol" in fleet["new"].differs
+        assert "0.0.1" in fleet["old"].version_mismatch
+        assert "protocol" in fleet["new"].version_mismatch
         with fleet["old"].command() as old:
             old["x"].move_absolute(1.0).wait(5)
         with fleet["new"].command() as cell, pytest.raises(StateError, match="nothing was sent"):
@@ -143,11 +143,11 @@ def test_a_version_and_a_protocol_that_differ_are_told_and_another_protocol_is_n
 def test_what_is_none_of_its_messages_is_passed_over(plant):
     cell = plant.cell("press")
     with fleet_of(plant) as fleet:
-        until(lambda: fleet["press"].seen("x") is not None)
+        until(lambda: fleet["press"].last_state("x") is not None)
         for junk in (b"", b"{", b"[]", b"null", b'{"n": "x"}', b"\xff" * 1000, b"[" * 100_000):
             cell.put(cell.keys.state("x"), junk)
             cell.put(cell.keys.events, junk)
-        until(lambda: fleet.junk == 14)
+        until(lambda: fleet.invalid_messages == 14)
         cell.happen("after that")
         until(lambda: [event.text for event in fleet["press"].events] == ["after that"])
         assert fleet["press"]["x"].position == 0.0
@@ -194,7 +194,7 @@ def test_axes_of_several_cells_are_moved_and_waited_for_together(plant):
         handles = wait(press["x"].move_absolute(5.0), saw["x"].move_absolute(7.0), timeout=5)
         assert all(handle.done for handle in handles)
         assert [cell.position["x"] for cell in cells] == [5.0, 7.0]
-        assert fleet["press"].holder() == fleet["saw"].holder()
+        assert fleet["press"].control_owner() == fleet["saw"].control_owner()
     until(lambda: cells[0].leases["release"] == 1)
     assert cells[0].until == 0.0
 
@@ -229,7 +229,7 @@ def test_every_command_is_sent_with_what_was_given_and_nothing_else(plant):
     with fleet_of(plant) as fleet, fleet["press"].command() as press:
         x = press["x"]
         wait(
-            x.enable(moving=True),
+            x.enable(allow_moving=True),
             x.disable(coast=True),
             x.reset(),
             x.home(),
@@ -245,7 +245,7 @@ def test_every_command_is_sent_with_what_was_given_and_nothing_else(plant):
             timeout=5,
         )
     assert cell.given == [
-        ("enable", {"moving": True}),
+        ("enable", {"allow_moving": True}),
         ("disable", {"coast": True}),
         ("reset", {}),
         ("home", {}),
@@ -270,13 +270,13 @@ def test_the_command_is_one_program_s_until_it_is_taken_over_or_given_back(plant
                 pass
             with pytest.raises(OwnershipError, match="one has the lease"), two["press"].command():
                 pass
-            assert two["press"].holder() == "one"
-            with two["press"].command(over=True) as theirs:
+            assert two["press"].control_owner() == "one"
+            with two["press"].command(force=True) as theirs:
                 until(lambda: mine.lost is not None)
                 with pytest.raises(OwnershipError, match="has lost the command"):
                     press["x"].move_absolute(1.0)
                 theirs["x"].move_absolute(2.0).wait(5)
-        assert two["press"].holder() is None
+        assert two["press"].control_owner() is None
 
 
 def test_a_lease_is_renewed_for_as_long_as_it_is_held(plant):
@@ -396,13 +396,13 @@ def test_what_runs_when_the_fleet_is_closed_ends_as_unknown(plant):
 def test_two_bridges_of_one_name_take_stops_and_nothing_else(plant):
     first, second = plant.cell("press"), plant.cell("press")
     with fleet_of(plant) as fleet, fleet["press"].command() as press:
-        until(lambda: press.doubled)
+        until(lambda: press.duplicate_bridge)
         with pytest.raises(StateError, match="two bridges"):
             press["x"].move_absolute(1.0)
         press.quick_stop().wait(5)
         until(lambda: first.stopped["quick_stop_all"] and second.stopped["quick_stop_all"])
         second.end()
-        until(lambda: not press.doubled)
+        until(lambda: not press.duplicate_bridge)
         time.sleep(1.0)
         assert press.alive
         assert press["x"].position == 0.0
@@ -484,7 +484,7 @@ def test_an_endpoint_of_a_configuration_that_is_not_reached_is_told_as_one_that_
         file.write_text(text, "utf-8")
         with Fleet(plant.name, config=file) as fleet:
             assert fleet["press"].alive
-            assert fleet.unreached == missing
+            assert fleet.unreachable_endpoints == missing
 
 
 # -- cut off -------------------------------------------------------------------------------------------------------------
@@ -512,5 +512,5 @@ def test_a_far_end_that_is_cut_off_holds_up_nobody_else_when_its_connection_is_c
     plant.cell("saw")
     ports = {int(endpoint.rpartition(":")[2]) for endpoint in plant.endpoints}
     with fleet_of(plant) as fleet:
-        until(lambda: not fleet.unreached)
+        until(lambda: not fleet.unreachable_endpoints)
         until(lambda: lingers(ports) == [0, 0, 0, 0])

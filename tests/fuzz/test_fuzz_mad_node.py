@@ -216,7 +216,7 @@ def test_what_a_mad_node_sends_is_counted_and_told_once_in_a_second(tmp_path):
             with MadNode(cell.channel, frames, 0.01) as mad:
                 until(lambda: mad.rounds > 140, 20)
             lasted = time.monotonic() - began
-            counted = {drop.fault: drop.count for drop in machine.dropped if drop.node == MAD}
+            counted = {drop.fault: drop.count for drop in machine.dropped_frames if drop.node == MAD}
             assert {DropReason.EMCY, DropReason.SDO} <= set(counted)
             assert counted[DropReason.EMCY] >= 15
             told = [event for event in machine.node(MAD).events if event.kind.name == "STATE"]

@@ -25,7 +25,7 @@ def kinds(found):
 
 def faulty(machine, code=0x8611):
     machine["x"].enable().wait(5)
-    machine.stand_in(1).fault(code)
+    machine.simulated_node(1).fault(code)
     machine.sleep(1.0)
 
 
@@ -55,7 +55,7 @@ def test_a_fault_is_told_once_with_its_incident_at_the_beginning_when_settled_an
 
 def test_they_come_in_the_order_of_time(machine):
     faulty(machine)
-    machine.stand_in(2).device.dials.dead = True
+    machine.simulated_node(2).device.dials.dead = True
     machine.sleep(1.0)
     stamps = [one.stamp for one in MachineEventSource(commands=True).look(machine, now(machine))]
     assert len(stamps) > 5
@@ -65,7 +65,7 @@ def test_they_come_in_the_order_of_time(machine):
 def test_an_incident_is_settled_only_after_what_belongs_to_it_has_come(machine):
     happenings = MachineEventSource()
     machine["x"].enable().wait(5)
-    machine.stand_in(1).fault(0x8611)
+    machine.simulated_node(1).fault(0x8611)
     machine.sleep(0.05)
     assert MachineEventKind.SETTLED not in kinds(happenings.look(machine, now(machine)))
     machine.sleep(0.5)
@@ -100,7 +100,7 @@ def test_what_comes_late_with_an_earlier_time_is_told_all_the_same(machine, monk
 
 
 def test_a_lost_node_says_whose_axes_it_has(machine):
-    machine.stand_in(2).device.dials.dead = True
+    machine.simulated_node(2).device.dials.dead = True
     machine.sleep(1.0)
     (lost,) = (
         one for one in MachineEventSource().look(machine, now(machine)) if one.kind is MachineEventKind.NODE

@@ -88,7 +88,7 @@ def test_what_a_machine_has_is_told_in_its_units(exporter, url, machine):
     assert found(samples, "axisbus_axis_error", axis="x") == [0.0]
     assert found(samples, "axisbus_node_nmt_state", node="1", state="operational") == [1.0]
     assert found(samples, "axisbus_node_booted", node="1") == [1.0]
-    assert found(samples, "axisbus_cycles_total") == [float(machine.lateness.cycles)]
+    assert found(samples, "axisbus_cycles_total") == [float(machine.cycle_jitter.cycles)]
 
 
 def test_late_cycles_stand_in_the_histogram_where_they_belong(exporter, url, machine):
@@ -97,7 +97,7 @@ def test_late_cycles_stand_in_the_histogram_where_they_belong(exporter, url, mac
     for _ in range(3):
         machine._core.scan.cycle.dials.send_blocks = 0.05
         machine.sleep(0.2)
-    samples, report = read(url), machine.lateness
+    samples, report = read(url), machine.cycle_jitter
     name = "axisbus_cycle_lateness_seconds"
     bounds = sorted(
         (float(dict(labels)["le"]), count)
@@ -118,7 +118,7 @@ def test_late_cycles_stand_in_the_histogram_where_they_belong(exporter, url, mac
 def test_a_fault_is_told_and_its_message_counted_once(exporter, url, machine):
     exporter.machine = machine
     machine["x"].enable().wait(5)
-    machine.stand_in(1).fault(0x8611)
+    machine.simulated_node(1).fault(0x8611)
     machine.sleep(1.0)
     for _ in range(3):
         exporter.look()
@@ -270,7 +270,7 @@ def test_an_address_of_ipv6_stands_in_brackets(exporter):
 def test_each_query_of_the_dashboard_is_of_what_is_served(exporter, url, machine):
     exporter.machine = machine
     machine["x"].enable().wait(5)
-    machine.stand_in(1).fault(0x8611)
+    machine.simulated_node(1).fault(0x8611)
     machine.sleep(1.0)
     exporter.look()
     with urllib.request.urlopen(url, timeout=10) as answer:
@@ -308,7 +308,7 @@ def test_a_guest_tells_what_the_core_has_counted(exporter, url, tmp_path):
         exporter.machine = guest
         exporter.look()
         before = read(url)
-        dials = machine.stand_in(1).device.dials
+        dials = machine.simulated_node(1).device.dials
         dials.sdo_frames = 0
         dials.sdo_lost = {2}  # the answer
         assert machine.node(1).sdo[0x1000]

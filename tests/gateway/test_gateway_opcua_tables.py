@@ -146,7 +146,7 @@ def test_the_values_of_an_axis_are_those_that_the_axis_tells(machine):
 def test_of_a_lost_node_only_what_the_master_knows_is_told(machine):
     looker = AxisReadings(machine.cell)
     looker.follow(machine)
-    machine.stand_in(1).device.dials.dead = True
+    machine.simulated_node(1).device.dials.dead = True
     machine.sleep(1.0)
     seen = looker.look()
     assert seen["x", "PositionActualValue"].quality is Quality.NO_COMMUNICATION
@@ -172,7 +172,7 @@ def test_a_fault_is_told_once_with_its_message_its_incident_and_what_to_do(machi
     looker.follow(machine)
     machine["x"].enable().wait(5)
     assert told(happenings.look(machine, looker.now())) == []
-    machine.stand_in(1).fault(0x8611)
+    machine.simulated_node(1).fault(0x8611)
     machine.sleep(1.0)
     found = {each.severity: each for each in told(happenings.look(machine, looker.now()))}
     fault, incident, emcy = (found.pop(severity) for severity in (900, 800, 700))

@@ -173,7 +173,7 @@ def test_a_program_at_the_machine_has_the_command_until_it_is_taken_over(client,
         assert client.take(over=True).token
         assert stands(machine, 2)
         client.must("enable", "x")
-        local.take_command()  # and back again: the lease is lost
+        local.take_control()  # and back again: the lease is lost
         until(lambda: client.lease("renew").refused is not None)
         assert client.do("move_relative", "x", distance=1.0).status == "error"
 
@@ -417,7 +417,7 @@ def test_a_machine_that_ends_and_the_next_one_are_seen_in_time(tmp_path):
         for _ in range(2):
             with Machine.open(file) as opened:
                 until(client.alive)
-                assert opened.has_command
+                assert opened.has_control
                 assert client.take().refused.kind == "OwnershipError"
             until(lambda: not client.alive(), 1.0)
         told = client.ask(KEYS.events, m.EventsAsk(), m.EventsAnswer).events

@@ -129,7 +129,7 @@ def test_each_verb_is_a_call_of_the_library_with_the_values_that_it_takes():
         ("enable", ask("q"), "no axis 'q'"),
         ("enable", ask("x", "x"), "twice"),
         ("enable", ask("x", speed=1.0), "no value 'speed'"),
-        ("enable", ask("x", moving=1), "no moving"),
+        ("enable", ask("x", allow_moving=1), "no allow_moving"),
         ("move_absolute", ask("x", "y", position=1.0), "which axis"),
         ("move_absolute", ask(position=1.0), "which axis"),
         ("move_absolute", ask("x"), "how much is the position"),
@@ -302,7 +302,7 @@ def test_what_happens_at_a_machine_is_told_once_with_cause_and_remedy(machine):
         ("command", "x.enable(): given"),
         ("command", "x.enable(): done"),
     ]
-    machine.stand_in(1).fault(0x8611)
+    machine.simulated_node(1).fault(0x8611)
     machine.sleep(1.0)
     found = look()
     assert {one.kind for one in found} == {"emcy", "incident"}

@@ -92,7 +92,7 @@ def commander(machine):
 
 def place(machine, node=1):
     """Where the plant is, in degrees."""
-    return machine.stand_in(node).drive().axis.motor.position / SCALE
+    return machine.simulated_node(node).drive().axis.motor.position / SCALE
 
 
 def moves_nothing(machine, seconds=0.5):
@@ -240,7 +240,7 @@ def test_another_program_with_the_command_keeps_it_or_takes_it(ros, file, machin
         guest["y"].move_absolute(y + 2, velocity=20.0).wait(10)
     ros.send(["x"], (5.0, rad(x + 90)))
     until(lambda: turns(machine) > 5)
-    with Machine.attach(file, take=True):
+    with Machine.attach(file, force=True):
         until(lambda: stands(machine), 2.0)
         assert moves_nothing(machine)
 

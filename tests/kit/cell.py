@@ -131,7 +131,7 @@ class Cell(PlantProbe):
 
     def device(self, name: str = "x") -> Device:
         """The node behind an axis."""
-        return self.machine.stand_in(self.machine.cell.axes[name].node).device
+        return self.machine.simulated_node(self.machine.cell.axes[name].node).device
 
     def drive(self, name: str = "x") -> Drive:
         """The drive behind an axis."""

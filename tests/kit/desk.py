@@ -65,7 +65,7 @@ class Pages:
     def speed(self, axis: str = "x") -> float:
         """How fast the plant turns, in deg/s."""
         node = self.machine.cell.axes[axis].node
-        velocity: float = self.machine.stand_in(node).drive().axis.motor.velocity
+        velocity: float = self.machine.simulated_node(node).drive().axis.motor.velocity
         return velocity / SCALE
 
     def told(self, place: PageClient) -> list[tuple[str, str]]:

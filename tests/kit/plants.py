@@ -54,8 +54,8 @@ PLANTS: Mapping[str, Plant] = {
     "jammed-6062h-stuck": Plant(on_jam={"demand_frozen": True}, jams=0.6),
     "sticking": Plant({"lag": 0.05}, dials={"sticks": 60.0}),
     "late-feedback": Plant(dials={"feedback_delay": 0.15}),
-    "creeping": Plant(dials={"creep": 500.0}),
-    "creeping-openly": Plant(dials={"creep": 500.0, "creep_shown": True}),
+    "creeping": Plant(dials={"drift_velocity": 500.0}),
+    "creeping-openly": Plant(dials={"drift_velocity": 500.0, "creep_shown": True}),
     "compliant": Plant({"stiffness": 20.0, "damping": 0.1, "load": 60.0, "friction": 150.0}, loaded=True),
     "soft": Plant(
         {"stiffness": 1.0, "damping": 0.4, "load": 100.0, "friction": 150.0}, window=1.5, loaded=True

@@ -109,11 +109,11 @@ CALLS: dict[str, Call] = {
     **each_argument(axis, "cam_in", master=master, cam=CAM),
     **each_argument(axis, "set_override", factor=1.0),
     **each_argument(axis, "set_torque_offset", torque=0.0),
-    **each_argument(axis, "phase_by", shift=1.0, velocity=1.0, acceleration=1.0),
+    **each_argument(axis, "phasing_relative", shift=1.0, velocity=1.0, acceleration=1.0),
     **each_argument(axis, "move_superimposed", distance=1.0),
     **each_argument(axis, "halt_superimposed"),
     **each_argument(axis, "probe"),
-    **each_argument(axis, "probe_move", toward=1.0),
+    **each_argument(axis, "probe_move", position=1.0),
     **each_argument(axis, "probe_abort"),
     **each_argument(axis, "room_from", start=0.0),
     **each_argument(group, "move_linear", positions=(1.0, 1.0), velocity=1.0),
@@ -136,12 +136,12 @@ CALLS: dict[str, Call] = {
     **each_argument(itself, "recording", path="run.mcap"),
     **each_argument(itself, "capture", path="run.mcap", when="fault"),
     **each_argument(itself, "node"),
-    **each_argument(itself, "stand_in"),
+    **each_argument(itself, "simulated_node"),
     **each_argument(itself, "gantry"),
     "machine[...]": lambda machine, value: machine[value],
     "machine.group": lambda machine, value: machine.group(value),
     "the master's place of a gear": lambda machine, value: axis(machine).gear_in(
-        master(machine), 1.0, at=(value, 1.0), over=5.0
+        master(machine), 1.0, sync_positions=(value, 1.0), master_start_distance=5.0
     ),
     "a window of a probe": lambda machine, value: axis(machine).probe(window=(value, 5.0)),
     "a place of a trajectory": lambda machine, value: axis(machine).follow([(0.0, value), (1.0, 1.0)]),
@@ -170,7 +170,7 @@ WAITS: dict[str, Call] = {
     "a handle": lambda machine, value: axis(machine).release().wait(value),
     "handles": lambda machine, value: wait(axis(machine).release(), timeout=value),
     "a probe": lambda machine, value: axis(machine).probe().wait_armed(value),
-    "stopped": lambda machine, value: axis(machine).stopped(value).__enter__(),
+    "stopped": lambda machine, value: axis(machine).held_stopped(value).__enter__(),
 }
 
 

@@ -23,7 +23,7 @@ def cell(tmp_path):
 
 @pytest.fixture
 def module(cell):
-    return cell.stand_in(MODULE).module
+    return cell.simulated_node(MODULE).module
 
 
 def up(cell) -> None:
@@ -49,7 +49,7 @@ def test_a_line_of_all_is_recorded_with_its_fault_and_its_reset(tmp_path, cell, 
         assert module.position * 45.0 == pytest.approx(60.0, abs=0.1)
         handle = cell["m"].move_absolute(500.0)
         cell.sleep(0.5)
-        cell.stand_in(MODULE).fault(0x20000)
+        cell.simulated_node(MODULE).fault(0x20000)
         with pytest.raises(DriveError, match="MOTOR_THERMISTOR_OVER_TEMP"):
             handle.wait()
         module.dials.motor_error = 0
@@ -90,14 +90,14 @@ def test_the_fault_of_one_stops_the_others_by_the_policy_of_their_group(cell, mo
     cell.sleep(1.0)
     assert abs(module.shaft.speed) > 0.2
     if axis == "m":
-        cell.stand_in(MODULE).fault(0x20000)
+        cell.simulated_node(MODULE).fault(0x20000)
     else:
-        cell.stand_in(40).fault(0x4310)
+        cell.simulated_node(40).fault(0x4310)
     cell.sleep(1.0)
     with pytest.raises((AxisbusError, ExceptionGroup)):
         handle.wait()
     for node in (40, 41):
-        assert cell.stand_in(node).drive().axis.motor.velocity == pytest.approx(0.0, abs=50.0)
+        assert cell.simulated_node(node).drive().axis.motor.velocity == pytest.approx(0.0, abs=50.0)
     assert module.shaft.speed == pytest.approx(0.0, abs=0.02)
     assert module.energised is (axis == "x")  # a module that is in fault has let go
 
@@ -117,7 +117,7 @@ def test_a_module_that_restarts_has_to_be_opened_again(cell, module):
 @pytest.mark.parametrize("stop", ['quick_stop = "ramp"', 'quick_stop = "ramp-hold"'])
 def test_leaving_it_in_motion_leaves_it_at_rest_and_off(tmp_path, stop):
     with Machine.simulated(write(tmp_path, SIM, stop)) as cell:
-        module = cell.stand_in(MODULE).module
+        module = cell.simulated_node(MODULE).module
         up(cell)
         cell["m"].move_velocity(90.0).wait()
         assert module.shaft.speed == pytest.approx(2.0, rel=0.05)
@@ -141,12 +141,12 @@ def test_one_that_is_found_enabled_is_left_so_until_it_is_taken_over(tmp_path, m
     _begins(monkeypatch, lambda module: module.axis.request(8))
     path = write(tmp_path, SIM)
     with Machine.simulated(path) as cell:
-        module = cell.stand_in(MODULE).module
+        module = cell.simulated_node(MODULE).module
         cell.sleep(1.0)
         assert module.energised
     assert module.energised  # nobody had touched it
     with Machine.simulated(path) as cell:
-        module = cell.stand_in(MODULE).module
+        module = cell.simulated_node(MODULE).module
         here = module.position
         cell["m"].enable().wait()
         cell.sleep(0.5)

@@ -179,15 +179,15 @@ def test_another_devices_sync_drives_the_scan_and_its_silence_stops_the_axis(tmp
     """Node 4 sends SYNC every 50 ms; when it no longer does, the axis is stopped and disabled without SYNC."""
     path = write(tmp_path, 'sync_producer = "external"\nsync_timeout = "2s"', more=PRODUCER)
     machine = Machine.open(path)
-    drive = machine.stand_in(3).drive()
+    drive = machine.simulated_node(3).drive()
     try:
         x = machine["x"]
         x.enable().wait(30)
         x.move_relative(2.0).wait(30)
         handle = x.move_velocity(20.0)
         eventually(lambda: abs(drive.velocity) > 100)
-        with machine.stand_in(4).lock:
-            machine.stand_in(4).device.dictionary.write(0x1005, 0, 0x80)
+        with machine.simulated_node(4).lock:
+            machine.simulated_node(4).device.dictionary.write(0x1005, 0, 0x80)
         eventually(lambda: machine._core.scan.ended, 20)
         assert isinstance(machine._core.scan.failure, SyncError)
         assert isinstance(handle.exception(), ScanError)
@@ -226,7 +226,7 @@ event_timer = "100ms"
 def test_tables_with_dummies_sizes_and_every_kind_of_transmission_are_set_and_used(tmp_path: Path) -> None:
     path = write(tmp_path, node=TABLES)
     with Machine.open(path) as machine:
-        made = machine.stand_in(3).device
+        made = machine.simulated_node(3).device
         mapped = [made.read(0x1600, sub) for sub in range(1, made.read(0x1600) + 1)]
         assert mapped == [0x0005_0008, 0x6040_0010, 0x6060_0008, 0x607A_0020]
         assert [made.read(0x1800 + number, 2) for number in range(4)] == [1, 2, 0, 254]
@@ -260,16 +260,16 @@ def test_a_tpdo_that_stops_is_told_and_its_values_are_not_passed_off_as_fresh(tm
     with Machine.open(write(tmp_path)) as machine:
         machine["x"].enable().wait(20)
         node = machine.node(3)
-        with machine.stand_in(3).lock:
-            machine.stand_in(3).device.dials.tpdos_stop = frozenset({1, 2, 3, 4})
+        with machine.simulated_node(3).lock:
+            machine.simulated_node(3).device.dials.tpdos_stop = frozenset({1, 2, 3, 4})
         eventually(lambda: [event for event in node.pdo_events if event.what is Reception.MISSING])
         eventually(lambda: machine["x"].snapshot.position is None)
         texts = [str(event) for event in node.pdo_events]
         assert any(
             text.startswith("node 3: TPDO1 (183h) has stopped coming: the last one is ") for text in texts
         )
-        with machine.stand_in(3).lock:
-            machine.stand_in(3).device.dials.tpdos_stop = frozenset()
+        with machine.simulated_node(3).lock:
+            machine.simulated_node(3).device.dials.tpdos_stop = frozenset()
         eventually(lambda: [event for event in node.pdo_events if event.what is Reception.RETURNED])
         eventually(lambda: machine["x"].snapshot.position is not None)
 
@@ -279,7 +279,7 @@ def test_a_fault_and_its_reset_are_an_incident_and_stand_in_1003(tmp_path: Path)
         node, x = machine.node(3), machine["x"]
         assert node.incidents == ()
         x.enable().wait(20)
-        machine.stand_in(3).fault(0x2310, maker_bits=0x1234)
+        machine.simulated_node(3).fault(0x2310, maker_bits=0x1234)
         eventually(lambda: node.incidents)
         eventually(lambda: x.snapshot.error is not None)
         (incident,) = node.incidents
@@ -287,13 +287,13 @@ def test_a_fault_and_its_reset_are_an_incident_and_stand_in_1003(tmp_path: Path)
         history = node.error_history()
         assert history is not None
         assert (history[0].number, history[0].code, history[0].additional) == (1, 0x2310, 0x1234)
-        assert node.error_history_words()[0].startswith("1. 0x2310, ")
+        assert node.format_error_history()[0].startswith("1. 0x2310, ")
         head, first = monitor.histories(machine)
         assert head == "node 3, earlier errors (1003h), the newest first:"
         assert first.startswith("  1. 0x2310, ")
         x.reset().wait(20)
         eventually(lambda: node.incidents[0].outcome is IncidentState.RECOVERED)
-        words = node.incident_words(node.incidents[0])
+        words = node.format_incident(node.incidents[0])
         assert words[0].startswith("incident 1: recovered after ")
         assert "0x2310" in words[1]
         assert "error register: generic error, current" in words[1]
@@ -306,7 +306,7 @@ def test_a_node_without_1003_says_so(tmp_path: Path) -> None:
     made.dials.sdo_aborts[0x1003, 0] = 0x0602_0000
     with Machine.simulated(path, {3: made}) as machine:
         assert machine.node(3).error_history() is None
-        assert "no 1003h" in machine.node(3).error_history_words()[0]
+        assert "no 1003h" in machine.node(3).format_error_history()[0]
 
 
 def incident_lines(machine: Machine, told: set[str]) -> list[str]:
@@ -319,7 +319,7 @@ def test_monitor_tells_an_incident_once_and_again_when_it_changes(tmp_path: Path
         told: set[str] = set()
         machine["x"].enable().wait(20)
         assert incident_lines(machine, told) == []
-        machine.stand_in(3).fault(0x2310)
+        machine.simulated_node(3).fault(0x2310)
         eventually(lambda: machine.node(3).incidents)
         eventually(lambda: machine["x"].snapshot.error is not None)
         first, fault, *_ = incident_lines(machine, told)

@@ -99,7 +99,7 @@ def test_what_is_not_known_is_said_to_be_unknown(cell):
 def test_an_error_is_told_in_its_own_words(cell):
     x = cell["x"]
     x.enable().wait()
-    cell.stand_in(1).fault(0x4310)
+    cell.simulated_node(1).fault(0x4310)
     cell.sleep(1.0)
     told = shown(x)["error"][0]
     assert x.error.message in told

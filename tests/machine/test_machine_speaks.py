@@ -116,7 +116,7 @@ def test_limits_are_shown_without_where_they_come_from(make):
 
 def test_what_is_not_known_is_not_told(make):
     cell = make()
-    cell.stand_in(1).device.dials.dead = True
+    cell.simulated_node(1).device.dials.dead = True
     cell.sleep(1.0)
     with pytest.raises(StaleError, match="statusword"):
         _ = cell["x"].enabled
@@ -127,7 +127,7 @@ def test_what_is_not_known_is_not_told(make):
 
 def test_what_a_drive_tells_beside_its_cyclic_values_is_read_by_its_make(make):
     cell = make("gim6010-8")
-    held = cell.stand_in(1).device.dictionary
+    held = cell.simulated_node(1).device.dictionary
     for index, subindex, value in (
         (0x200B, 2, 415),
         (0x6079, 0, 48_200),

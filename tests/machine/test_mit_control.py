@@ -18,7 +18,7 @@ from axisbus.sim.can_simple.module import Module
 from kit.modules_on_bus import modules_on_bus
 
 SETTINGS = MitSettings(
-    5, MitRanges(12.5, 65.0, 500.0, 5.0, 50.0), gear=8.0, damping=1.0, period=0.04, patience=1.0
+    5, MitRanges(12.5, 65.0, 500.0, 5.0, 50.0), gear=8.0, damping=1.0, period=0.04, command_timeout=1.0
 )
 SPIN = MitCommand(0.0, 4.0, 0.0, 3.0, 0.0)
 
@@ -46,14 +46,14 @@ def test_a_loop_leads_it_and_the_end_of_the_block_lets_it_go():
         with pytest.raises(StateError, match="enable it first"):
             control.command(SPIN)
         here = control.enable()
-        assert (control.is_led, module.energised) == (True, True)
+        assert (control.is_active, module.energised) == (True, True)
         assert here.position == pytest.approx(module.position * 0.7854, abs=0.02)
         begun = time.monotonic()
         cycles = [control.command(SPIN) for _ in range(20)]
         assert 0.7 < time.monotonic() - begun < 4.0
         assert [each.time for each in cycles] == sorted({each.time for each in cycles})
         assert cycles[-1].feedback.velocity > 2.0
-        assert [str(each) for each in control.command(MitCommand(0, 0, 0, 1, 80)).clipped] == [
+        assert [str(each) for each in control.command(MitCommand(0, 0, 0, 1, 80)).saturated] == [
             "torque 50 instead of 80"
         ]
         _, age = control.feedback
@@ -63,7 +63,7 @@ def test_a_loop_leads_it_and_the_end_of_the_block_lets_it_go():
         with pytest.raises(StateError, match="led already"):
             control.enable()
         assert "idle by its heartbeat" in control.stop()
-        assert not control.is_led
+        assert not control.is_active
         assert control.stop() == control._leader.left
     assert module.axis.error == 0
 

@@ -22,7 +22,7 @@ COLUMNS = ["situation", "command", "ends", "because", "axis", "transitions", "mo
 
 COMMANDS: dict[str, Callable] = {
     "enable": lambda x: x.enable(),
-    "enable moving": lambda x: x.enable(moving=True),
+    "enable moving": lambda x: x.enable(allow_moving=True),
     "disable": lambda x: x.disable(),
     "coast": lambda x: x.disable(coast=True),
     "reset": lambda x: x.reset(),

@@ -33,7 +33,7 @@ def slope(curve, at: float, h: float = 1e-5) -> float:
 @given(POINTS, st.booleans())
 def test_a_cam_goes_through_its_points_and_neither_slope_nor_bend_jumps(points, periodic):
     cam = Cam(points, periodic=periodic)
-    law = cam.law()
+    law = cam._transfer_function()
     scale = 1.0 + max(abs(place) for _, place in points)
     for master, place in points[:-1]:
         assert cam.at(master) == pytest.approx(place, abs=1e-9 * scale)
@@ -50,7 +50,7 @@ def test_a_cam_goes_through_its_points_and_neither_slope_nor_bend_jumps(points, 
 @given(POINTS, st.booleans(), st.floats(-3.0, 3.0))
 def test_what_a_cam_tells_of_its_slope_is_so(points, periodic, where):
     cam = Cam(points, periodic=periodic)
-    law, at = cam.law(), points[0][0] + where * (points[-1][0] - points[0][0])
+    law, at = cam._transfer_function(), points[0][0] + where * (points[-1][0] - points[0][0])
     if any(abs((at - master) % law.period) < 1e-3 for master, _ in points):
         return
     due = law.at(at)
@@ -68,14 +68,14 @@ def test_a_periodic_cam_is_a_sine_through_few_points_of_one():
 
 def test_a_cam_is_stretched_and_shifted():
     cam = Cam([(0.0, 0.0), (10.0, 4.0), (30.0, 6.0)], periodic=True)
-    law = cam.law(phase=5.0, master_scale=2.0, scale=-0.5)
+    law = cam._transfer_function(phase=5.0, master_scale=2.0, scale=-0.5)
     for m in range(-100, 100, 7):
         assert law.at(m).place == pytest.approx(-0.5 * cam.at((m + 5.0) / 2.0))
         assert law.at(m).slope == pytest.approx(slope(lambda at: law.at(at).place, m), rel=1e-4, abs=1e-6)
 
 
 def test_laws_cross_to_the_core_as_they_are():
-    cam = Cam([(0.0, 0.0), (10.0, 4.0), (30.0, 0.0)], periodic=True).law()
+    cam = Cam([(0.0, 0.0), (10.0, 4.0), (30.0, 0.0)], periodic=True)._transfer_function()
     for law in (Gear(0.5), cam):
         assert CODEC.unpack(CODEC.pack(law)) == law
     assert isinstance(cam, CamLaw)

@@ -650,7 +650,7 @@ def test_several_waiters_share_the_time_of_a_wait(monkeypatch):
         handles.wait(waiting, timeout=1.0)
     assert (first.given, second.given, third.given) == ([1.0], [0.75], [0.0])
     for each in waiting:
-        each.finish(Status.DONE, None)
+        each._finish(Status.DONE, None)
     assert handles.wait(waiting[:2], waiting[2]) == waiting[:3]
     assert first.given[-1] is None
 
@@ -663,7 +663,7 @@ def test_a_drive_that_falls_out_of_a_velocity_mode_does_not_go_to_an_old_target(
     r.axis.move_velocity(50.0).wait(3)
     r.run(1.0)
     before = r.drive.axis.motor.position
-    r.drive.dials.mode_slips_to = 1
+    r.drive.dials.spontaneous_mode = 1
     r.run(2.0)
     assert abs(r.drive.axis.motor.position - before) < 20_000
     assert r.axis.error is not None
@@ -747,7 +747,7 @@ def test_a_pump_waits_in_virtual_time():
 @pytest.mark.parametrize("look", ["exception", "done", "aborted", "wait", None])
 def test_a_failure_that_nobody_has_looked_at_is_reported(look, caplog):
     handle = Handle("x.stop()", SimpleNamespace(wait=lambda *_: True))
-    handle.finish(Status.ERROR, DriveError("broken"))
+    handle._finish(Status.ERROR, DriveError("broken"))
     if look == "wait":
         with pytest.raises(DriveError):
             handle.wait()

@@ -105,8 +105,8 @@ def test_what_took_over_is_told_and_counts_as_aborted_not_as_failed():
 
 def test_a_second_end_changes_nothing():
     handle = Handle("x", NOBODY)
-    handle.finish(Status.DONE)
-    handle.finish(Status.ERROR, DriveError("late"))
+    handle._finish(Status.DONE)
+    handle._finish(Status.ERROR, DriveError("late"))
     assert handle.done
     assert handle.error is None
 
@@ -116,7 +116,7 @@ def test_callbacks_are_called_once_each_also_after_the_end():
     calls = []
     handle.add_done_callback(lambda: calls.append("before"))
     assert calls == []
-    handle.finish(Status.DONE)
+    handle._finish(Status.DONE)
     handle.add_done_callback(lambda: calls.append("after"))
     assert calls == ["before", "after"]
 
@@ -134,7 +134,7 @@ def test_callbacks_added_from_another_thread_while_the_handle_ends_are_called_ex
         thread = threading.Thread(target=add)
         thread.start()
         start.wait()
-        handle.finish(Status.DONE)
+        handle._finish(Status.DONE)
         thread.join()
         assert sorted(calls) == list(range(20))
 
@@ -155,7 +155,7 @@ def test_a_callback_that_fails_ends_neither_the_scan_nor_the_other_callbacks(cap
 
 def test_a_failed_handle_that_nobody_looked_at_is_reported_by_name(caplog):
     handle = Handle("x.move_absolute(5 deg)", NOBODY)
-    handle.finish(Status.ERROR, MotionTimeout("x: has not arrived", remedy="look whether it is blocked"))
+    handle._finish(Status.ERROR, MotionTimeout("x: has not arrived", remedy="look whether it is blocked"))
     with caplog.at_level(logging.ERROR, "axisbus"):
         del handle
         gc.collect()
@@ -166,14 +166,14 @@ def test_a_failed_handle_that_nobody_looked_at_is_reported_by_name(caplog):
 @pytest.mark.parametrize("look", ["done", "aborted", "exception()", "wait()"])
 def test_a_handle_that_was_looked_at_or_only_aborted_is_not_reported(caplog, look):
     handle = Handle("x", NOBODY)
-    handle.finish(Status.ERROR, DriveError("x"))
+    handle._finish(Status.ERROR, DriveError("x"))
     if look == "wait()":
         with pytest.raises(DriveError):
             handle.wait()
     else:
         eval(f"handle.{look}")
     aborted = Handle("y", NOBODY)
-    aborted.finish(Status.ABORTED, Stopped("y"))
+    aborted._finish(Status.ABORTED, Stopped("y"))
     busy = Handle("z", NOBODY)
     del handle, aborted, busy
     gc.collect()

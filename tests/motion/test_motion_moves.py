@@ -296,7 +296,7 @@ def test_a_target_of_an_endless_axis_across_the_wrap_of_integer32_is_reached_the
     assert r.drive.position == -top + 20_000  # as the drive counts
     assert watch.targets[-1] == -top + 20_000
     assert watch.displacement <= 30_001
-    assert r.axis.unwrapped == pytest.approx((top + 20_000) / 1000)  # as the user counts: it goes on
+    assert r.axis.unwrapped_position == pytest.approx((top + 20_000) / 1000)  # as the user counts: it goes on
     r.axis.move_relative(-40.0).wait(5)
     assert r.drive.axis.motor.position == pytest.approx(top - 20_000, abs=NEAR)
 

@@ -218,11 +218,11 @@ def test_a_stop_during_a_halt_locks_and_gives_no_more_time():
 
 def test_stopped_holds_the_axis_within_a_block():
     r = turning()
-    with r.axis.stopped(3.0):
+    with r.axis.held_stopped(3.0):
         assert standing(r)
         assert r.axis.state is AxisState.STOPPING
     assert r.axis.state is AxisState.STANDSTILL
-    with pytest.raises(ZeroDivisionError), r.axis.stopped(3.0):
+    with pytest.raises(ZeroDivisionError), r.axis.held_stopped(3.0):
         raise ZeroDivisionError
     assert r.axis.state is AxisState.STANDSTILL
 

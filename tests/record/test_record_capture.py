@@ -76,7 +76,7 @@ def test_a_fault_of_any_axis_is_a_moment(cell, tmp_path):
     with cell.capture(path, "fault", before=1.0, after=0.2, axes=["y", "x"]) as capture:
         cell["y"].enable().wait()
         cell.sleep(1.5)
-        cell.stand_in(2).fault(OVER_TEMPERATURE)
+        cell.simulated_node(2).fault(OVER_TEMPERATURE)
         assert capture.wait(2.0)
     run = load(path)
     assert list(run.tracks) == ["y", "x"]

@@ -29,7 +29,7 @@ def cell(tmp_path):
 
 
 def wired(cell):
-    return cell.machine.stand_in(5).device.io
+    return cell.machine.simulated_node(5).device.io
 
 
 def moment(run) -> float:

@@ -38,7 +38,7 @@ def moment(run) -> float:
 def test_a_short_pulse_of_an_input_is_seen(tmp_path, process, bus):
     path = tmp_path / "moment.mcap"
     with Machine.open(file_of(tmp_path, process, bus)) as machine:
-        wired = machine.stand_in(5).device.io
+        wired = machine.simulated_node(5).device.io
         with machine.capture(path, "part = true", before=0.3, after=0.3) as capture:
             time.sleep(0.5)
             assert not capture.fired
@@ -64,7 +64,7 @@ def test_a_touch_probe_is_a_moment(tmp_path, process):
         ):
             time.sleep(0.4)
             probe.wait_armed(10)
-            machine.stand_in(1).drive().touch_probe.set_input(1, True)
+            machine.simulated_node(1).drive().touch_probe.set_input(1, True)
             found = probe.next(10)
             assert capture.wait(10.0)
             assert capture._fired == pytest.approx(found.time, abs=0.005)
@@ -74,7 +74,7 @@ def test_a_touch_probe_is_a_moment(tmp_path, process):
 def test_another_program_keeps_the_moment_of_an_input_and_of_a_touch_probe(tmp_path):
     file = file_of(tmp_path, "own")
     with Machine.open(file) as machine:
-        drive, module = machine.stand_in(1).drive(), machine.stand_in(5).device.io
+        drive, module = machine.simulated_node(1).drive(), machine.simulated_node(5).device.io
         runs = []
         for when, cause in (
             ("part = true", lambda level: module.set_bit(0x6000, 1, 2, level)),

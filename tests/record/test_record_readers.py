@@ -35,7 +35,7 @@ def path(tmp_path_factory):
         machine.recording(folder / "run.mcap", objects=list(OBJECTS)) as recording,
     ):
         machine["x"].enable().wait()
-        wired = machine.stand_in(5).device.io
+        wired = machine.simulated_node(5).device.io
         wired.set(0x6401, 2, 350)
         wired.set_bit(0x6000, 1, 2, True)
         machine.io["lamp"].set(True).wait(1.0)

@@ -31,7 +31,7 @@ def job(cell: Machine) -> None:
     wait([cell["x"].move_absolute(60.0), cell["z"].move_absolute(-30.0)])
     handle = cell["y"].move_absolute(40.0)
     cell.sleep(0.3)
-    cell.stand_in(2).fault(OVER_TEMPERATURE)
+    cell.simulated_node(2).fault(OVER_TEMPERATURE)
     with pytest.raises(DriveError):
         handle.wait()
     cell["y"].reset().wait()
@@ -147,7 +147,7 @@ def test_objects_are_recorded_in_virtual_time_too_in_each_cycle(tmp_path):
     ):
         cell.sleep(0.2)
         cell.io["lamp"].set(True).wait()
-        cell.stand_in(5).device.io.set_bit(0x6000, 1, 0, True)
+        cell.simulated_node(5).device.io.set_bit(0x6000, 1, 0, True)
         cell.sleep(0.2)
     assert made.reads == dict.fromkeys(wanted, made.cycles)
     with path.open("rb") as file:

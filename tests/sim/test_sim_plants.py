@@ -184,7 +184,7 @@ def test_what_6062_shows_of_a_jammed_drive(dial, shown):
 @pytest.mark.parametrize("mode", [PP, PV, CSP])
 def test_a_drive_that_creeps_moves_by_itself_while_it_is_energised(mode, shown):
     rig = Rig(x6065=0xFFFF_FFFF).enable(mode)
-    rig.dials.creep, rig.dials.creep_shown = 50.0, shown
+    rig.dials.drift_velocity, rig.dials.creep_shown = 50.0, shown
     rig.run(2.0)
     assert rig.read(0x6064) == pytest.approx(100, abs=2)
     assert rig.read(0x6062) == pytest.approx(100 if shown else 0, abs=2)
@@ -193,7 +193,7 @@ def test_a_drive_that_creeps_moves_by_itself_while_it_is_energised(mode, shown):
     rest = rig.drive.position
     rig.run(1.0)
     assert rig.drive.position == rest
-    rig.dials.creep = 0.0
+    rig.dials.drift_velocity = 0.0
     rig.enable(mode)
     rig.run(1.0)
     assert rig.drive.position == rest  # it is enabled where it is
@@ -215,13 +215,13 @@ def test_a_drive_that_slips_into_another_mode_stays_there_until_it_is_let():
     rig = Rig().enable(PV)
     rig.drive.target_velocity = 10_000
     rig.run(1.0)
-    rig.dials.mode_slips_to = PP
+    rig.dials.spontaneous_mode = PP
     rig.run(0.002)
     assert (rig.drive.mode, rig.drive.mode_display) == (PV, PP)
     rig.drive.mode = CSP
     rig.run(1.0)
     assert rig.drive.mode_display == PP
-    rig.dials.mode_slips_to = None
+    rig.dials.spontaneous_mode = None
     rig.run(0.01)
     assert rig.drive.mode_display == CSP
 

@@ -41,7 +41,7 @@ def make_stage(make_stage):
 
 def test_a_cell_boots_moves_and_stops_and_nobody_else_gets_its_link_meanwhile(stage):
     with stage.open() as machine:
-        assert "in a process of its own" in machine.degree
+        assert "in a process of its own" in machine.real_time_status
         stage.travelling(machine)
         with pytest.raises(SecondMasterError) as caught:
             stage.open()

@@ -170,7 +170,7 @@ def test_a_fault_ends_all_of_them_with_its_reason(story):
     cell, _ = one(story)
     handles = [cell.x.move_absolute(end, buffer="blending_low") for end in (40.0, 80.0, 120.0)]
     cell.until(lambda: cell.where("x") > 50.0)
-    cell.machine.stand_in(1).fault(0x2310)
+    cell.machine.simulated_node(1).fault(0x2310)
     assert all(isinstance(cell.end_of(handle), DriveFault) for handle in handles[1:])
     assert handles[0].done
     assert cell.end_of(cell.x.reset()) is None

@@ -157,7 +157,7 @@ def test_what_is_ahead_ends_with_what_ends_the_motion(story, how):
     cell.until(lambda: others[0].active)
     assert passed.done
     if how == "fault":
-        cell.machine.stand_in(2).fault(0x2310)
+        cell.machine.simulated_node(2).fault(0x2310)
     else:
         assert cell.end_of(getattr(group, how)()) is None
     errors = [cell.failure_of(handle) for handle in others]

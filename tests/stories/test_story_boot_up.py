@@ -181,7 +181,7 @@ def test_a_node_that_does_not_start_again_names_its_errors(tmp_path):
     line = Line(tmp_path)
     with Machine.simulated(line.file) as machine:
         machine.node(1).command(NmtCommand.ENTER_PRE_OPERATIONAL)
-        machine.stand_in(1).device.dials.start_error = 0x8120
+        machine.simulated_node(1).device.dials.start_error = 0x8120
         with pytest.raises(NodeTimeout, match="node 1 does not take the NMT command 'start'") as caught:
             machine.node(1).command(NmtCommand.START)
         assert "1. 0x8120, CAN in error passive mode" in caught.value.observed
@@ -386,13 +386,13 @@ def test_what_a_lost_node_stops_is_a_choice(tmp_path, word, stopped):
     machine = simulated(line)
     try:
         plants = {
-            name: machine.stand_in(node).drive().axis.motor for node, name in enumerate("xyzw", start=1)
+            name: machine.simulated_node(node).drive().axis.motor for node, name in enumerate("xyzw", start=1)
         }
         for axis in machine:
             axis.enable().wait(5)
         for name in "yzw":
             machine[name].move_velocity(60.0).wait(5)
-        machine.stand_in(1).device.dials.dead = True
+        machine.simulated_node(1).device.dials.dead = True
         machine.sleep(3.0)
         assert isinstance(machine["x"].error, NodeError)
         assert {name for name in "yzw" if plants[name].velocity == 0.0} == set(stopped)
@@ -543,7 +543,7 @@ def test_an_optional_node_that_appears_as_another_device_is_told_in_virtual_time
 def test_a_node_that_is_lost_and_comes_back_is_told_in_virtual_time(tmp_path):
     line = Line(tmp_path)
     with Machine.simulated(line.file) as machine:
-        device = machine.stand_in(1).device
+        device = machine.simulated_node(1).device
         machine.sleep(1.0)
         assert machine.events == []
         device.dials.dead = True
@@ -603,11 +603,11 @@ def test_a_node_without_axes_that_is_lost_in_virtual_time(tmp_path, word, stops)
         machine["x"].move_velocity(60.0).wait(5)
         heard = []
         machine.node(2).on_event(heard.append)  # somebody else hears it too: the cell is stopped all the same
-        machine.stand_in(2).device.dials.dead = True
+        machine.simulated_node(2).device.dials.dead = True
         machine.sleep(5.0)
         assert heard == machine.node(2).events
         assert [event.kind.name for event in machine.node(2).events] == ["LOST"]
-        speed = abs(machine.stand_in(1).drive().axis.motor.velocity)
+        speed = abs(machine.simulated_node(1).drive().axis.motor.velocity)
         assert (speed == 0.0) == stops
 
 
@@ -617,9 +617,9 @@ def test_a_fault_and_its_reset_are_an_incident_in_virtual_time(tmp_path):
         node = machine.node(1)
         machine["x"].enable().wait(5)
         assert (node.incidents, list(node.emcy)) == ((), [])
-        machine.stand_in(1).fault(0x2310, maker_bits=0x1234)
+        machine.simulated_node(1).fault(0x2310, maker_bits=0x1234)
         machine.sleep(0.05)
-        machine.stand_in(1).device.errors.report(0, 0x4310)
+        machine.simulated_node(1).device.errors.report(0, 0x4310)
         machine.sleep(0.5)
         (incident,) = node.incidents
         assert (incident.codes, incident.outcome.name) == ((0x2310, 0x4310), "UNRESOLVED")
@@ -629,7 +629,7 @@ def test_a_fault_and_its_reset_are_an_incident_in_virtual_time(tmp_path):
         assert incident.outcome.name == "RECOVERED"
         assert 0.5 <= incident.lasted <= 1.0
         assert [emcy.code for emcy in node.emcy] == [0x2310, 0x4310, 0x0000]
-        assert node.incident_words(incident)[0].startswith("incident 1: recovered after ")
+        assert node.format_incident(incident)[0].startswith("incident 1: recovered after ")
 
 
 def opened_again_after(line: Line, machine: Machine, silence: str = "its heartbeat has stopped") -> None:

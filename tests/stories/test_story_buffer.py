@@ -77,7 +77,7 @@ def test_what_waits_does_not_begin_behind_a_motion_that_did_not_end_well(story, 
     waits = [x.move_absolute(-50.0, buffer=True), x.move_velocity(30.0, buffer=True)]
     cell.run(0.5)
     if how == "fault":
-        cell.machine.stand_in(1).fault(0x2310)
+        cell.machine.simulated_node(1).fault(0x2310)
         assert isinstance(cell.failure_of(first), DriveFault)
     elif how == "move":
         assert cell.end_of(x.move_absolute(90.0)) is None
@@ -159,7 +159,7 @@ def test_what_waits_for_a_line_that_is_broken_off_does_not_begin(story, how):
     if how == "halt":
         cell.end_of(xy.halt())
     else:
-        cell.machine.stand_in(2).fault(0x2310)
+        cell.machine.simulated_node(2).fault(0x2310)
     assert cell.end_of(first) is not None
     assert "has not begun" in str(cell.failure_of(waits))
 

@@ -57,7 +57,7 @@ def test_a_loop_of_torques_holds_a_place_and_knows_the_torque(story):
         seen.append(measured)
         return 0.05 * (30.0 - measured.position) - 0.01 * measured.velocity
 
-    cell.x.controller(loop, by="torque", slope=200.0)
+    cell.x.controller(loop, output="torque", slope=200.0)
     cell.run(6.0)
     assert cell.drive().mode_display == CST
     assert cell.where("x") == pytest.approx(30.0, abs=6.0)  # what friction leaves
@@ -84,7 +84,7 @@ def test_what_it_answers_beyond_a_limit_is_held_to_it_and_counted(story):
     cell.until(lambda: cell.speed() > 0.9 * most)
     cell.run(0.5)
     assert cell.speed() == pytest.approx(most, rel=0.02)
-    assert controller.limited > 10
+    assert controller.saturated_count > 10
     assert controller.handle.busy
 
 
@@ -101,7 +101,7 @@ def test_an_answer_that_is_none_stops_the_axis_and_says_why(story, by, answer):
             raise ValueError("no plan")
         return answer
 
-    controller = cell.x.controller(loop, by=by, slope=5.0)
+    controller = cell.x.controller(loop, output=by, slope=5.0)
     cell.until(lambda: not controller.handle.busy, 5)
     assert cell.speed() > 20.0
     error = controller.handle.exception()

@@ -29,7 +29,7 @@ def test_an_answer_that_comes_too_late_stops_the_axis_and_the_next_loop_is_in_ti
     with Machine.open(CELL) as cell:
         x, late = cell["x"], list[bool]()
         x.enable().wait(5)
-        controller = x.controller(loop_that(late), late=LATE)
+        controller = x.controller(loop_that(late), max_missed_cycles=LATE)
         cell.sleep(0.8)
         assert controller.handle.busy
         assert x.velocity > 30.0
@@ -41,7 +41,7 @@ def test_an_answer_that_comes_too_late_stops_the_axis_and_the_next_loop_is_in_ti
         assert x.state is AxisState.ERRORSTOP
         assert controller.lateness.worst > 1.0
         x.reset().wait(2)
-        with x.controller(loop_that([]), late=LATE) as controller:
+        with x.controller(loop_that([]), max_missed_cycles=LATE) as controller:
             cell.sleep(0.5)
         assert controller.lateness.cycles > 20
         assert x.state is AxisState.STANDSTILL

@@ -89,7 +89,7 @@ def shifting(story) -> Cell:
 def test_a_slave_may_see_its_master_shifted_while_both_go_on(story):
     cell = shifting(story)
     moment = cell.moment()
-    phase = cell["y"].phase_by(10.0, velocity=20.0, acceleration=100.0)
+    phase = cell["y"].phasing_relative(10.0, velocity=20.0, acceleration=100.0)
     cell.run(0.3)
     assert phase.busy
     assert cell.end_of(phase) is None
@@ -105,9 +105,9 @@ def test_a_slave_may_see_its_master_shifted_while_both_go_on(story):
 def test_shifts_add_up_and_the_one_before_ends_as_replaced(story):
     cell = shifting(story)
     moment = cell.moment()
-    first = cell["y"].phase_by(-8.0, velocity=10.0, acceleration=50.0)
+    first = cell["y"].phasing_relative(-8.0, velocity=10.0, acceleration=50.0)
     cell.run(0.4)
-    assert cell.end_of(cell["y"].phase_by(20.0, velocity=10.0, acceleration=50.0)) is None
+    assert cell.end_of(cell["y"].phasing_relative(20.0, velocity=10.0, acceleration=50.0)) is None
     assert isinstance(first.exception(), Interrupted)
     since = cell.moment()
     cell.run(0.8)
@@ -118,7 +118,7 @@ def test_shifts_add_up_and_the_one_before_ends_as_replaced(story):
 @pytest.mark.parametrize("stop", ["halt", "stop", "gear_out"])
 def test_what_ends_a_gear_ends_a_shift_that_is_under_way(story, stop):
     cell = shifting(story)
-    phase = cell["y"].phase_by(30.0, velocity=10.0, acceleration=50.0)
+    phase = cell["y"].phasing_relative(30.0, velocity=10.0, acceleration=50.0)
     cell.run(0.3)
     cell.end_of(getattr(cell["y"], stop)())
     assert isinstance(phase.exception(), Interrupted)
@@ -129,16 +129,16 @@ def test_what_ends_a_gear_ends_a_shift_that_is_under_way(story, stop):
 
 def test_a_shift_is_refused_where_nothing_is_in_step(story):
     cell = two(story)
-    error = cell.failure_of(cell["y"].phase_by(1.0, velocity=1.0, acceleration=1.0))
+    error = cell.failure_of(cell["y"].phasing_relative(1.0, velocity=1.0, acceleration=1.0))
     assert isinstance(error, StateError)
     cell["x"].follow([(0.0, 0.0), (6.0, 180.0)])
-    cell["y"].gear_in(cell["x"], 1.0, at=(90.0, 40.0), over=40.0)
+    cell["y"].gear_in(cell["x"], 1.0, sync_positions=(90.0, 40.0), master_start_distance=40.0)
     cell.run(0.3)
-    error = cell.failure_of(cell["y"].phase_by(1.0, velocity=1.0, acceleration=1.0))
+    error = cell.failure_of(cell["y"].phasing_relative(1.0, velocity=1.0, acceleration=1.0))
     assert isinstance(error, StateError)
     assert "not in step" in error.message
     with pytest.raises(ArgumentError):
-        cell["y"].phase_by(1.0, velocity=0.0, acceleration=1.0)
+        cell["y"].phasing_relative(1.0, velocity=0.0, acceleration=1.0)
 
 
 def test_a_gear_takes_up_the_speed_of_a_master_that_turns(story):
@@ -167,7 +167,7 @@ def test_another_ratio_is_come_to_from_the_present_speed(story):
 def test_both_are_at_their_places_at_a_time(story, back):
     way = -1.0 if back else 1.0
     cell = two(story)
-    handle = cell["y"].gear_in(cell["x"], 0.5, at=(way * 60.0, 25.0), over=30.0)
+    handle = cell["y"].gear_in(cell["x"], 0.5, sync_positions=(way * 60.0, 25.0), master_start_distance=30.0)
     cell.run(0.2)
     assert handle.active
     since = cell.moment()
@@ -190,7 +190,7 @@ def test_an_endless_master_comes_by_again(story):
     cell["x"].move_velocity(200.0).wait()
     for turn in (1, 2):
         begun = cell.now
-        handle = cell["y"].gear_in(cell["x"], 1.0, at=(90.0, 45.0), over=180.0)
+        handle = cell["y"].gear_in(cell["x"], 1.0, sync_positions=(90.0, 45.0), master_start_distance=180.0)
         assert cell.end_of(handle) is None
         cell.run(0.1)
         assert (cell["y"].position - cell["x"].position) % 360.0 == pytest.approx(315.0, abs=4.1), (
@@ -236,7 +236,9 @@ def test_a_cam_is_come_into_over_a_stretch_of_the_master_and_stretched_and_shift
     cell = two(story)
     cam = Cam(LOBE, periodic=True)
     cell["y"].move_absolute(30.0).wait()
-    handle = cell["y"].cam_in(cell["x"], cam, over=90.0, phase=45.0, scale=0.5, master_scale=2.0)
+    handle = cell["y"].cam_in(
+        cell["x"], cam, master_start_distance=90.0, master_offset=45.0, slave_scaling=0.5, master_scaling=2.0
+    )
     cell.run(0.3)
     assert handle.active  # its master stands
     since = cell.moment()
@@ -277,7 +279,7 @@ def test_by_where_the_master_is(story):
     """A master without power that is turned by hand leads as well."""
     cell = two(story)
     cell["x"].disable().wait()
-    assert cell.end_of(cell["y"].gear_in(cell["x"], 1.0, by="actual")) is None
+    assert cell.end_of(cell["y"].gear_in(cell["x"], 1.0, master_value_source="actual")) is None
     motor = cell.drive("x").axis.motor
     cell.each_cycle(
         lambda *_: setattr(motor, "position", motor.position + (30.0 if motor.position < 4000 else 0.0))
@@ -378,7 +380,11 @@ def test_a_halt_at_any_stage_brakes_the_slave(story, when):
     x = cell["x"].position
     at = (x + 200.0, 10.0) if when == "waits" else None
     handle = cell["y"].gear_in(
-        cell["x"], 1.0, at=at, over=20.0 if at else None, acceleration=100.0 if not at else None
+        cell["x"],
+        1.0,
+        sync_positions=at,
+        master_start_distance=20.0 if at else None,
+        acceleration=100.0 if not at else None,
     )
     cell.run(0.3 if when != "in step" else 1.2)
     assert handle.active is (when != "in step")
@@ -411,14 +417,14 @@ def test_the_fault_of_a_master_stops_its_slave_by_the_policy(story):
     cell = two(story)
     cell["x"].move_velocity(80.0).wait()
     cell.end_of(cell["y"].gear_in(cell["x"], 1.0))
-    cell.machine.stand_in(1).fault(0x2310)
+    cell.machine.simulated_node(1).fault(0x2310)
     must_brake(cell, "y")
     assert cell["y"].state is AxisState.STANDSTILL
 
 
 def test_a_master_that_is_lost_before_the_slave_is_in_step_ends_its_command(story):
     cell = two(story, bus=ALONE)
-    handle = cell["y"].gear_in(cell["x"], 1.0, at=(60.0, 20.0), over=10.0)
+    handle = cell["y"].gear_in(cell["x"], 1.0, sync_positions=(60.0, 20.0), master_start_distance=10.0)
     cell.run(0.2)
     cell["x"].home()
     error = cell.failure_of(handle)
@@ -428,7 +434,7 @@ def test_a_master_that_is_lost_before_the_slave_is_in_step_ends_its_command(stor
 
 def test_one_that_is_in_fault_cannot_lead(story):
     cell = two(story, bus=ALONE)
-    cell.machine.stand_in(1).fault(0x2310)
+    cell.machine.simulated_node(1).fault(0x2310)
     cell.run(0.3)
     assert "x is in ErrorStop" in str(cell.failure_of(cell["y"].gear_in(cell["x"], 1.0)))
 
@@ -479,7 +485,7 @@ def test_a_jammed_slave_is_seen_not_to_follow(story):
 
 def test_a_place_that_the_master_is_too_near_to_is_told(story):
     cell = two(story)
-    handle = cell["y"].gear_in(cell["x"], 1.0, at=(20.0, 10.0), over=40.0)
+    handle = cell["y"].gear_in(cell["x"], 1.0, sync_positions=(20.0, 10.0), master_start_distance=40.0)
     cell["x"].move_absolute(60.0)
     assert "was nearer to 20 deg" in str(cell.failure_of(handle))
 
@@ -491,25 +497,45 @@ def test_a_place_that_the_master_is_too_near_to_is_told(story):
         (lambda c: c["y"].gear_in("x", 1.0), ArgumentError, "another axis of this machine"),
         (lambda c: c["y"].gear_in(c["x"], 0.0), ArgumentError, "ratio 0"),
         (lambda c: c["y"].gear_in(c["x"], math.nan), ArgumentError, "ratio nan"),
-        (lambda c: c["y"].gear_in(c["x"], 1.0, over=3.0), ArgumentError, "over goes with at"),
-        (lambda c: c["y"].gear_in(c["x"], 1.0, at=(1.0, 2.0)), ArgumentError, "over is missing"),
-        (lambda c: c["y"].gear_in(c["x"], 1.0, at=(1.0,), over=1.0), ArgumentError, "of the master and"),
-        (lambda c: c["y"].gear_in(c["x"], 1.0, at=(1.0, 2.0), over=0.0), ArgumentError, "above 0"),
         (
-            lambda c: c["y"].gear_in(c["x"], 1.0, at=(1.0, 900.0), over=1.0),
+            lambda c: c["y"].gear_in(c["x"], 1.0, master_start_distance=3.0),
+            ArgumentError,
+            "master_start_distance requires sync_positions",
+        ),
+        (
+            lambda c: c["y"].gear_in(c["x"], 1.0, sync_positions=(1.0, 2.0)),
+            ArgumentError,
+            "master_start_distance is missing",
+        ),
+        (
+            lambda c: c["y"].gear_in(c["x"], 1.0, sync_positions=(1.0,), master_start_distance=1.0),
+            ArgumentError,
+            "of the master and",
+        ),
+        (
+            lambda c: c["y"].gear_in(c["x"], 1.0, sync_positions=(1.0, 2.0), master_start_distance=0.0),
+            ArgumentError,
+            "above 0",
+        ),
+        (
+            lambda c: c["y"].gear_in(c["x"], 1.0, sync_positions=(1.0, 900.0), master_start_distance=1.0),
             LimitError,
             "beyond the position limits",
         ),
-        (lambda c: c["y"].gear_in(c["x"], 1.0, by="hand"), ArgumentError, "by 'hand' is not known"),
+        (
+            lambda c: c["y"].gear_in(c["x"], 1.0, master_value_source="hand"),
+            ArgumentError,
+            "master_value_source 'hand' is not known",
+        ),
         (lambda c: c["y"].gear_in(c["x"], 1.0, acceleration=1e9), LimitError, "max_acceleration"),
         (lambda c: c["y"].cam_in(c["x"], LOBE), ArgumentError, "is no cam"),
-        (lambda c: c["y"].cam_in(c["x"], Cam(LOBE), scale=0.0), ArgumentError, "scale 0"),
+        (lambda c: c["y"].cam_in(c["x"], Cam(LOBE), slave_scaling=0.0), ArgumentError, "slave_scaling 0"),
         (
-            lambda c: c["y"].cam_in(c["x"], Cam(LOBE), scale=50.0),
+            lambda c: c["y"].cam_in(c["x"], Cam(LOBE), slave_scaling=50.0),
             LimitError,
             "leaves the position limits of y",
         ),
-        (lambda c: c["y"].cam_in(c["x"], Cam(LOBE), over=-1.0), ArgumentError, "magnitudes"),
+        (lambda c: c["y"].cam_in(c["x"], Cam(LOBE), master_start_distance=-1.0), ArgumentError, "magnitudes"),
     ],
 )
 def test_what_couples_nothing_is_refused_before_anything_moves(story, ask, error, words):
@@ -595,9 +621,11 @@ def test_whatever_is_asked_of_both_nothing_jolts_and_every_slave_can_be_stopped(
         lambda: x.move_absolute(rng.uniform(-90.0, 90.0)),
         lambda: x.halt(),
         lambda: y.gear_in(x, rng.choice([-1.0, 0.5, 1.0, 1.5])),
-        lambda: y.gear_in(x, 1.0, at=(rng.uniform(-90.0, 90.0), y.position), over=60.0),
+        lambda: y.gear_in(
+            x, 1.0, sync_positions=(rng.uniform(-90.0, 90.0), y.position), master_start_distance=60.0
+        ),
         lambda: y.cam_in(x, cam, relative=True),
-        lambda: y.cam_in(x, cam, over=120.0),
+        lambda: y.cam_in(x, cam, master_start_distance=120.0),
         lambda: y.gear_out(),
         lambda: y.halt(),
         lambda: y.move_absolute(rng.uniform(-90.0, 90.0)),

@@ -383,7 +383,7 @@ def test_a_program_that_did_not_run_for_a_while_ramps_the_axis_down(story, secon
 
 def test_a_drive_that_leaves_the_mode_by_itself_is_stopped(story):
     cell = turning(story)
-    cell.drive().dials.mode_slips_to = 1
+    cell.drive().dials.spontaneous_mode = 1
     cell.must_stand(within=2.0, stages=OFF)
     assert "left mode 9 (csv)" in str(cell.x.error)
 

@@ -35,7 +35,7 @@ class Belt:
 
     def __init__(self, cell: Cell, speed: float = 0.0, begin: float = 0.0) -> None:
         self.cell, self.speed, self.place = cell, speed, begin
-        self._counter = cell.machine.stand_in(5).device.io
+        self._counter = cell.machine.simulated_node(5).device.io
         self._last = cell.now
         cell.each_cycle(self._go)
 
@@ -92,7 +92,7 @@ def test_an_axis_is_in_step_with_it_at_speed_and_nothing_shakes(story):
 def test_a_place_of_it_is_met(story):
     cell, belt = belt_and_axis(story, speed=50.0)
     at = belt.place + 150.0
-    cell.x.gear_in(cell["belt"], 1.0, at=(at, 20.0), over=60.0).wait(10)
+    cell.x.gear_in(cell["belt"], 1.0, sync_positions=(at, 20.0), master_start_distance=60.0).wait(10)
     cell.run(0.5)
     path = cell.core("x").leading_path
     assert path is not None
@@ -107,7 +107,7 @@ def test_a_dead_encoder_leaves_who_follows_it_braked_and_says_so(story, how):
     cell, _belt = belt_and_axis(story, speed=100.0, node='on_lost = "tell"')
     cell.x.gear_in(cell["belt"], 0.5).wait(5)
     cell.run(0.5)
-    moment, device = cell.moment(), cell.machine.stand_in(5).device
+    moment, device = cell.moment(), cell.machine.simulated_node(5).device
     if how == "dead":
         device.dials.dead = True
     else:
@@ -125,7 +125,7 @@ def test_a_dead_encoder_leaves_who_follows_it_braked_and_says_so(story, how):
 def test_by_default_a_dead_encoder_stops_the_cell(story):
     cell, _ = belt_and_axis(story, speed=100.0)
     cell.x.gear_in(cell["belt"], 0.5).wait(5)
-    cell.machine.stand_in(5).device.dials.dead = True
+    cell.machine.simulated_node(5).device.dials.dead = True
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 3.0)
     cell.must_stand(within=1.5, stages=ENABLED)
 

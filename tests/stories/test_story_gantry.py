@@ -394,7 +394,7 @@ def test_a_group_that_is_stopped_with_one_of_them_stops_the_other_too(story):
 # -- one side fails ----------------------------------------------------------------------------------------------------
 
 FAILS = {
-    "fault": (lambda pair: pair.machine.stand_in(2).fault(0x2310), DriveFault, 100.0),
+    "fault": (lambda pair: pair.machine.simulated_node(2).fault(0x2310), DriveFault, 100.0),
     "node lost, slowly": (lambda pair: setattr(pair.device("y").dials, "dead", True), NodeError, 12.0),
     # At 100 deg/s a position that is no more told is 8 deg old before its node is lost.
     "node lost": (lambda pair: setattr(pair.device("y").dials, "dead", True), SkewError, 100.0),
@@ -426,7 +426,7 @@ def test_one_that_fails_stops_the_other_on_the_same_way(story, how, lost):
 
 def test_a_fault_while_the_beam_stands_is_told_and_nothing_moves(story):
     pair = enabled(story)
-    pair.machine.stand_in(1).fault(0x2310)
+    pair.machine.simulated_node(1).fault(0x2310)
     pair.run(0.5)
     assert pair["x"].state is AxisState.ERRORSTOP
     assert pair.stage("x") == FAULT

@@ -164,7 +164,7 @@ def test_whatever_comes_between_ends_it_with_both_at_rest(story, after, what):
     home = pair.gantry.home()
     pair.run(after)
     if what == "fault":
-        pair.machine.stand_in(2).fault(0x2310)
+        pair.machine.simulated_node(2).fault(0x2310)
     elif what == "one halt":
         pair["y"].halt()
     else:

@@ -34,7 +34,7 @@ def test_a_fault_stops_the_others_as_their_group_says(story, on_fault, ramp):
     line = xyz.move_linear((300.0, 150.0, 300.0), velocity=120.0, acceleration=375.0)
     cell.run(1.0)
     since = cell.moment()
-    cell.machine.stand_in(3).fault(0x2310)
+    cell.machine.simulated_node(3).fault(0x2310)
     assert isinstance(cell.failure_of(line), DriveFault)
     cell.run(1.5)
     for name in "xy":
@@ -57,7 +57,7 @@ def test_a_profile_move_is_braked_as_its_group_says(story):
         cell[name].move_velocity(90.0)
     cell.run(0.6)
     since = cell.moment()
-    cell.machine.stand_in(3).fault(0x2310)
+    cell.machine.simulated_node(3).fault(0x2310)
     cell.run(1.0)
     for name in "xy":
         assert braked(cell, name, since)[1] == pytest.approx(1000.0, rel=0.15)
@@ -70,7 +70,7 @@ def test_a_reset_right_after_a_fault_waits_until_all_stand(story, on_fault):
     xyz = cell.machine.group("xyz")
     line = xyz.move_linear((300.0, 150.0, 300.0), velocity=120.0)
     cell.run(1.0)
-    cell.machine.stand_in(3).fault(0x2310)
+    cell.machine.simulated_node(3).fault(0x2310)
     assert isinstance(cell.failure_of(line), DriveFault)
     cell.must_move("x")
     xyz.reset().wait(5)

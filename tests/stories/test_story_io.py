@@ -56,7 +56,7 @@ def with_io(story, node: str = "", **changes: str) -> Cell:
 
 
 def module(cell: Cell):
-    return cell.machine.stand_in(5).device.io
+    return cell.machine.simulated_node(5).device.io
 
 
 def word(cell: Cell, index: int = 0x6200, subindex: int = 1) -> int:
@@ -102,7 +102,7 @@ def test_an_output_reaches_the_plant_and_leaves_the_other_bits_alone(story):
 def test_nothing_is_set_by_opening_and_leaving_a_machine(story):
     cell = with_io(story)
     for address in ((0x6200, 1), (0x6411, 1)):
-        cell.machine.stand_in(5).device.write(*address, 77)
+        cell.machine.simulated_node(5).device.write(*address, 77)
     cell.run(1.0)
     cell.machine.close()
     assert (word(cell), word(cell, 0x6411)) == (77, 77)
@@ -198,7 +198,7 @@ def test_opening_the_mask_of_a_drive_switches_nothing_on(story):
 def test_what_the_cell_file_gives_a_whole_output_without_us_stays(story):
     own = '[nodes.5.objects]\n"6444:01" = 0x1F40000\n"6207:01" = 0x7F\n"1029:01" = 2\n'
     cell = story.simulated(text=cell_text("x", more=IO.format(node="") + own))
-    device = cell.machine.stand_in(5).device
+    device = cell.machine.simulated_node(5).device
     assert device.read(0x6444, 1) == 0x1F40000
     assert device.read(0x1029, 1) == 2
     assert (
@@ -211,7 +211,7 @@ def test_what_the_cell_file_gives_a_whole_output_without_us_stays(story):
 def test_a_module_may_not_stay_operational_without_us(story):
     """It would take its outputs back from the first frame that comes again."""
     cell = story.simulated(text=cell_text("x", more=IO.format(node='[nodes.5.objects]\n"1029:01" = 1')))
-    assert cell.machine.stand_in(5).device.read(0x1029, 1) == 0
+    assert cell.machine.simulated_node(5).device.read(0x1029, 1) == 0
 
 
 # -- lost --------------------------------------------------------------------------------------------------------------
@@ -222,7 +222,7 @@ def test_a_lost_module_is_unknown_and_stops_the_cell(story):
     cell.turning()
     module(cell).set_bit(0x6000, 1, 2, True)
     cell.machine.io["lamp"].set(True).wait(1)
-    cell.machine.stand_in(5).device.dials.dead = True
+    cell.machine.simulated_node(5).device.dials.dead = True
     cell.must_stand("x", within=2.0, stages=ENABLED)
     for name in ("part", "lamp", "level"):
         with pytest.raises(StaleError) as caught:
@@ -234,7 +234,7 @@ def test_a_lost_module_is_unknown_and_stops_the_cell(story):
 def test_what_is_set_as_a_module_dies_is_no_success(story):
     """Its death is known three heartbeats later; until then nobody can say that the output is on."""
     cell = with_io(story)
-    cell.machine.stand_in(5).device.dials.dead = True
+    cell.machine.simulated_node(5).device.dials.dead = True
     handle = cell.machine.io["lamp"].set(True)
     cell.run(0.2)
     assert handle.busy
@@ -246,7 +246,7 @@ def test_what_is_set_as_a_module_dies_is_no_success(story):
 def test_on_lost_may_only_tell(story):
     cell = with_io(story, node='on_lost = "tell"')
     cell.turning()
-    cell.machine.stand_in(5).device.dials.dead = True
+    cell.machine.simulated_node(5).device.dials.dead = True
     cell.run(1.0)
     cell.must_move("x")
     assert any("node 5 is lost" in str(event) for event in cell.machine.events)
@@ -256,7 +256,7 @@ def test_on_lost_may_only_tell(story):
 
 def test_what_waits_for_an_input_of_a_lost_node_is_told(story):
     cell = with_io(story)
-    cell.after(0.2, lambda: setattr(cell.machine.stand_in(5).device.dials, "dead", True))
+    cell.after(0.2, lambda: setattr(cell.machine.simulated_node(5).device.dials, "dead", True))
     with pytest.raises(StaleError):
         cell.machine.io["part"].wait(True, timeout=5.0)
     assert cell.now < 1.5
@@ -265,10 +265,10 @@ def test_what_waits_for_an_input_of_a_lost_node_is_told(story):
 def test_a_module_that_is_not_heard_but_hears_gets_its_safe_state(story):
     cell = with_io(story, node='on_lost = "tell"')
     cell.machine.io["lamp"].set(True).wait(1)
-    cell.machine.stand_in(5).device.dials.heartbeat_stops = True
+    cell.machine.simulated_node(5).device.dials.heartbeat_stops = True
     cell.run(0.6)
     assert word(cell) == 0x80
-    cell.machine.stand_in(5).device.dials.heartbeat_stops = False
+    cell.machine.simulated_node(5).device.dials.heartbeat_stops = False
     cell.run(0.6)
     assert word(cell) == 0x80
     assert cell.machine.io["lamp"].value is False
@@ -327,7 +327,7 @@ def test_a_master_that_falls_silent_leaves_outputs_to_the_module(story):
     cell.cycle.dials.heartbeat_lost = True
     cell.run(0.6)
     assert (word(cell), word(cell, 0x6411)) == (0x80, 500)
-    assert cell.machine.stand_in(5).device.nmt is NmtState.PRE_OPERATIONAL
+    assert cell.machine.simulated_node(5).device.nmt is NmtState.PRE_OPERATIONAL
 
 
 # -- leaving -----------------------------------------------------------------------------------------------------------
@@ -380,7 +380,7 @@ def test_outputs_become_safe_though_nobody_waits_for_an_axis_any_longer(story, m
 
 def test_the_end_of_the_with_block_leaves_safe_outputs_and_a_module_at_rest(story):
     with with_io(story).machine as machine:
-        device = machine.stand_in(5).device
+        device = machine.simulated_node(5).device
         machine.io["lamp"].set(True).wait(1)
         assert device.io.get(0x6200, 1) == 8
     assert device.io.get(0x6200, 1) == 0
@@ -390,7 +390,7 @@ def test_the_end_of_the_with_block_leaves_safe_outputs_and_a_module_at_rest(stor
 def test_an_output_that_cannot_be_made_safe_is_named(story):
     cell = with_io(story, node='on_lost = "tell"')
     cell.machine.io["lamp"].set(True).wait(1)
-    cell.machine.stand_in(5).device.dials.dead = True
+    cell.machine.simulated_node(5).device.dials.dead = True
     with pytest.raises(NodeError, match="lamp could not be confirmed as safe"):
         cell.machine.close()
 
@@ -410,7 +410,7 @@ def test_a_halt_and_a_fault_leave_outputs_as_they_are(story):
     cell = with_io(story)
     cell.turning()
     cell.machine.io["lamp"].set(True).wait(1)
-    cell.machine.stand_in(1).fault(0x7500)
+    cell.machine.simulated_node(1).fault(0x7500)
     cell.run(1.0)
     assert cell.x.state is AxisState.ERRORSTOP
     assert word(cell) == 8
@@ -435,7 +435,7 @@ def test_without_sync_they_travel_on_change(story):
 def test_a_cell_may_have_no_axis(story, tmp_path):
     text = cell_text("", more=IO.format(node="").partition("[io.switch]")[0])
     with Machine.simulated(story.file(text)) as machine:
-        device = machine.stand_in(5).device
+        device = machine.simulated_node(5).device
         machine.io["lamp"].set(True).wait(1)
         assert (device.io.get(0x6200, 1), machine.io["lamp"].value, machine.io["part"].value) == (
             8,

@@ -66,18 +66,18 @@ def until(happened, limit: float = 5.0) -> None:
 @pytest.mark.parametrize("bus", ["", "sync = false"], ids=["SYNC", "events"])
 def test_they_are_seen_and_set_over_the_bus(tmp_path, process, bus):
     with opened(tmp_path, process, bus=bus) as cell:
-        wired, io = cell.stand_in(5).device.io, cell.io
+        wired, io = cell.simulated_node(5).device.io, cell.io
         wired.set_bit(0x6000, 1, 2, True)
         assert io["part"].wait(True, timeout=2.0) is True
         io.set({"lamp": True, "valve": -1234, "relay": True}).wait(2)
         until(lambda: (wired.get(0x6200, 1), wired.get(0x6411, 2)) == (8, -1234))
-        until(lambda: cell.stand_in(1).device.io.get(0x60FE, 1) == 1 << 16)
+        until(lambda: cell.simulated_node(1).device.io.get(0x60FE, 1) == 1 << 16)
         cell["x"].enable().wait(5)
         cell["x"].move_relative(10.0).wait(5)
         assert io["lamp"].value is True
         cell.close()
         assert (wired.get(0x6200, 1), wired.get(0x6411, 2)) == (0x00, 0)
-        assert cell.stand_in(1).device.io.get(0x60FE, 1) == 0
+        assert cell.simulated_node(1).device.io.get(0x60FE, 1) == 0
 
 
 @BOTH
@@ -85,7 +85,7 @@ def test_they_are_in_a_recording_by_their_names(tmp_path, process):
     pytest.importorskip("mcap")
     path = tmp_path / "io.mcap"
     with opened(tmp_path, process) as cell:
-        wired = cell.stand_in(5).device.io
+        wired = cell.simulated_node(5).device.io
         with cell.recording(path, objects=["part", "lamp", "valve"]):
             cell.io.set({"lamp": True, "valve": 700}).wait(2)
             wired.set_bit(0x6000, 1, 2, True)
@@ -102,7 +102,7 @@ def test_they_are_in_a_recording_by_their_names(tmp_path, process):
 
 def test_a_lost_module_is_unknown_and_comes_back_safe(tmp_path):
     with opened(tmp_path, node='on_lost = "tell"') as cell:
-        device, io = cell.stand_in(5).device, cell.io
+        device, io = cell.simulated_node(5).device, cell.io
         io.set({"lamp": True, "clamp": False}).wait(2)
         until(lambda: device.io.get(0x6200, 1) == 8)
         device.dials.dead = True
@@ -119,7 +119,7 @@ def test_a_lost_module_is_unknown_and_comes_back_safe(tmp_path):
 def test_after_a_loss_no_frame_brings_back_what_shares_it(tmp_path):
     """The RPDO of the module holds its second byte, too, which nobody has named, and which was found on at boot."""
     with opened(tmp_path, node='on_lost = "tell"\n[nodes.5.objects]\n"6200:02" = 0x55') as cell:
-        device, lamp = cell.stand_in(5).device, cell.io["lamp"]
+        device, lamp = cell.simulated_node(5).device, cell.io["lamp"]
         lamp.set(True).wait(2)
         until(lambda: device.io.get(0x6200, 1) == 8)
         assert device.io.get(0x6200, 2) == 0x55
@@ -156,7 +156,7 @@ def test_a_module_that_does_not_take_its_error_value_does_not_come_up(tmp_path):
 
 def test_a_killed_core_leaves_safe_outputs(tmp_path):
     machine = opened(tmp_path, "own")
-    wired, drive = machine.stand_in(5).device.io, machine.stand_in(1).device.io
+    wired, drive = machine.simulated_node(5).device.io, machine.simulated_node(1).device.io
     machine["x"].enable().wait(5)
     machine["x"].move_velocity(50.0).wait(5)
     machine.io.set({"lamp": True, "clamp": False, "relay": True}).wait(2)
@@ -227,8 +227,8 @@ def test_a_dead_module_faults_nobody_else_on_the_way_out(tmp_path):
     """It is asked for longer than the drive waits for our heartbeat, which goes on meanwhile."""
     cell = opened(tmp_path, node='on_lost = "tell"', beat="200ms")
     cell.io.set({"lamp": True, "valve": 5}).wait(2)
-    cell.stand_in(5).device.dials.dead = True
-    drive = cell.stand_in(1).device
+    cell.simulated_node(5).device.dials.dead = True
+    drive = cell.simulated_node(1).device
     began = time.monotonic()
     with pytest.raises(ExceptionGroup) as told:
         cell.close()

@@ -42,12 +42,12 @@ class Cell:
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
-        self.module = machine.stand_in(MODULE).module
+        self.module = machine.simulated_node(MODULE).module
         self.group = machine.group("all")
 
     @property
     def speeds(self) -> list[float]:
-        drives = (self.machine.stand_in(node).drive() for node in (40, 41))
+        drives = (self.machine.simulated_node(node).drive() for node in (40, 41))
         return [self.module.shaft.speed, *(drive.axis.motor.velocity / 16384 for drive in drives)]
 
     def up(self) -> None:
@@ -95,7 +95,7 @@ def test_they_move_as_one_and_a_fault_of_the_module_stops_all_and_can_be_reset(c
     cell.group.move_linear((40.0, -20.0, 60.0), velocity=60.0).wait(10)
     assert cell.module.position * 45.0 == pytest.approx(60.0, abs=0.1)
     handle = cell.line(1)
-    cell.machine.stand_in(MODULE).fault(0x20000)
+    cell.machine.simulated_node(MODULE).fault(0x20000)
     with pytest.raises((AxisbusError, ExceptionGroup)):
         handle.wait(5)
     assert cell.rests()
@@ -106,7 +106,7 @@ def test_they_move_as_one_and_a_fault_of_the_module_stops_all_and_can_be_reset(c
     assert "let it cool down" in str(m.error)
     until(lambda: bool(node.incidents))
     assert node.incidents[0].ended is None
-    cell.machine.stand_in(MODULE).module.dials.motor_error = 0
+    cell.machine.simulated_node(MODULE).module.dials.motor_error = 0
     for axis in cell.machine:
         axis.reset().wait(5)
         enable(axis)

@@ -19,7 +19,7 @@ from kit.stories.bus import Line, enable
 
 KINDS = {
     "never": {"acknowledge_never": True},
-    "early": {"acknowledge_early": 0.001},
+    "early": {"acknowledge_duration": 0.001},
     "cleared": {"mode_clears_acknowledge": 0.05},
     "pulsed": {"mode_pulses_acknowledge": 0.05},
 }
@@ -146,7 +146,7 @@ def test_a_halted_axis_goes_to_its_new_target_only_and_once(story):
     """Two edges of an absolute target are one move, and none of them is relative (bit 6)."""
     for deaf in (False, True):
         cell = played(story, "never")
-        cell.drive().dials.deaf_under_halt = deaf
+        cell.drive().dials.ignore_setpoint_during_halt = deaf
         heard = words(cell)
         cell.x.move_relative(500.0)
         cell.run(1.0)
@@ -245,7 +245,7 @@ def test_a_halted_axis_that_goes_on_to_its_old_target_is_not_done(story, last, t
     cell = played(story, "never", port=TRAVELS[travels])
     cell.x.move_absolute(100.0)
     cell.run(0.7)
-    cell.drive().dials.deaf_under_halt = True  # also to what the halt gives it without 6062h
+    cell.drive().dials.ignore_setpoint_during_halt = True  # also to what the halt gives it without 6062h
     cell.x.halt().wait(3)
     cell.drive().dials.acknowledge_delay = NEVER
     error = cell.failure_of(cell.x.move_absolute(cell.where() + last))
@@ -259,7 +259,7 @@ def test_a_halted_axis_is_not_done_before_it_could_have_gone_on(story):
     cell.drive().dials.feedback_delay = 0.15
     cell.x.move_absolute(100.0, velocity=20.0)
     cell.run(1.0)
-    cell.drive().dials.deaf_under_halt = cell.drive().dials.target_reached_always = True
+    cell.drive().dials.ignore_setpoint_during_halt = cell.drive().dials.target_reached_always = True
     cell.x.halt().wait(3)
     cell.drive().dials.acknowledge_delay = NEVER
     cell.run(0.5)

@@ -80,7 +80,7 @@ def test_the_tool_goes_on_a_straight_line_and_nobody_is_asked_while_it_does(stor
     assert asked > 8
     assert cell.end_of(line) is None
     assert own.asked == asked
-    assert xy.place == pytest.approx((250.0, -100.0), abs=NEAR)
+    assert xy.tool_position == pytest.approx((250.0, -100.0), abs=NEAR)
     assert max(away(place, (200.0, 150.0), (250.0, -100.0)) for place in tool(cell, since)) < NEAR
     assert all(cell.hardest_change(name, since) < 4100.0 for name in "xy")
 
@@ -125,7 +125,7 @@ def test_what_waits_begins_where_the_way_before_ends(story):
         xy.move_circular((250.0, -100.0), via=(180.0, 0.0), velocity=200.0, acceleration=1000.0, buffer=True),
     ]
     assert [cell.end_of(handle) for handle in handles] == [None] * 2
-    assert xy.place == pytest.approx((250.0, -100.0), abs=NEAR)
+    assert xy.tool_position == pytest.approx((250.0, -100.0), abs=NEAR)
 
 
 class Polar:
@@ -144,10 +144,10 @@ class Polar:
 
 def test_there_may_be_more_axes_than_coordinates(story):
     cell, group = placed(story, Polar(), (170.0, 50.0, 7.0), "xyz")
-    begin = group.place
+    begin = group.tool_position
     assert len(begin) == 2
     assert cell.end_of(group.move_linear((begin[0], -begin[1]), velocity=100.0, acceleration=500.0)) is None
-    assert group.place == pytest.approx((begin[0], -begin[1]), abs=0.05)
+    assert group.tool_position == pytest.approx((begin[0], -begin[1]), abs=0.05)
     assert cell.machine["x"].position == pytest.approx(190.0, abs=0.1)  # on, and not back by a turn
     assert cell.machine["z"].position == pytest.approx(7.0, abs=0.05)
     with pytest.raises(ArgumentError, match="3 coordinates"):
@@ -158,7 +158,7 @@ def test_there_may_be_more_axes_than_coordinates(story):
 
 def test_once_round_the_table_goes_on_and_not_back(story):
     cell, group = placed(story, Polar(), (170.0, 50.0, 0.0), "xyz")
-    circle = group.move_circular(group.place, centre=(0.0, 0.0), velocity=400.0, acceleration=2000.0)
+    circle = group.move_circular(group.tool_position, centre=(0.0, 0.0), velocity=400.0, acceleration=2000.0)
     assert cell.end_of(circle) is None
     assert cell.machine["x"].position == pytest.approx(530.0, abs=0.1)
 
@@ -219,7 +219,7 @@ def test_what_forward_does_wrong_where_the_axes_stand_is_told_by_the_call(story)
     with pytest.raises(ArgumentError, match=r"x\+y.move_circular.*: Fails.forward failed at"):
         xy.move_circular((250.0, 0.0), via=(200.0, 10.0), velocity=100.0, acceleration=500.0)
     with pytest.raises(ArgumentError, match=r"Fails\.forward failed"):
-        _ = xy.place
+        _ = xy.tool_position
 
 
 def test_a_way_of_too_many_samples_is_refused_and_one_of_a_thousand_points_is_not(story):
@@ -319,7 +319,7 @@ def test_random_ways_keep_to_the_tools_path_and_the_axes_limits(story, seed):
     rng = random.Random(seed)
     cell, xy = placed(story, Arm())
     for _ in range(3):
-        begin = xy.place
+        begin = xy.tool_position
         points = [begin]
         for _ in range(rng.choice([1, 3])):
             far, turn = rng.uniform(130.0, 300.0), math.radians(rng.uniform(-60.0, 80.0))
@@ -341,7 +341,7 @@ def test_random_ways_keep_to_the_tools_path_and_the_axes_limits(story, seed):
             assert error is None or "come to its end" in str(error)
         else:
             assert cell.end_of(path, 90.0) is None
-        assert xy.place == pytest.approx(points[-1], abs=NEAR)
+        assert xy.tool_position == pytest.approx(points[-1], abs=NEAR)
         lines = list(pairwise(points))
         assert max(min(away(p, *line) for line in lines) for p in tool(cell, since)) < blend + NEAR
         assert all(cell.hardest_change(name, since) < 4100.0 for name in "xy")
@@ -359,6 +359,6 @@ def test_lines_and_stops_have_a_limit_of_jerk_and_rounded_corners_have_none(stor
     begun = cell.now
     assert cell.end_of(tool.move_path(points, **pace, jerk=5000.0)) is None
     assert cell.now - begun > at_once + 2 * 0.3
-    assert tool.place == pytest.approx(points[-1], abs=NEAR)
+    assert tool.tool_position == pytest.approx(points[-1], abs=NEAR)
     with pytest.raises(ArgumentError, match="jerk cannot be limited along this way"):
         tool.move_path([(200.0, 150.0), (260.0, 150.0)], **pace, jerk=5000.0, blend=5.0)

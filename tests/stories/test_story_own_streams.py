@@ -104,7 +104,7 @@ def test_the_tool_is_on_the_circle_and_the_axes_do_what_those_of_the_core_do(sto
                 points.push(circle(number))
         seen = tools(cell, arm, begun)
         assert max(abs(math.dist(place, (180.0, 150.0)) - 20.0) for place in seen) < NEAR
-        assert math.dist(tool.place, circle(249)) < NEAR
+        assert math.dist(tool.tool_position, circle(249)) < NEAR
         assert min(place[0] for place in seen) < 161.0  # it has been round
         demands.append([sample.demand for sample in cell.record("x").since(begun)])
     assert demands[0] == pytest.approx(demands[1], abs=1.5 / SCALE)
@@ -181,7 +181,7 @@ def test_what_the_functions_say_is_told_with_the_point_which_alone_is_not_taken(
                 arm.said = None
             points.push(circle(number))
         assert points.count == 60
-    assert math.dist(tool.place, circle(59)) < NEAR
+    assert math.dist(tool.tool_position, circle(59)) < NEAR
 
 
 def test_what_an_axis_cannot_follow_is_refused(story):
@@ -194,7 +194,7 @@ def test_what_an_axis_cannot_follow_is_refused(story):
                 points.push(place)
         for number in range(40, 60):
             points.push(circle(number))
-    assert math.dist(tool.place, circle(59)) < NEAR
+    assert math.dist(tool.tool_position, circle(59)) < NEAR
 
 
 def test_a_leap_to_another_solution_is_refused(story):
@@ -245,7 +245,7 @@ def test_broken_off_by_a_halt_it_goes_on_through_every_point(story):
         points.push(circle(number))
     points.end().wait(30)
     assert max(abs(math.dist(place, (180.0, 150.0)) - 20.0) for place in tools(cell, arm, begun)) < NEAR
-    assert math.dist(tool.place, circle(159)) < NEAR
+    assert math.dist(tool.tool_position, circle(159)) < NEAR
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -272,7 +272,7 @@ def test_whatever_comes_no_axis_is_faster_or_harder_than_it_may_be(story, seed):
     tool.set_override(1.0).wait(1)
     points.handle.wait(30)
     assert taken > 10
-    assert math.dist(tool.place, places[taken - 1]) < NEAR
+    assert math.dist(tool.tool_position, places[taken - 1]) < NEAR
     for name in "xy":
         demands = [sample.demand for sample in cell.record(name).since(begun)][
             ::2

@@ -186,7 +186,7 @@ def test_one_axis_in_fault_stops_the_other_on_the_path(story):
     cell, group = two(story)
     handle = group.move_path(SQUARE, velocity=100.0, acceleration=500.0, blend=2.0)
     cell.run(0.9)
-    cell.machine.stand_in(2).fault(0x2310)
+    cell.machine.simulated_node(2).fault(0x2310)
     assert isinstance(cell.failure_of(handle), DriveFault)
     cell.run(1.0)
     cell.must_stand("x", within=0.1, stages=ENABLED)

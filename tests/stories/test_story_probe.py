@@ -70,7 +70,7 @@ def test_it_is_seen_a_few_cycles_after_the_edge(story):
     edge = cell.now
     flank(cell, True)
     probe.wait(1)
-    assert 0.0 < probe.probed.time - edge <= 0.01 + 4 * 0.01 + 1e-9
+    assert 0.0 < probe.result.time - edge <= 0.01 + 4 * 0.01 + 1e-9
 
 
 def test_it_energises_nothing_and_works_without_power(story):

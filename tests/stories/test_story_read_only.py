@@ -142,7 +142,7 @@ def test_an_option_code_that_a_setting_means_is_compared_at_boot(tmp_path, value
 def test_a_drive_with_the_value_of_a_setting_boots_and_is_not_written(tmp_path):
     path = cell(tmp_path, ("605A", 2))
     with Machine.simulated(path) as machine:
-        assert machine.stand_in(1).device.read(0x605A) == 2
+        assert machine.simulated_node(1).device.read(0x605A) == 2
         machine["x"].enable().wait()
         move(machine)
 

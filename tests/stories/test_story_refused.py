@@ -44,10 +44,10 @@ AXIS_COMMANDS: dict[str, Callable[[Axis, Axis], Any]] = {
     "set position": lambda axis, _: axis.set_position(1.0),
     "follow": lambda axis, _: axis.follow([(0.0, axis.position), (1.0, axis.position)]),
     "gear": lambda axis, master: axis.gear_in(master, 0.5),
-    "cam": lambda axis, master: axis.cam_in(master, CAM, phase=90.0),
+    "cam": lambda axis, master: axis.cam_in(master, CAM, master_offset=90.0),
     "out of a gear": lambda axis, _: axis.gear_out(),
     "torque offset": lambda axis, _: axis.set_torque_offset(0.0),
-    "phase": lambda axis, _: axis.phase_by(5.0, velocity=5.0, acceleration=5.0),
+    "phase": lambda axis, _: axis.phasing_relative(5.0, velocity=5.0, acceleration=5.0),
     "superimposed": lambda axis, _: axis.move_superimposed(5.0),
     "until an edge": lambda axis, _: axis.probe_move(5.0, input=2),
     "override": lambda axis, _: axis.set_override(9.0),
@@ -150,7 +150,7 @@ def seen(cell: Cell, goes_on: list[Handle]) -> dict[str, object]:
         mode = cell.drive(axis.name).mode_display
         target = None if axis.state is AxisState.SYNCHRONIZED_MOTION else axis.target
         found[axis.name] = (
-            *(axis.state, str(axis.error), snapshot.power, axis.homed, axis.override, mode, target),
+            *(axis.state, str(axis.error), snapshot.power_state, axis.homed, axis.override, mode, target),
             round(cell.speed(axis.name)),
         )
     found |= {name: cell.machine.io[name].value for name in ("part", "lamp", "level")}
@@ -192,7 +192,7 @@ def test_a_trajectory_that_begins_elsewhere_leaves_the_axis_at_standstill(story)
 
 def test_a_slave_that_cannot_come_into_step_is_left_at_standstill(story):
     cell = standing_in_csp(story)
-    waits = cell.x.gear_in(cell["y"], 1.0, at=(20.0, 30.0), over=90.0)
+    waits = cell.x.gear_in(cell["y"], 1.0, sync_positions=(20.0, 30.0), master_start_distance=90.0)
     cell.run(0.3)
     cell["y"].move_absolute(50.0)
     assert isinstance(cell.failure_of(waits), LimitError)
@@ -215,7 +215,7 @@ def test_a_slave_in_step_stays_so_where_another_cam_is_refused(story):
     cell = standing_in_csp(story)
     cell.x.gear_in(cell["y"], 1.0).wait(5)
     with pytest.raises(LimitError):
-        cell.x.cam_in(cell["y"], CAM, phase=90.0).wait(2)
+        cell.x.cam_in(cell["y"], CAM, master_offset=90.0).wait(2)
     assert cell.x.state is AxisState.SYNCHRONIZED_MOTION
     cell["y"].move_absolute(30.0).wait(5)
     cell.run(0.3)

@@ -82,7 +82,7 @@ def test_what_a_quick_stop_has_led_off_the_line_goes_back_to_it_first(story):
 
 def test_after_a_fault_the_line_goes_on_only_where_the_axes_are_still_on_it(story):
     cell, group, _ = on_the_way(story)
-    cell.machine.stand_in(2).fault(0x2310)
+    cell.machine.simulated_node(2).fault(0x2310)
     cell.run(2.0)
     cell.end_of(group.reset())
     cell.end_of(group.enable())

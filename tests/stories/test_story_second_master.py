@@ -264,7 +264,7 @@ def test_our_own_frames_are_no_masters(tmp_path):
 def test_beside_opens_all_the_same(tmp_path, way):
     bus, says = "beside = true" if way == "the cell file" else "", others.SIGNS["a heartbeat of 127"]
     with Line(tmp_path, "x", bus=bus) as line, OtherMaster(line.channel, says):
-        machine = Machine.open(line.file, beside=way == "the call")
+        machine = Machine.open(line.file, allow_other_master=way == "the call")
         with machine:
             enable(machine["x"])
             machine["x"].move_relative(20.0).wait(10)

@@ -67,7 +67,7 @@ def test_an_axis_at_rest_that_creeps_is_told_and_stopped_where_only_its_velocity
     cell = story.simulated("x").enabled()
     without(cell.port(), 2, 5)
     cell.run(1.0)
-    cell.drive().dials.creep = creep * cell.scale_of("x")
+    cell.drive().dials.drift_velocity = creep * cell.scale_of("x")
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 0.8)
     assert "moves by itself" in str(cell.x.error)
     assert "it went by about" in str(cell.x.error)
@@ -411,7 +411,7 @@ def test_an_axis_that_comes_to_rest_in_time_is_enabled_then(story):
 def test_a_moving_axis_is_caught_where_that_is_asked_for(story):
     cell = story.simulated("x")
     coasting(cell, 50.0)
-    cell.x.enable(moving=True).wait(10)
+    cell.x.enable(allow_moving=True).wait(10)
     cell.must_stand(within=0.1, stages=ENABLED)
 
 

@@ -188,8 +188,8 @@ def test_a_callback_that_holds_the_scan_up_is_named_and_no_adapter(tmp_path):
 @contextmanager
 def frozen_drives(machine: Machine) -> Iterator[None]:
     """Give the simulated drives no time, in this process or in their own."""
-    if machine.degree == IN_A_THREAD:
-        with machine.stand_in(1).lock:
+    if machine.real_time_status == IN_A_THREAD:
+        with machine.simulated_node(1).lock:
             yield
         return
     core = machine._core

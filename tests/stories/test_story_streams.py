@@ -75,7 +75,7 @@ def test_axes_follow_the_points_and_rest_at_the_last(story):
     with stream(cell) as points:
         for number in range(250):
             points.push(place(number * STEP))
-            assert points.ahead < 0.6
+            assert points.buffered_seconds < 0.6
     assert points.handle.done
     assert [cell.where(name) for name in "xyz"] == pytest.approx(place(2.49), abs=0.1)
     must_be_on_the_line(cell)
@@ -108,12 +108,12 @@ def test_without_points_the_axes_brake_on_their_way_and_go_on_when_there_are_mor
     cell.run(pause)
     if pause > 1.0:
         must_stand(cell)
-        assert points.ahead == 0.0
+        assert points.buffered_seconds == 0.0
     assert points.handle.active
     feed(cell, points, 1.0)
     cell.must_move("x", 5.0)
     last = place((points.count - 1) * STEP)
-    assert cell.end_of(points.end()) is None
+    assert cell.end_of(points.finish()) is None
     assert [cell.where(name) for name in "xyz"] == pytest.approx(last, abs=0.1)
     must_be_on_the_line(cell)
     must_not_jolt(cell)
@@ -142,7 +142,7 @@ def test_a_stream_that_is_fed_in_time_has_no_underrun(story):
     cell = opened(story)
     points = stream(cell, on_underrun="error")
     feed(cell, points, 3.0)
-    assert cell.end_of(points.end()) is None
+    assert cell.end_of(points.finish()) is None
 
 
 BAD = {
@@ -175,7 +175,7 @@ def test_a_point_that_cannot_be_is_refused_and_nothing_of_it_is_taken(story, bad
     assert points.count == count
     assert points.try_push(given)
     feed(cell, points, 0.5)
-    assert cell.end_of(points.end()) is None
+    assert cell.end_of(points.finish()) is None
     must_be_on_the_line(cell)
 
 
@@ -188,7 +188,7 @@ def test_times_go_on(story, t):
     with pytest.raises(ArgumentError, match=r"nothing of this point was taken|scan period"):
         points.push((t, *place(0.03)))
     points.push((0.03, *place(0.03)))
-    assert cell.end_of(points.end()) is None
+    assert cell.end_of(points.finish()) is None
 
 
 @pytest.mark.parametrize(
@@ -212,7 +212,7 @@ def test_it_begins_where_the_axes_stand(story):
     with pytest.raises(StateError, match="y does not stand where the stream begins"):
         points.push((0.0, 5.0, 0.0))
     points.push((0.0, 0.0, 0.0))
-    assert cell.end_of(points.end()) is None
+    assert cell.end_of(points.finish()) is None
 
 
 def test_axes_wait_for_points_for_as_long_as_it_takes(story):
@@ -226,7 +226,7 @@ def test_axes_wait_for_points_for_as_long_as_it_takes(story):
     for number in range(100):
         x, y, z = place(number * STEP)
         points.push((x + 10.0, y, z))
-    assert cell.end_of(points.end()) is None
+    assert cell.end_of(points.finish()) is None
     must_not_jolt(cell)
 
 
@@ -247,12 +247,12 @@ def test_cycles_that_are_late_make_it_late_and_nothing_else(story):
     cell = opened(story)
     points = stream(cell, on_underrun="error")
     feed(cell, points, 0.6)
-    skipped = cell.machine.lateness.skipped
+    skipped = cell.machine.cycle_jitter.skipped
     for blocks in (0.018, 0.0, 0.025, 0.0):
         cell.cycle.dials.send_blocks = blocks
         feed(cell, points, 0.2)
-    assert cell.machine.lateness.skipped > skipped
-    assert cell.end_of(points.end()) is None
+    assert cell.machine.cycle_jitter.skipped > skipped
+    assert cell.end_of(points.finish()) is None
     must_be_on_the_line(cell)
     assert cell.where("x") == pytest.approx(place((points.count - 1) * STEP)[0], abs=0.1)
 
@@ -278,7 +278,7 @@ def test_a_full_buffer_makes_the_program_wait_no_longer_than_it_says(story):
     feed(cell, points, 2.0)
     assert points.count - count == pytest.approx(100, abs=25)  # at half the pace
     must_be_on_the_line(cell)
-    cell.end_of(points.end())
+    cell.end_of(points.finish())
     must_not_jolt(cell)
 
 
@@ -355,7 +355,7 @@ def test_a_fault_stops_the_others_as_their_group_says(story, on_fault, ramp):
     points = stream(cell)
     feed(cell, points, 0.75)
     since = cell.moment()
-    cell.machine.stand_in(3).fault(0x2310)
+    cell.machine.simulated_node(3).fault(0x2310)
     with pytest.raises(DriveFault):
         feed(cell, points, 1.5)
     cell.run(1.5)

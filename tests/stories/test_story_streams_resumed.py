@@ -64,7 +64,7 @@ def broken_off(cell: Cell, how: str) -> None:
         group.stop().wait(5)
         group.release().wait(5)
     elif how == "fault":
-        cell.machine.stand_in(1).fault(0x2310)
+        cell.machine.simulated_node(1).fault(0x2310)
         cell.run(1.5)
         group.reset().wait(5)
         group.enable().wait(5)
@@ -91,7 +91,7 @@ def test_a_stream_goes_on_from_where_it_was_left_and_takes_points_again(story, h
     feed(cell, points, 1.0)
     assert points.count > count + 50
     last = place((points.count - 1) * STEP)
-    assert cell.end_of(points.end()) is None
+    assert cell.end_of(points.finish()) is None
     assert resumed.done
     assert [cell.where(name) for name in "xy"] == pytest.approx(last, abs=0.1)
     assert there != pytest.approx(cell.where("x"), abs=1.0)
@@ -104,7 +104,7 @@ def test_after_a_fault_it_goes_on_only_from_where_the_way_was_left(story):
     points = cell.machine.group("x", "y").stream(period=STEP)
     feed(cell, points, 0.8)
     with pytest.raises(AxisbusError):
-        cell.machine.stand_in(1).fault(0x2310)
+        cell.machine.simulated_node(1).fault(0x2310)
         feed(cell, points, 1.0)
     broken_off(cell, "fault")
     there = cell.where("x"), cell.where("y")
@@ -116,7 +116,7 @@ def test_after_a_fault_it_goes_on_only_from_where_the_way_was_left(story):
     cell.machine.group("x", "y").move_direct(left).wait(5)  # as it says
     points.resume()
     feed(cell, points, 0.8)
-    assert cell.end_of(points.end()) is None
+    assert cell.end_of(points.finish()) is None
     assert cell.where("x") == pytest.approx(place((points.count - 1) * STEP)[0], abs=0.1)
 
 
@@ -134,7 +134,7 @@ def test_no_point_that_was_taken_is_left_out_or_gone_to_twice(story):
         cell.run(0.1)
         points.resume()
     feed(cell, points, 0.5, out)
-    assert cell.end_of(points.end()) is None
+    assert cell.end_of(points.finish()) is None
     assert backwards(cell) < 0.05
     assert cell.where("x") == pytest.approx(out((points.count - 1) * STEP)[0], abs=0.1)
     must_be_on_the_line(cell)
@@ -165,7 +165,7 @@ def test_one_that_was_ended_before_goes_on_to_its_end(story):
     points = group.stream(period=STEP, buffer="1s")
     for number in range(60):
         points.push(place(number * STEP))
-    points.end()
+    points.finish()
     cell.run(0.3)
     group.halt().wait(5)
     assert points.handle.aborted
@@ -187,7 +187,7 @@ def test_one_that_was_halted_before_it_began_goes_on(story):
     group.halt().wait(5)
     points.resume()
     feed(cell, points, 1.0)
-    assert cell.end_of(points.end()) is None
+    assert cell.end_of(points.finish()) is None
     assert cell.where("x") == pytest.approx(place((points.count - 1) * STEP)[0], abs=0.1)
 
 
@@ -221,7 +221,7 @@ def test_an_underrun_that_ended_a_stream_can_be_gone_on_after(story):
     cell.run(0.5)
     points.resume()
     feed(cell, points, 0.8)
-    assert cell.end_of(points.end()) is None
+    assert cell.end_of(points.finish()) is None
     must_be_on_the_line(cell)
     must_not_jolt(cell)
 
@@ -267,7 +267,7 @@ def test_random_halts_overrides_pauses_and_resumes_stay_on_the_line_within_the_l
     cell.run(1.5)
     if not points.handle.busy:
         points.resume()
-    assert cell.end_of(points.end(), 30.0) is None
+    assert cell.end_of(points.finish(), 30.0) is None
     assert [cell.where(name) for name in "xy"] == pytest.approx(place((points.count - 1) * STEP), abs=0.1)
     must_be_on_the_line(cell)
     must_not_jolt(cell)
@@ -341,7 +341,7 @@ def test_the_tool_goes_through_places_of_the_workspace(story, period):
     with xy.stream(period=period, buffer="500ms") as points:
         for number in range(int(4.0 / period)):
             points.push(ring(number * period))
-    assert xy.place == pytest.approx(ring((points.count - 1) * period), abs=NEAR)
+    assert xy.tool_position == pytest.approx(ring((points.count - 1) * period), abs=NEAR)
     sagitta = 40.0 * (1.0 - math.cos(0.8 * period)) + 0.2 * period
     off = max(abs(math.dist(p, (160.0, 150.0)) - 40.0) for p in tool(cell, since))
     assert off < NEAR + sagitta
@@ -355,7 +355,7 @@ def test_between_two_places_on_a_line_the_tool_is_on_the_line(story):
         for number in range(3):
             points.push((200.0, 150.0 - 120.0 * number))
     places = tool(cell, since)
-    assert xy.place == pytest.approx((200.0, -90.0), abs=NEAR)
+    assert xy.tool_position == pytest.approx((200.0, -90.0), abs=NEAR)
     assert max(abs(x - 200.0) for x, _ in places) < 1.5 * NEAR
     must_not_jolt(cell)
 
@@ -374,8 +374,8 @@ def test_a_place_out_of_reach_or_too_fast_for_a_joint_is_refused_and_the_next_ma
             points.push(wrong)
         assert points.count == count
     feed(cell, points, 0.5, ring)
-    assert cell.end_of(points.end()) is None
-    assert xy.place == pytest.approx(ring((points.count - 1) * STEP), abs=NEAR)
+    assert cell.end_of(points.finish()) is None
+    assert xy.tool_position == pytest.approx(ring((points.count - 1) * STEP), abs=NEAR)
     with pytest.raises(StateError, match="x does not stand where the stream begins"):
         xy.stream(period=STEP).push((250.0, 10.0))
 
@@ -389,8 +389,8 @@ def test_a_place_out_of_reach_is_refused(story):
     assert "out of the arm's reach" in refused.value.observed
     assert points.count == 1
     points.push(ring(0.1))
-    assert cell.end_of(points.end()) is None
-    assert xy.place == pytest.approx(ring(0.1), abs=NEAR)
+    assert cell.end_of(points.finish()) is None
+    assert xy.tool_position == pytest.approx(ring(0.1), abs=NEAR)
 
 
 def test_a_stream_of_the_workspace_is_halted_and_gone_on_with(story):
@@ -401,7 +401,7 @@ def test_a_stream_of_the_workspace_is_halted_and_gone_on_with(story):
     xy.halt().wait(5)
     points.resume()
     feed(cell, points, 0.8, ring)
-    assert cell.end_of(points.end()) is None
-    assert xy.place == pytest.approx(ring((points.count - 1) * STEP), abs=NEAR)
+    assert cell.end_of(points.finish()) is None
+    assert xy.tool_position == pytest.approx(ring((points.count - 1) * STEP), abs=NEAR)
     assert max(abs(math.dist(p, (160.0, 150.0)) - 40.0) for p in tool(cell, since)) < NEAR
     must_not_jolt(cell)

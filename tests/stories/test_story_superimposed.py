@@ -158,7 +158,7 @@ def test_a_shift_of_the_master_and_a_distance_of_the_slave_go_on_together(story)
     cell["x"].follow(TrapezoidalTrajectory(0.0, 90.0, 30.0, 100.0))
     cell.run(0.5)
     over = cell["y"].move_superimposed(10.0, velocity=10.0)
-    phase = cell["y"].phase_by(-4.0, velocity=5.0, acceleration=50.0)
+    phase = cell["y"].phasing_relative(-4.0, velocity=5.0, acceleration=50.0)
     assert [cell.end_of(handle) for handle in (phase, over)] == [None, None]
     cell.run(3.0)
     assert cell.where("y") == pytest.approx(96.0, abs=2.0 * INCREMENT)
@@ -170,7 +170,7 @@ def test_a_stream_goes_on_beneath(story):
     targets = Targets(cell)
     for number in range(250):
         points.try_push((20.0 - 20.0 * math.cos(0.01 * number), 0.1 * number))
-    points.end()
+    points.finish()
     cell.run(0.5)
     assert cell.end_of(cell["x"].move_superimposed(-8.0, velocity=50.0)) is None
     assert cell.end_of(points.handle) is None
@@ -188,7 +188,7 @@ def test_the_fault_of_one_axis_of_a_line_ends_the_addition_of_another(story, on_
     over = cell["x"].move_superimposed(60.0, velocity=30.0)
     cell.run(0.4)
     targets = Targets(cell)
-    cell.machine.stand_in(2).fault(0x2310)
+    cell.machine.simulated_node(2).fault(0x2310)
     assert cell.end_of(line) is not None
     assert isinstance(cell.end_of(over), Interrupted)
     cell.run(0.5)
@@ -349,7 +349,7 @@ def test_a_fault_ends_both_with_what_it_was(story):
     cell, below = going(story)
     over = cell.x.move_superimposed(80.0, velocity=60.0)
     cell.run(0.4)
-    cell.machine.stand_in(1).fault(0x2310)
+    cell.machine.simulated_node(1).fault(0x2310)
     errors = [cell.failure_of(handle) for handle in (below, over)]
     assert errors[0].message == errors[1].message
     assert cell.x.state is AxisState.ERRORSTOP

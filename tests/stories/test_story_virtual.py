@@ -44,13 +44,13 @@ def test_it_begins_at_0_without_power_and_moves_only_once_it_is_enabled(story):
     cell = story.simulated("x", more=virtual())
     v = cell["v"]
     assert (v.position, v.homed, v.state) == (0.0, True, AxisState.DISABLED)
-    assert v.snapshot.power is PowerState.SWITCH_ON_DISABLED
+    assert v.snapshot.power_state is PowerState.SWITCH_ON_DISABLED
     error = cell.failure_of(v.move_absolute(10.0))
     assert isinstance(error, StateError)
     cell.run(0.2)
     assert v.position == 0.0
     assert cell.end_of(v.enable()) is None
-    assert (v.state, v.snapshot.power) == (AxisState.STANDSTILL, PowerState.OPERATION_ENABLED)
+    assert (v.state, v.snapshot.power_state) == (AxisState.STANDSTILL, PowerState.OPERATION_ENABLED)
     assert cell["x"].state is AxisState.DISABLED
 
 
@@ -112,11 +112,11 @@ def test_it_turns_past_the_wrap_of_its_count(story):
     cell, v, _ = alone(story, "max_velocity = 400.0\nscale = 5_000_000\nmodulo = 360.0")
     v.move_velocity(200.0).wait(5)
     cell.run(4.0)  # 4e9 increments: more than INTEGER32 can tell
-    assert v.unwrapped > 700.0
+    assert v.unwrapped_position > 700.0
     v.halt().wait(5)
-    here = v.unwrapped
+    here = v.unwrapped_position
     v.move_relative(-90.0).wait(5)
-    assert v.unwrapped == pytest.approx(here - 90.0, abs=1e-6)
+    assert v.unwrapped_position == pytest.approx(here - 90.0, abs=1e-6)
     v.move_absolute(0.0).wait(5)
     assert math.cos(math.radians(v.position)) == pytest.approx(1.0)
 
@@ -175,14 +175,14 @@ def test_every_way_of_stopping_holds_in_every_way_of_moving(story, verb, state, 
     assert cell.end_of(getattr(v, verb)()) is None
     stood = v.position
     cell.run(1.0)
-    assert (v.position, v.velocity, v.state, v.snapshot.power) == (stood, 0.0, state, power)
+    assert (v.position, v.velocity, v.state, v.snapshot.power_state) == (stood, 0.0, state, power)
     trail.must_be_smooth()
 
 
 def test_stop_locks_it_until_it_is_released(story):
     cell, v, _ = alone(story)
     v.move_velocity(100.0).wait(5)
-    with v.stopped(5):
+    with v.held_stopped(5):
         error = cell.failure_of(v.move_absolute(0.0))
         assert isinstance(error, StateError)
     assert cell.end_of(v.move_absolute(0.0)) is None
@@ -204,7 +204,7 @@ def test_without_power_it_comes_to_rest_on_a_ramp_and_never_from_one_cycle_to_th
     cell, v, trail = alone(story, stop="deceleration = 500.0")
     v.move_velocity(100.0).wait(5)
     v.disable(coast=True).wait(5)
-    assert v.snapshot.power is PowerState.SWITCH_ON_DISABLED
+    assert v.snapshot.power_state is PowerState.SWITCH_ON_DISABLED
     cell.run(0.5)
     assert (v.velocity, v.state) == (0.0, AxisState.DISABLED)
     trail.must_be_smooth()
@@ -242,7 +242,7 @@ def test_the_way_out_stops_and_disables_it(story):
     cell, v, trail = alone(story)
     v.move_velocity(100.0).wait(5)
     assert cell.ctrl_c(5.0) == []
-    assert (v.velocity, v.snapshot.power) == (0.0, PowerState.SWITCH_ON_DISABLED)
+    assert (v.velocity, v.snapshot.power_state) == (0.0, PowerState.SWITCH_ON_DISABLED)
     trail.must_be_smooth()
 
 
@@ -253,7 +253,7 @@ def test_leaving_the_block_stops_it(tmp_path):
         v = machine["v"]
         v.enable().wait(5)
         v.move_velocity(100.0).wait(5)
-    assert (v.snapshot.velocity, v.snapshot.power) == (0, PowerState.SWITCH_ON_DISABLED)
+    assert (v.snapshot.velocity, v.snapshot.power_state) == (0, PowerState.SWITCH_ON_DISABLED)
 
 
 def test_a_dead_scan_leaves_nothing_of_it_to_be_rescued(story):
@@ -422,7 +422,7 @@ def test_in_real_time_it_is_led_by_the_core_wherever_that_runs(tmp_path, names, 
         v.move_velocity(50.0).wait(5)
         with pytest.raises(StateError, match="virtual"):
             _ = v.temperature
-    assert (v.snapshot.velocity, v.snapshot.power) == (0, PowerState.SWITCH_ON_DISABLED)
+    assert (v.snapshot.velocity, v.snapshot.power_state) == (0, PowerState.SWITCH_ON_DISABLED)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")

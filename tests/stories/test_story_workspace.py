@@ -39,10 +39,10 @@ def away(place: tuple[float, ...], a: tuple[float, float], b: tuple[float, float
 
 def test_the_tool_goes_on_a_straight_line(story):
     cell, xy = arm(story)
-    assert xy.place == pytest.approx((200.0, 150.0), abs=NEAR)
+    assert xy.tool_position == pytest.approx((200.0, 150.0), abs=NEAR)
     since = cell.moment()
     assert cell.end_of(xy.move_linear((250.0, -100.0), velocity=200.0, acceleration=1000.0)) is None
-    assert xy.place == pytest.approx((250.0, -100.0), abs=NEAR)
+    assert xy.tool_position == pytest.approx((250.0, -100.0), abs=NEAR)
     assert max(away(place, (200.0, 150.0), (250.0, -100.0)) for place in tool(cell, since)) < NEAR
     assert all(cell.hardest_change(name, since) < 4100.0 for name in "xy")
 
@@ -77,7 +77,7 @@ def test_what_waits_begins_where_the_way_before_ends(story):
         xy.move_circular((250.0, 100.0), via=(180.0, 0.0), velocity=200.0, acceleration=1000.0, buffer=True),
     ]
     assert [cell.end_of(handle) for handle in handles] == [None] * 3
-    assert xy.place == pytest.approx((250.0, 100.0), abs=NEAR)
+    assert xy.tool_position == pytest.approx((250.0, 100.0), abs=NEAR)
 
 
 def test_a_belt_moves_one_axis_by_two_motors(story):
@@ -111,7 +111,7 @@ def test_the_tool_goes_softly_under_an_override_and_a_halt(story, what, jerk):
     cell.end_of(xy.set_override(1.0))
     assert cell.end_of(xy.resume()) is None
     end = {"line": (250.0, -100.0), "circle": (200.0, 150.0)}.get(what, points[-1])
-    assert xy.place == pytest.approx(end, abs=NEAR)
+    assert xy.tool_position == pytest.approx(end, abs=NEAR)
     rows = [
         [list(pair) for pair in zip(*pairs, strict=True)]
         for pairs in zip(*(x.rows for x in led), strict=True)
@@ -170,17 +170,17 @@ def test_lines_of_a_named_group_go_through_its_workspace(story):
     cell = story.simulated("xy", axis="max_acceleration = 2000.0", more=arm).enabled()
     group = cell.machine.group("arm")
     group.move_direct((10.0, 60.0)).wait(10)
-    x, y = group.place
+    x, y = group.tool_position
     group.move_linear((x, y + 60.0), velocity=100.0, acceleration=400.0).wait(10)
-    assert group.place == pytest.approx((x, y + 60.0), abs=0.2)
+    assert group.tool_position == pytest.approx((x, y + 60.0), abs=0.2)
     plain = cell.machine.group("x", "y")
-    assert plain.place == pytest.approx((cell.where("x"), cell.where("y")), abs=0.1)
+    assert plain.tool_position == pytest.approx((cell.where("x"), cell.where("y")), abs=0.1)
 
 
 def test_axes_that_make_no_place_are_told_as_such(story):
     cell = story.simulated("xyz", axis=AXIS).enabled()
     robot = cell.machine.group("x", "y", "z").with_kinematics(Delta(300.0, 40.0, 120.0, 100.0))
     with pytest.raises(LimitError, match="the arms do not meet"):
-        _ = robot.place
+        _ = robot.tool_position
     with pytest.raises(LimitError, match="does not reach"):
         robot.move_linear((0.0, 0.0, -100.0), velocity=10.0, acceleration=100.0)

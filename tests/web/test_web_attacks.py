@@ -109,7 +109,7 @@ def test_who_looks_on_moves_nothing_and_stops_by_socket_and_by_request(moving):
 
 
 def test_who_looks_on_reads_objects_and_writes_none(at):
-    acceleration = at.machine.stand_in(1).device.read(0x6083)
+    acceleration = at.machine.simulated_node(1).device.read(0x6083)
     with at.looker.page() as page:
         send(page, "write_object", objects=["1:6083:00"], text="77", values={"agreed": "order energised"})
         send(page, "verify", node=1)
@@ -117,7 +117,7 @@ def test_who_looks_on_reads_objects_and_writes_none(at):
         found: list[Any] = []
         until(lambda: found.extend(json.loads(page.recv(2.0))["own"]["objects"]) or found)
         assert found[0]["value"].startswith(f"{acceleration} = ")
-    assert at.machine.stand_in(1).device.read(0x6083) == acceleration
+    assert at.machine.simulated_node(1).device.read(0x6083) == acceleration
     assert at.looker.ask("/objects/1").status == 200
     for wrong in ("0", "999", "-1", "x", "9" * 400):
         assert at.looker.ask(f"/objects/{wrong}").status in (200, 422)
@@ -235,14 +235,14 @@ def test_ctrl_c_ends_a_machine_of_its_own_with_a_page_that_jogs(tmp_path):
             web.send_signal(signal.SIGINT)
             assert until(lambda: web.poll() is not None, 10.0) < 5.0
         assert (web.returncode, web.stderr.read().strip()) == (130, "axisbus: stopped")
-    assert Machine.join(file) is None
+    assert Machine.try_attach(file) is None
 
 
 def lost(machine: Any, seconds: float = 2.0) -> int:
     """How many cycles are skipped in a time; with none, how many were so far."""
-    before = machine.lateness.skipped if seconds else 0
+    before = machine.cycle_jitter.skipped if seconds else 0
     time.sleep(seconds)
-    return int(machine.lateness.skipped) - before
+    return int(machine.cycle_jitter.skipped) - before
 
 
 def closed(page: ClientConnection) -> bool:

@@ -262,7 +262,7 @@ def test_a_fault_is_shown_with_its_cause_and_reset(x):
     x.page.type("velocity", "40")
     x.page.press("move_velocity")
     until(lambda: x.speed() > FAST)
-    x.machine.stand_in(1).fault(0x4310)
+    x.machine.simulated_node(1).fault(0x4310)
     until_text(x.page, ".state", "ErrorStop")
     error = until_text(x.page, ".error", "remedy")
     assert "4310" in error

@@ -35,7 +35,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]
             until(lambda: page.one("[data-do=give_back]").is_displayed())
             page.press("enable")
             until(lambda: page.text(".state") == "Standstill")
-            at.machine.stand_in(1).fault(0x4310)
+            at.machine.simulated_node(1).fault(0x4310)
             until(lambda: page.text(".state") == "ErrorStop")
             page.press("move_velocity")
             until(lambda: page.text("#told"))

@@ -120,7 +120,7 @@ def test_a_torque_beyond_the_limit_is_refused_in_the_words_of_the_library(x):
 
 def test_the_command_that_another_program_took_is_taken_back(scene, x):
     assert not x.page.one("#command").is_displayed()
-    with Machine.attach(scene.file, command=True, take=True) as other:
+    with Machine.attach(scene.file, command=True, force=True) as other:
         until(lambda: x.page.one("#command").is_displayed())
         assert "the machine is commanded by process" in x.page.text("#commanded")
         x.page.type("velocity", "50")
@@ -133,11 +133,11 @@ def test_the_command_that_another_program_took_is_taken_back(scene, x):
         x.page.one("[data-do=take_command]").click()
         x.page.key(ENTER)  # the focus is on No
         time.sleep(0.3)
-        assert other.has_command
+        assert other.has_control
         x.page.press("take_command")
         until(lambda: x.speed() < 0.1)
         until(lambda: not x.page.one("#command").is_displayed())
-        assert not other.has_command
+        assert not other.has_control
         moving.exception()
         x.page.press("move_velocity")
         until(lambda: x.speed() > 45.0)

@@ -50,7 +50,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]
 @pytest.fixture
 def at(scene: SimpleNamespace) -> SimpleNamespace:
     """The view, of node 1, with the controls; no job is under way."""
-    page, dials = scene.page, scene.machine.stand_in(1).device.dials
+    page, dials = scene.page, scene.machine.simulated_node(1).device.dials
     page.usual()
     dials.sdo_aborts, dials.sdo_silent = {}, False
     page.take_controls()
@@ -99,7 +99,7 @@ def done(page: Page, button: str) -> str:
 
 def test_a_backup_shows_how_far_it_is_and_is_saved_as_a_dcf(at):
     page = at.page
-    at.machine.stand_in(1).device.write(*ACCELERATION, 4711)
+    at.machine.simulated_node(1).device.write(*ACCELERATION, 4711)
     press(page, "#backup")
     until(lambda: float(page.run("return document.querySelector('#config-bar').value")) > 5)
     assert not page.one("#backup").is_enabled()
@@ -121,7 +121,7 @@ def test_a_backup_is_cancelled(at):
 
 
 def test_a_file_is_held_against_the_node(at):
-    page, device = at.page, at.machine.stand_in(1).device
+    page, device = at.page, at.machine.simulated_node(1).device
     backed_up(at)
     press(page, "#file-backup")
     until(lambda: "of node 1" in page.text("#file-state"))
@@ -135,7 +135,7 @@ def test_a_file_is_held_against_the_node(at):
 
 
 def test_what_a_restore_would_write_is_told_and_nothing_is_written(at):
-    page, device = at.page, at.machine.stand_in(1).device
+    page, device = at.page, at.machine.simulated_node(1).device
     device.write(*ACCELERATION, 4711)
     backed_up(at)
     press(page, "#file-backup")
@@ -151,7 +151,7 @@ def test_what_a_restore_would_write_is_told_and_nothing_is_written(at):
 
 
 def test_the_settings_are_restored_after_a_yes_and_the_rest_is_left(at):
-    page, device = at.page, at.machine.stand_in(1).device
+    page, device = at.page, at.machine.simulated_node(1).device
     device.write(*ACCELERATION, 4711)
     backed_up(at)
     press(page, "#file-backup")
@@ -203,7 +203,7 @@ def test_a_node_that_is_lost_in_the_middle_is_said(at):
     page = at.page
     press(page, "#backup")
     until(lambda: float(page.run("return document.querySelector('#config-bar').value")) > 5)
-    at.machine.stand_in(1).device.dials.sdo_silent = True
+    at.machine.simulated_node(1).device.dials.sdo_silent = True
     until(lambda: "no answer" in page.text("#config-error"), 20.0)
     assert "has not come to its end" in page.text("#config-state")
 

@@ -48,7 +48,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]
 @pytest.fixture
 def at(scene: SimpleNamespace) -> SimpleNamespace:
     """The dictionary of node 1, with the controls; nothing is looked for, nothing is kept being read."""
-    page, dials = scene.page, scene.machine.stand_in(1).device.dials
+    page, dials = scene.page, scene.machine.simulated_node(1).device.dials
     page.usual()
     dials.sdo_aborts, dials.sdo_silent = {}, False
     page.take_controls()
@@ -122,7 +122,7 @@ def enabled(page: Page, axis: Axis) -> None:
 def has(scene: SimpleNamespace, key: str) -> int:
     """What the stand-in itself has."""
     node, index, sub = key.split(":")
-    found: int = scene.machine.stand_in(int(node)).device.read(int(index, 16), int(sub, 16))
+    found: int = scene.machine.simulated_node(int(node)).device.read(int(index, 16), int(sub, 16))
     return found
 
 
@@ -161,7 +161,7 @@ def test_what_is_kept_being_read_follows_the_drive_and_eight_are_enough(at):
     opened(page, "6083")
     button(page, "Keep reading", ACCELERATION)
     for wanted in (4711, 4712):
-        at.machine.stand_in(1).device.write(0x6083, 0, wanted)
+        at.machine.simulated_node(1).device.write(0x6083, 0, wanted)
         until(lambda wanted=wanted: page.text("#kept-rows").count(f"{wanted} = ") == 1, 3.0)
     opened(page, "1018")
     for number in range(5):
@@ -220,7 +220,7 @@ def test_an_energised_node_asks_and_no_writes_nothing(at):
 
 
 def test_aborts_and_silence_are_told_beside_the_object(at):
-    page, dials = at.page, at.machine.stand_in(1).device.dials
+    page, dials = at.page, at.machine.simulated_node(1).device.dials
     dials.sdo_aborts = {(0x6083, 0): abort.OBJECT_MISSING}
     opened(page, "6083")
     button(page, "Read", ACCELERATION)
@@ -242,7 +242,7 @@ def test_by_the_keyboard_alone_and_the_space_bar_stops(at):
         page.key(key)
     assert page.run("return document.activeElement.dataset.index") == "6083"
     assert page.run("return document.activeElement.getAttribute('aria-expanded')") == "true"
-    at.machine.stand_in(1).device.write(0x6083, 0, 8100)
+    at.machine.simulated_node(1).device.write(0x6083, 0, 8100)
     page.key(TAB)
     page.key(ENTER)
     until(lambda: value(page, ACCELERATION).startswith("8100 = "))
@@ -281,7 +281,7 @@ def test_pdos_and_findings_are_shown(at):
 
 def test_a_verification_goes_on_may_be_cancelled_and_finds_what_differs(at):
     page = at.page
-    at.machine.stand_in(1).device.dials.sdo_aborts = {(0x6083, 0): abort.OBJECT_MISSING}
+    at.machine.simulated_node(1).device.dials.sdo_aborts = {(0x6083, 0): abort.OBJECT_MISSING}
     press(page, page.one("[data-part=verify]"))
     press(page, page.one("#verify"))
     until(lambda: float(page.run("return document.querySelector('#verify-bar').value")) > 5)

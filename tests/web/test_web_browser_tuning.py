@@ -187,7 +187,7 @@ def test_a_trial_is_measured_drawn_and_laid_over_a_pinned_one(at):
     page, x = at.page, at.machine["x"]
     looked_at(page, "profile acc", "Profile acceleration")
     looked_at(page, "6085", "Quick stop deceleration")
-    before = at.machine.stand_in(1).device.read(0x6085, 0)
+    before = at.machine.simulated_node(1).device.read(0x6085, 0)
     measured(page, **MOVE)
     assert x.state is AxisState.STANDSTILL
     assert "position 20 deg" in newest(page)
@@ -217,7 +217,7 @@ def test_a_velocity_there_and_back(at):
 
 
 def test_a_gain_is_written_by_the_guarded_write_and_kept_by_the_browser(at):
-    page, device = at.page, at.machine.stand_in(1).device
+    page, device = at.page, at.machine.simulated_node(1).device
     looked_at(page, "6085", "Quick stop deceleration")
     field = page.one(f"[data-gain-writes='{QUICK}']")
     field.send_keys("81000")
@@ -269,7 +269,7 @@ def test_whatever_comes_between_stops_the_plant_and_is_told(at, do):
         page.driver.switch_to.window(first)
         disturbed(page, x, "Disturbed")
     else:
-        at.machine.stand_in(1).fault(0x4310)
+        at.machine.simulated_node(1).fault(0x4310)
         disturbed(page, x, "Disturbed")
     if do != "cut":
         assert "disturbed, not measured" in newest(page)

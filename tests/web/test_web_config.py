@@ -56,7 +56,7 @@ def machine(tmp_path: Path) -> Iterator[Machine]:
 
 
 def device(machine: Machine, node: int = 1) -> Any:
-    return machine.stand_in(node).device
+    return machine.simulated_node(node).device
 
 
 def done(machine: Machine, kind: ConfigJobKind, node: int = 1, file: Dcf | None = None) -> Any:

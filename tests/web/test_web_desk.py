@@ -320,7 +320,7 @@ def test_an_axis_without_power_or_in_fault_is_given_no_torque(pages):
     pages.pass_(0.3)
     assert pages.told(place)[0][0] == "failed"
     pages.enabled(place, "x")
-    pages.machine.stand_in(1).fault(0x4310)
+    pages.machine.simulated_node(1).fault(0x4310)
     pages.pass_(0.5)
     pages.ask(place, "torque_control", "x", sure=True, values=values)
     pages.pass_(0.5)
@@ -365,7 +365,7 @@ def test_a_fault_is_told_with_its_cause_and_reset(pages):
     pages.enabled(place, "x")
     pages.ask(place, "move_velocity", "x", values={"velocity": "50"})
     pages.pass_(0.5)
-    pages.machine.stand_in(1).fault(0x8611)
+    pages.machine.simulated_node(1).fault(0x8611)
     pages.pass_(1.0)
     assert pages.machine["x"].state is AxisState.ERRORSTOP
     pages.ask(place, "reset", "x")

@@ -49,7 +49,7 @@ class Nodes:
 
     @property
     def dials(self) -> Any:
-        return self.machine.stand_in(1).device.dials
+        return self.machine.simulated_node(1).device.dials
 
     def read(self, key: str) -> TransferResult:
         return self.transfers.carry_out(ObjectJob(named(key), 1))
@@ -60,7 +60,7 @@ class Nodes:
     def has(self, key: str) -> int:
         """What the stand-in itself has."""
         found = named(key)
-        value: int = self.machine.stand_in(found.node).device.read(found.index, found.subindex)
+        value: int = self.machine.simulated_node(found.node).device.read(found.index, found.subindex)
         return value
 
 

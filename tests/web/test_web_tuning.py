@@ -233,7 +233,7 @@ def test_it_needs_the_controls_an_operator_and_an_axis_that_stands_enabled(pages
     assert "x moves" in pages.told(place)[0][1]
     pages.ask(place, "halt", "x")
     pages.pass_(0.5)
-    pages.machine.stand_in(1).fault(0x4310)
+    pages.machine.simulated_node(1).fault(0x4310)
     pages.pass_(0.5)
     pages.step(place)
     assert "ErrorStop" in pages.told(place)[-1][1]
@@ -344,7 +344,7 @@ def test_a_halt_of_another_program_while_it_stands_lets_it_not_go_back(pages, pl
 
 def test_a_fault_ends_it_and_is_told(pages, place):
     pages.under_way(place)
-    pages.machine.stand_in(1).fault(0x4310)
+    pages.machine.simulated_node(1).fault(0x4310)
     pages.ended(place, "")
     assert pages.last["why"]
     assert pages.machine["x"].state is AxisState.ERRORSTOP
@@ -354,7 +354,7 @@ def test_a_fault_ends_it_and_is_told(pages, place):
 def test_a_fault_of_another_axis_ends_it_also_where_it_stands(pages, place, wait):
     pages.step(place)
     pages.go_on(place, wait)
-    pages.machine.stand_in(2).fault(0x4310)
+    pages.machine.simulated_node(2).fault(0x4310)
     pages.ended(place, "")
     assert pages.last["why"]
 

@@ -92,10 +92,10 @@ def test_how_a_machine_ended_is_still_told(machine):
 
 def test_a_silent_drive_has_no_position(machine):
     machine["x"].enable().wait()
-    machine.stand_in(1).device.dials.dead = True
+    machine.simulated_node(1).device.dials.dead = True
     machine.sleep(3.0)
     x = all_axes(machine, now(machine))["x"]
-    machine.stand_in(1).device.dials.dead = False  # it could not be seen to stand on the way out
+    machine.simulated_node(1).device.dials.dead = False  # it could not be seen to stand on the way out
     machine.sleep(1.0)
     assert x["position"] == "unknown"
     assert x["position_age"] == ""
@@ -107,7 +107,7 @@ def test_a_fault_is_told_with_cause_and_remedy_before_what_was_earlier(machine):
     assert quiet["incidents"] == []
     assert quiet["beside"] == ["bus: fine"]
     machine["x"].enable().wait()
-    machine.stand_in(1).fault(0x4310)
+    machine.simulated_node(1).fault(0x4310)
     machine.sleep(0.5)
     assert machine["x"].state is AxisState.ERRORSTOP
     first, *rest = whole_cell(machine, [], now(machine))["incidents"]
@@ -136,7 +136,7 @@ def test_a_node_whose_drive_is_in_fault_or_that_is_lost_is_said_to_be_wrong(mach
         return [each["wrong"] for each in whole_cell(machine, [], now(machine))["nodes"]]
 
     assert wrong() == [None, None]
-    machine.stand_in(1).fault(0x4310)
+    machine.simulated_node(1).fault(0x4310)
     machine.sleep(0.5)
     of_x, of_y = wrong()
     assert of_x is not None
@@ -144,10 +144,10 @@ def test_a_node_whose_drive_is_in_fault_or_that_is_lost_is_said_to_be_wrong(mach
     assert of_x["page"] == "too-hot"
     assert of_y is None
     machine["x"].reset().wait()
-    machine.stand_in(2).device.dials.dead = True
+    machine.simulated_node(2).device.dials.dead = True
     machine.sleep(3.0)
     of_x, of_y = wrong()
-    machine.stand_in(2).device.dials.dead = False
+    machine.simulated_node(2).device.dials.dead = False
     machine.sleep(1.0)
     assert of_x is None
     assert of_y is not None
@@ -176,7 +176,7 @@ def test_the_diagram_has_each_state_once_and_each_transition():
 def test_incidents_are_told_newest_first(machine):
     x = machine["x"]
     for code in (0x4310, 0x2310):
-        machine.stand_in(1).fault(code)
+        machine.simulated_node(1).fault(code)
         machine.sleep(0.5)
         x.reset().wait()
         machine.sleep(0.5)

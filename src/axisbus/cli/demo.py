@@ -59,7 +59,7 @@ def command(cell: Path | None, output: Path, plot: bool, record: Path | None) ->
     with Recorder(machine) as recorder, machine:  # the recorder sees the stop, too
         with recorded(machine, record) as recording:
             _job(machine, tally)
-        lateness = machine.lateness
+        lateness = machine.cycle_jitter
     tally.say("every axis was halted and disabled, the nodes are pre-operational")
     csv = recorder.write_csv(output / "recording.csv")
     tally.say(f"{counted(len(recorder), 'cycle')} recorded in {csv}")
@@ -132,7 +132,7 @@ def _fault(machine: Machine, tally: DemoResult) -> None:
     tally.say(f"a fault is provoked in {victim.name} while all move")
     handles = [axis.move_relative(60.0 if axis is not victim else -40.0, velocity=40.0) for axis in axes]
     machine.sleep(0.6)
-    machine.stand_in(machine.cell.axes[victim.name].node).fault(_FAULT, _FAULT_BITS)
+    machine.simulated_node(machine.cell.axes[victim.name].node).fault(_FAULT, _FAULT_BITS)
     try:
         wait(handles)
     except ExceptionGroup as group:

@@ -117,7 +117,7 @@ class _Jogging:
         was_halted = self._last is not None and type(self._last.error) is Interrupted
         if not (was_halted and same and since < _LET_GO):
             renews = same and since < _HELD
-            self._last = self._axis.jog(velocity, acceleration=self._acceleration, renews=renews)
+            self._last = self._axis.jog(velocity, acceleration=self._acceleration, continue_only=renews)
 
     def _look(self) -> str:
         """Return why the last jog did not go on, if it was not for want of a key: at a position limit the way back is free."""

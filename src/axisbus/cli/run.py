@@ -27,8 +27,8 @@ def command(cell: Path, every: float | None, seconds: float | None, beside: bool
     the machine.
     """
     step = pace(every)
-    with Machine.open(cell, beside=beside, shared=True) as machine:
-        say(f"the machine runs ({machine.degree}); in another terminal:")
+    with Machine.open(cell, allow_other_master=beside, shared=True) as machine:
+        say(f"the machine runs ({machine.real_time_status}); in another terminal:")
         for text in (f"axisbus monitor {cell}", f"axisbus move {cell} {next(iter(machine)).name}=..."):
             say(f"  {text}")
         look_on(machine, step, None if seconds is None else max(1, round(seconds / step)), as_json=False)

@@ -114,7 +114,7 @@ def _keep(server: PageServer, machine: Machine, role: Role) -> None:
         while not _entered():
             machine.sleep(_LOOK)
             server.require_alive()
-            if machine.is_joined and machine.session.ended:
+            if machine.is_attached and machine.session.ended:
                 say("the machine that it had joined has ended")
                 time.sleep(_LAST_WORDS)
                 return

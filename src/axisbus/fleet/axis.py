@@ -41,7 +41,7 @@ class FleetAxis:
         self._jog: tuple[float, int, float] = (math.nan, 0, -math.inf)  # velocity, press, when
 
     def __repr__(self) -> str:
-        seen = self._cell.seen(self.name)
+        seen = self._cell.last_state(self.name)
         if seen is None or not seen.fresh:
             return f"<FleetAxis {self._path}: unknown>"
         where = "" if seen.state.position is None else f" at {seen.state.position:g} {seen.state.unit}"
@@ -56,7 +56,7 @@ class FleetAxis:
     @property
     def unit(self) -> str:
         """The unit of its positions; empty where nothing was heard of it yet."""
-        info, seen = self._cell.axis_info(self.name), self._cell.seen(self.name)
+        info, seen = self._cell.axis_info(self.name), self._cell.last_state(self.name)
         return info.unit if info is not None else seen.state.unit if seen is not None else ""
 
     @property
@@ -68,7 +68,7 @@ class FleetAxis:
     @property
     def age(self) -> float | None:
         """Seconds since what is known of it was made, by the cell's clock and then by this one's; None where nothing is."""
-        seen = self._cell.seen(self.name)
+        seen = self._cell.last_state(self.name)
         return None if seen is None else seen.age
 
     @property
@@ -123,12 +123,12 @@ class FleetAxis:
         return value
 
     def _told(self, what: str) -> AxisStateMessage:
-        seen = self._cell.seen(self.name)
+        seen = self._cell.last_state(self.name)
         if seen is None:
-            raise self._stale(what, self._cell.silence or "nothing was heard of it")
+            raise self._stale(what, self._cell.offline_reason or "nothing was heard of it")
         if not seen.fresh:
             old = "of nothing known" if seen.age is None else f"{seen.age:.1f} s old"
-            raise self._stale(what, self._cell.silence or f"the last state that came is {old}")
+            raise self._stale(what, self._cell.offline_reason or f"the last state that came is {old}")
         return seen.state
 
     def _stale(self, what: str, observed: str) -> StaleError:
@@ -149,9 +149,9 @@ class FleetAxis:
         """Let the drive do its quick stop, whoever has the command; afterwards it is Disabled, or held in Stopping."""
         return self._cell.stop_axes("quick_stop", (self.name,))
 
-    def enable(self, *, moving: bool = False) -> Handle:
-        """Switch the power stage on (MC_Power); ``moving`` catches an axis that moves without power."""
-        return self._give("enable", moving=moving or None)
+    def enable(self, *, allow_moving: bool = False) -> Handle:
+        """Switch the power stage on (MC_Power); ``allow_moving`` catches an axis that moves without power."""
+        return self._give("enable", allow_moving=allow_moving or None)
 
     def disable(self, *, coast: bool = False) -> Handle:
         """Halt, then switch the power stage off; ``coast`` cuts the power at once."""
@@ -297,7 +297,7 @@ class FleetAxis:
         given = {**needs, **{name: value for name, value in takes.items() if value is not None}}
         shown = ", ".join(f"{name}={value}" for name, value in given.items() if name not in _UNSHOWN)
         name = f"{self._path}.{verb}({shown})"
-        return self._cell.give(
+        return self._cell._send_command(
             verb, (self.name,), {each: _number(name, each, given[each]) for each in given}, name
         )
 

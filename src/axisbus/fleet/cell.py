@@ -57,7 +57,7 @@ class FleetCell:
         self._axes: dict[str, FleetAxis] = {}
 
     def __repr__(self) -> str:
-        return f"<FleetCell {self.name}: {self.silence or 'alive'}>"
+        return f"<FleetCell {self.name}: {self.offline_reason or 'alive'}>"
 
     def __iter__(self) -> Iterator[FleetAxis]:
         return iter([self._axis(name) for name in self._axis_names()])
@@ -74,7 +74,7 @@ class FleetCell:
                 f"{self.name}: there is no axis {axis!r}",
                 observed=f"there are {', '.join(names)}"
                 if names
-                else self.silence or "its axes are not known yet",
+                else self.offline_reason or "its axes are not known yet",
                 remedy="see which there are: axisbus fleet list",
             )
         return self._axis(axis)
@@ -98,7 +98,7 @@ class FleetCell:
         return self._ways.hearing.look(self.name, lambda watch, _: watch.alive)
 
     @property
-    def bridged(self) -> bool:
+    def bridge_online(self) -> bool:
         """Whether its bridge is reached, be it that no machine runs there."""
         return self._ways.hearing.look(self.name, lambda watch, _: watch.bridged)
 
@@ -108,13 +108,13 @@ class FleetCell:
         return self._ways.hearing.look(self.name, lambda watch, now: now - watch.since)
 
     @property
-    def silence(self) -> str:
+    def offline_reason(self) -> str:
         """Why nothing of it is known now, for people; empty where it is alive."""
         if self.alive:
             return ""
         return (
             f"its machine does not run, for {self.since:.1f} s"
-            if self.bridged
+            if self.bridge_online
             else f"gone for {self.since:.1f} s"
         )
 
@@ -124,12 +124,12 @@ class FleetCell:
         return self._ways.hearing.look(self.name, lambda watch, _: watch.info)
 
     @property
-    def differs(self) -> str:
+    def version_mismatch(self) -> str:
         """How its version of axisbus differs from this one, for people; empty where it does not, or is not known."""
         return self._ways.hearing.look(self.name, lambda watch, _: watch.differs)
 
     @property
-    def doubled(self) -> bool:
+    def duplicate_bridge(self) -> bool:
         """Whether two bridges have this name now: then it takes no command but stops."""
         return self._ways.hearing.look(self.name, lambda watch, now: watch.rivals(now))
 
@@ -153,7 +153,7 @@ class FleetCell:
         """Those of the events that are of errors and warnings, the oldest first, with cause and remedy where they are known."""
         return [event for event in self.events if event.kind == "incident" or event.severity != "info"]
 
-    def seen(self, axis: str) -> LastAxisState | None:
+    def last_state(self, axis: str) -> LastAxisState | None:
         """Return what an axis told last, with its age and whether it holds now; None where nothing was heard of it."""
         return self._ways.hearing.look(self.name, lambda watch, now: watch.seen(axis, now))
 
@@ -163,20 +163,20 @@ class FleetCell:
 
     # -- who commands it, and stops --------------------------------------------------------------------------------------
 
-    def command(self, *, over: bool = False) -> CellControl[FleetCell]:
+    def command(self, *, force: bool = False) -> CellControl[FleetCell]:
         """Have the command of the cell, for a ``with`` block: entering it takes the cell's lease, leaving it gives that back.
 
-        The lease is renewed in a thread. Where that stops, for this program is killed, stopped or cut off, the cell halts what
-        this program has moved, within about a second. So it does at the end of the block. ``over``: from whoever has it; what moves
+        The lease is renewed in a thread. Where that stops, for this program is killed, stopped or cut off, the cell halts what this
+        program has moved, within about a second. So it does at the end of the block. ``force``: from whoever has it; what moves
         halts first. Entering blocks for a moment (at most 7 s).
 
         Raises:
             OwnershipError: another program has it (on entering).
             StateError: the cell gives no answer, or this program has its command already (on entering).
         """
-        return CellControl(self, self.name, self._ways.leases, over)
+        return CellControl(self, self.name, self._ways.leases, force)
 
-    def holder(self) -> str | None:
+    def control_owner(self) -> str | None:
         """Return who has the command, for people, None where nobody has; blocks for at most 2 s.
 
         Raises:
@@ -197,7 +197,7 @@ class FleetCell:
         name = ".".join((self.name, *axes, f"{verb.removesuffix('_all')}()"))
         return self._ways.sending.give(self.name, verb, tuple(axes), {}, name, stops=True)
 
-    def give(self, verb: str, axes: Sequence[str], values: Mapping[str, Value], name: str) -> Handle:
+    def _send_command(self, verb: str, axes: Sequence[str], values: Mapping[str, Value], name: str) -> Handle:
         """Send what needs a lease.
 
         Raises:
@@ -209,14 +209,16 @@ class FleetCell:
         return self._ways.sending.give(self.name, verb, tuple(axes), values, name, once=verb == "jog")
 
     def _require_one_tongue(self, name: str) -> None:
-        if self.doubled:
+        if self.duplicate_bridge:
             raise StateError(
                 f"{name}: two bridges call themselves {self.name}; nothing was sent",
                 remedy="end one of them, or let it have another name",
             )
         if self.info is not None and self.info.protocol != PROTOCOL:
             raise StateError(
-                f"{name}: nothing was sent", observed=self.differs, remedy="install the same version on both"
+                f"{name}: nothing was sent",
+                observed=self.version_mismatch,
+                remedy="install the same version on both",
             )
 
     # -- objects and recordings ------------------------------------------------------------------------------------------

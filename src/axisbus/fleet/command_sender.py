@@ -119,7 +119,7 @@ class CommandSender:
             return
         self._go_on(sent, sent.order.answered(answer, time.monotonic()))
         if sent.order.active:
-            sent.handle.hear(CommandEvent(0, Status.ACTIVE, None, ""))
+            sent.handle._on_event(CommandEvent(0, Status.ACTIVE, None, ""))
 
     def _overtaken(self, sent: _Sent, answer: CommandAnswer) -> bool:
         """Whether a stop of other axes, which this program has sent later, has overtaken a command, which was not done for that."""
@@ -144,7 +144,7 @@ class CommandSender:
         self._end(sent.handle, what)
 
     def _end(self, handle: Handle, end: CommandEnd) -> None:
-        handle.hear(CommandEvent(0, end.status, end.error, end.note))
+        handle._on_event(CommandEvent(0, end.status, end.error, end.note))
         self.waiter.notify()
 
     def _gone(self, cell: str) -> None:

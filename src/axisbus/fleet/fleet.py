@@ -115,12 +115,12 @@ class Fleet:
         return {cell.name: cell for cell in self}
 
     @property
-    def unreached(self) -> list[str]:
+    def unreachable_endpoints(self) -> list[str]:
         """The endpoints of ``connect``, or else of ``config``, to which there is no connection now: nobody knows what is there."""
         return unreached(self._connect, self._asking.links)
 
     @property
-    def junk(self) -> int:
+    def invalid_messages(self) -> int:
         """How many messages under the plant's keys were none of its."""
         return self._hearing.junk
 
@@ -178,7 +178,7 @@ class Fleet:
         every = ZenohCellKeys.of_all(self.plant).alive
         while (left := end - time.monotonic()) > 0:
             found = [key.split("/")[2] for key in self._asking.tokens(every, left)]
-            if not comes and not self.unreached and found and self._hearing.settled(found):
+            if not comes and not self.unreachable_endpoints and found and self._hearing.settled(found):
                 return
             time.sleep(_STEP)
 

@@ -210,7 +210,7 @@ def _stages(incident: Incident, now: float) -> Iterator[tuple[MachineEventKind, 
 def _incident(
     node: NodeAccess, axes: tuple[str, ...], incident: Incident, kind: MachineEventKind, stamp: float
 ) -> MachineEvent:
-    first, *lines = node.incident_words(incident)
+    first, *lines = node.format_incident(incident)
     stands, about = first.rpartition(",")[0], f"node {node.node_id}"
     if kind is MachineEventKind.OVER:
         return MachineEvent(stamp, kind, "info", stands, about, axes)

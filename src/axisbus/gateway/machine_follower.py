@@ -49,7 +49,7 @@ class MachineFollower:
         goes_on: Callable[[], bool],
     ) -> None:
         """Serve the machine of the cell until it ends; return at once where none runs."""
-        machine = Machine.join(self._cell)
+        machine = Machine.try_attach(self._cell)
         if machine is None:
             self._once("waits for a machine: axisbus run")
             return

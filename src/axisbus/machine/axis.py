@@ -136,10 +136,10 @@ class Axis:
         Raises:
             StaleError: it is unknown (never received, or older than its maximum age).
         """
-        return self._parameters.units.turned(self.unwrapped)
+        return self._parameters.units.turned(self.unwrapped_position)
 
     @property
-    def unwrapped(self) -> float:
+    def unwrapped_position(self) -> float:
         """As ``position``, but of an endless axis not within its modulo: how far it has turned in all; for groups."""
         snapshot = self.snapshot
         return self._parameters.units.position.to_units(
@@ -147,7 +147,7 @@ class Axis:
         )
 
     @property
-    def led_to(self) -> float:
+    def commanded_position(self) -> float:
         """Where its drive was led to last (6062h, where it is believed), else where it is; unwrapped, in its unit; for groups."""
         snapshot = self.snapshot
         place = snapshot.demand if snapshot.demand_leads else None
@@ -166,7 +166,7 @@ class Axis:
         return abs(self._parameters.units.position.to_units(1))
 
     @property
-    def place_window(self) -> float:
+    def start_tolerance(self) -> float:
         """How far it may be from a place that counts as where it stands, in its unit; for groups."""
         return self._parameters.place_window * self.increment
 
@@ -225,7 +225,7 @@ class Axis:
         self._require_scan("state")
         snapshot = self.snapshot
         self._known(snapshot.statusword, "statusword (6041h)")
-        return snapshot.power is PowerState.OPERATION_ENABLED
+        return snapshot.power_state is PowerState.OPERATION_ENABLED
 
     @property
     def limits(self) -> AxisLimits:
@@ -329,16 +329,16 @@ class Axis:
 
     # -- power and stopping ------------------------------------------------------------------------------------------
 
-    def enable(self, *, moving: bool = False) -> Handle:
+    def enable(self, *, allow_moving: bool = False) -> Handle:
         """Switch the power stage on (MC_Power). Nothing moves by it: every target is preloaded.
 
         An axis that moves without power (coasts, sags, is turned by hand) is awaited, and refused where it does not come to rest;
-        ``moving`` catches it in motion. It is done when the axis is seen to stand with its power on.
+        ``allow_moving`` catches it in motion. It is done when the axis is seen to stand with its power on.
 
         Asked for again while it is under way, it goes on, and both handles end as it does; so do ``reset`` and all that stops.
         """
-        caught = flag_of(f"{self.name}.enable", "moving", moving)
-        return self._submit("enable(moving=True)" if caught else "enable()", c.EnableCommand(caught))
+        caught = flag_of(f"{self.name}.enable", "moving", allow_moving)
+        return self._submit("enable(allow_moving=True)" if caught else "enable()", c.EnableCommand(caught))
 
     def disable(self, *, coast: bool = False) -> Handle:
         """Halt, then switch the power stage off (transitions 5, 6, 7); ``coast`` cuts the power at once (transition 9)."""
@@ -365,7 +365,7 @@ class Axis:
         return self._submit("release()", c.Release())
 
     @contextmanager
-    def stopped(self, timeout: float | None = None) -> Iterator[None]:
+    def held_stopped(self, timeout: float | None = None) -> Iterator[None]:
         """Stop on entering (blocks until it stands), release on leaving."""
         self.stop().wait(timeout)
         try:
@@ -410,7 +410,7 @@ class Axis:
             ArgumentError: not finite, not positive, or a default is missing.
         """
         name = f"move_absolute({shown(position)} {self.unit})"
-        target = self.absolute_increments(name, position, direction)
+        target = self._absolute_increments(name, position, direction)
         profile = self._request(name).profile(velocity, acceleration, deceleration, timeout, jerk)
         return self._submit_motion(
             name, c.Move(c.TargetReference.ABSOLUTE, target, profile), buffer, direction
@@ -469,15 +469,17 @@ class Axis:
         profile = self._request(name).turning(velocity, acceleration, deceleration, timeout, jerk)
         return self._submit_motion(name, c.MoveVelocity(profile), buffer)
 
-    def jog(self, velocity: float, *, acceleration: float | None = None, renews: bool = False) -> Handle:
+    def jog(
+        self, velocity: float, *, acceleration: float | None = None, continue_only: bool = False
+    ) -> Handle:
         """Move at ``velocity`` for 200 ms; call it again with the same values to go on. Raises as ``move_absolute``.
 
-        With ``renews`` it goes on with the jog that runs, and begins none: where that has ended, by a halt of anybody's say,
+        With ``continue_only`` it goes on with the jog that runs, and begins none: where that has ended, by a halt of anybody's say,
         the handle ends with ``Interrupted``. Whoever holds a button calls so from the second time on.
         """
         name = f"jog({shown(velocity)} {self.unit}/s)"
         profile = self._request(name).turning(velocity, acceleration, jerk=math.inf)
-        goes_on = flag_of(f"{self.name}.{name}", "renews", renews)
+        goes_on = flag_of(f"{self.name}.{name}", "continue_only", continue_only)
         return self._submit(name, c.MoveVelocity(profile, self._parameters.timing.jog, goes_on))
 
     def torque_control(
@@ -537,18 +539,18 @@ class Axis:
         self,
         function: Function,
         *,
-        by: str = "velocity",
+        output: str = "velocity",
         acceleration: float | None = None,
         deceleration: float | None = None,
         slope: float | None = None,
-        late: int = 0,
+        max_missed_cycles: int = 0,
     ) -> Controller:
         """Let ``function`` lead the axis: it is given what was ``Measured`` in each cycle, and returns what is led to in the next.
 
-        ``by="velocity"``: it returns a velocity (unit/s, csv), ``"torque"``: a torque (N·m, cst); it is held to
+        ``output="velocity"``: it returns a velocity (unit/s, csv), ``"torque"``: a torque (N·m, cst); it is held to
         ``max_velocity`` or ``max_torque``, and the ramps are those of ``cyclic_velocity`` and ``cyclic_torque``. It runs in a
         thread of this program, and is called once the drive is in that mode. An exception, or no answer in time for the next
-        cycle, stops the axis (ErrorStop); ``late``: for how many cycles more the last answer holds. Does not block.
+        cycle, stops the axis (ErrorStop); ``max_missed_cycles``: for how many cycles more the last answer holds. Does not block.
 
         Raises:
             ArgumentError, LimitError: as ``cyclic_velocity`` or ``cyclic_torque``.
@@ -559,7 +561,7 @@ class Axis:
                 remedy="give one that takes what was measured, and returns a velocity or a torque",
             )
         answering = answering_of(
-            self._parameters, by, ControllerRamps(acceleration, deceleration, slope), late
+            self._parameters, output, ControllerRamps(acceleration, deceleration, slope), max_missed_cycles
         )
         units, period = self._parameters.units, self.scan_period
         return Controller(self.name, units, period, self._commanding, function, answering, self.halt)
@@ -616,7 +618,7 @@ class Axis:
         """
         followed = trajectory_of(trajectory, duration, f"{self.name}.follow")
         name = f"follow({type(followed).__name__}, {shown(followed.duration)} s)"
-        self.require_homed(name)
+        self._require_homed(name)
         self._request(name).trajectory(followed)
         return self._submit(name, c.FollowTrajectory(followed))
 
@@ -626,20 +628,20 @@ class Axis:
         ratio: float,
         *,
         acceleration: float | None = None,
-        at: Sequence[float] | None = None,
-        over: float | None = None,
-        by: str = "command",
+        sync_positions: Sequence[float] | None = None,
+        master_start_distance: float | None = None,
+        master_value_source: str = "command",
     ) -> Handle:
         """Be led by ``master``: ``ratio`` units for each of its units, below 0 the other way (MC_GearIn, MC_GearInPos).
 
         The axis takes up its speed with ``acceleration`` (unit/s², by default its own); from where it has it, it keeps to the
-        master's place. With ``at`` = (master's place, own place) it waits until the master comes by, and within ``over`` units of
-        the master before its place comes into step such that both are there at a time.
+        master's place. With ``sync_positions`` = (master's place, own place) it waits until the master comes by, and within
+        ``master_start_distance`` units of the master before its place comes into step such that both are there at a time.
 
         The handle ends when they are in step; the axis is led on, one cycle behind, until another command, ``gear_out`` or a stop
-        takes it away. ``by`` "command": it goes by where the master is led to; "actual": by where it is, filtered. A master in
-        ErrorStop, being homed or unknown is lost: the axis is braked by its own deceleration, in ErrorStop. So it is where the
-        master would take it beyond its own limits.
+        takes it away. ``master_value_source`` "command": it goes by where the master is led to; "actual": by where it is, filtered.
+        A master in ErrorStop, being homed or unknown is lost: the axis is braked by its own deceleration, in ErrorStop. So it is
+        where the master would take it beyond its own limits.
 
         Raises:
             LimitError: a value is beyond a limit.
@@ -647,36 +649,41 @@ class Axis:
                 of this machine.
         """
         text = f"gear_in({getattr(master, 'name', shown(master))}, {shown(ratio)})"
-        coupling = Coupling(self, master, text, self._request(text), by)
-        return self._couple(coupling.gear(ratio, acceleration, at, over), text)
+        coupling = Coupling(self, master, text, self._request(text), master_value_source)
+        return self._couple(coupling.gear(ratio, acceleration, sync_positions, master_start_distance), text)
 
     def cam_in(
         self,
         master: Axis,
         cam: Cam,
         *,
-        over: float = 0.0,
+        master_start_distance: float = 0.0,
         relative: bool = False,
-        phase: float = 0.0,
-        master_scale: float = 1.0,
-        scale: float = 1.0,
-        by: str = "command",
+        master_offset: float = 0.0,
+        master_scaling: float = 1.0,
+        slave_scaling: float = 1.0,
+        master_value_source: str = "command",
     ) -> Handle:
         """Be led by ``master`` along a ``cam`` (MC_CamIn).
 
-        It must stand where it is due for the master's place, or comes there within the next ``over`` units of the master; with
-        ``relative`` where it is counts as where it is due. ``phase``: by how many units of the master it is ahead;
-        ``master_scale`` (above 0) and ``scale`` stretch the cam for the master's and the slave's places. The handle, ``by``, and
-        the ends are as of ``gear_in``.
+        It must stand where it is due for the master's place, or comes there within the next ``master_start_distance`` units of the
+        master; with ``relative`` where it is counts as where it is due. ``master_offset``: by how many units of the master it is
+        ahead; ``master_scaling`` (above 0) and ``slave_scaling`` stretch the cam for the master's and the slave's places. The
+        handle, ``master_value_source``, and the ends are as of ``gear_in``.
 
         Raises:
             LimitError: the cam leaves ``position_limits``.
             ArgumentError: as ``gear_in``.
         """
         text = f"cam_in({getattr(master, 'name', shown(master))})"
-        coupling = Coupling(self, master, text, self._request(text), by)
+        coupling = Coupling(self, master, text, self._request(text), master_value_source)
         command = coupling.cam(
-            cam, over, relative=relative, phase=phase, master_scale=master_scale, scale=scale
+            cam,
+            master_start_distance,
+            relative=relative,
+            phase=master_offset,
+            master_scale=master_scaling,
+            scale=slave_scaling,
         )
         return self._couple(command, text)
 
@@ -716,7 +723,7 @@ class Axis:
         name = f"set_torque_offset({shown(torque)} N·m)"
         return self._submit(name, c.SetTorqueOffset(self._request(name).torque_offset(torque)))
 
-    def phase_by(self, shift: float, *, velocity: float, acceleration: float) -> Handle:
+    def phasing_relative(self, shift: float, *, velocity: float, acceleration: float) -> Handle:
         """See its master ``shift`` units farther on than that is, while both go on (MC_PhasingRelative).
 
         For an axis in step. All in units of the master: the shift is signed, and changes with at most ``velocity`` (per s) and
@@ -810,7 +817,7 @@ class Axis:
             self._request(name), self._parameters, input, edge, source, window, continuous=continuous
         )
         if window is not None:
-            self.require_homed(name)
+            self._require_homed(name)
         abort = c.ProbeAbort(command.number, command.key)
         handle = ProbeHandle(
             f"{self.name}.{name}",
@@ -823,7 +830,7 @@ class Axis:
 
     def probe_move(
         self,
-        toward: float,
+        position: float,
         *,
         input: int = 1,  # noqa: A002  # the standard's word
         edge: str = "rising",
@@ -833,7 +840,7 @@ class Axis:
         deceleration: float | None = None,
         timeout: float | None = None,
     ) -> ProbeHandle:
-        """Move to ``toward`` at most, and halt where a touch probe sees its next ``edge`` ("rising" or "falling").
+        """Move to ``position`` at most, and halt where a touch probe sees its next ``edge`` ("rising" or "falling").
 
         It begins at standstill: the input is armed, then the axis goes. The handle is done at rest, and its ``position`` is that
         of the edge; the axis stands beyond it, by its way until the edge was seen and by its braking. Where it arrives without
@@ -844,8 +851,8 @@ class Axis:
             LimitError, ArgumentError: as ``move_absolute`` and ``probe``.
             StateError: the EDS lacks an object for it.
         """
-        name = f"probe_move({shown(toward)} {self.unit}, input {shown(input)})"
-        target = self.absolute_increments(name, toward)
+        name = f"probe_move({shown(position)} {self.unit}, input {shown(input)})"
+        target = self._absolute_increments(name, position)
         request = self._request(name)
         profile = request.profile(velocity, acceleration, deceleration, timeout)
         probe = probe_command(request, self._parameters, input, edge, source, None, continuous=False)
@@ -882,7 +889,7 @@ class Axis:
         self._session.add_group(both, both)
         return self._commanding.submit(both, command, f"{self.name}.{text}")
 
-    def mate(self, master: object, text: str) -> Axis:
+    def _require_master(self, master: object, text: str) -> Axis:
         """Return ``master``, which must be another axis of this machine (ArgumentError); for couplings."""
         if isinstance(master, Axis) and master is not self and master._session is self._session:
             return master
@@ -923,9 +930,9 @@ class Axis:
     def _request(self, name: str) -> AxisCall:
         return AxisCall(self._parameters, name)
 
-    def absolute_command(self, name: str, position: float, velocity: float | None) -> c.Move:
+    def _absolute_command(self, name: str, position: float, velocity: float | None) -> c.Move:
         """Return the command of an absolute move, checked as ``move_absolute`` does; for groups."""
-        target = self.absolute_increments(name, position)
+        target = self._absolute_increments(name, position)
         return c.Move(c.TargetReference.ABSOLUTE, target, self._request(name).profile(velocity))
 
     @property
@@ -933,9 +940,9 @@ class Axis:
         """Acceleration of ``[axes.NAME.defaults]`` in unit/s², None where it is missing."""
         return self._parameters.defaults.acceleration
 
-    def absolute_increments(self, name: str, position: float, direction: int = 0) -> int:
+    def _absolute_increments(self, name: str, position: float, direction: int = 0) -> int:
         """Return the target of an absolute move in user increments, checked as ``move_absolute`` does; for groups."""
-        self.require_homed(name)
+        self._require_homed(name)
         request = self._request(name)
         position = request.finite("position", position)
         modulo, scale = self._parameters.units.modulo, self._parameters.units.position
@@ -945,33 +952,33 @@ class Axis:
         here = scale.to_units(self._known(snapshot.position, "position (6064h)") - snapshot.origin)
         return scale.to_increments(modulo_target(here, position, modulo, direction))
 
-    def absolute_position(self, name: str, position: float) -> float:
+    def _absolute_position(self, name: str, position: float) -> float:
         """Return where an absolute move would end, in units, checked as ``move_absolute`` does; for groups."""
-        target = self.absolute_increments(name, position)
+        target = self._absolute_increments(name, position)
         endless = self._parameters.units.modulo is not None
         return self._parameters.units.position.to_units(target) if endless else position
 
-    def require_stream(self, text: str) -> None:
+    def _require_stream_limits(self, text: str) -> None:
         """Raise ArgumentError where nothing says how it is braked, or how fast it may be; for streams."""
         self._request(text).streamed()
 
-    def allowed(self) -> Allowed:
+    def _stream_limits(self) -> Allowed:
         """Return what it may do on a stream of points that begins where it is led to; for streams."""
-        return allowed_of(self._parameters, self.led_to)
+        return allowed_of(self._parameters, self.commanded_position)
 
-    def require_near(self, text: str, position: float) -> None:
+    def _require_at_start(self, text: str, position: float) -> None:
         """Raise StateError where ``position`` is not where it is led to; for streams."""
         units = self._parameters.units.position
-        off, allowed = abs(position - self.led_to), self.place_window
+        off, allowed = abs(position - self.commanded_position), self.start_tolerance
         if off > allowed:
             raise StateError(
                 f"{text}: {self.name} does not stand where the stream begins",
-                observed=f"{self.name} is at {self.led_to:.6g} {units.unit}, the point at {position:.6g}; allowed are "
+                observed=f"{self.name} is at {self.commanded_position:.6g} {units.unit}, the point at {position:.6g}; allowed are "
                 f"{allowed:.3g} between them",
                 remedy="begin the stream with where the axes stand, or go to its first point before",
             )
 
-    def require_homed(self, name: str) -> None:
+    def _require_homed(self, name: str) -> None:
         """Raise ArgumentError where it is not homed and must be; for couplings."""
         if self._parameters.homing.required and not self.snapshot.homed:
             raise ArgumentError(
@@ -981,9 +988,9 @@ class Axis:
                 "required = false in [axes." + self.name + ".homing]",
             )
 
-    def checked_position(self, name: str, position: float) -> float:
+    def _checked_position(self, name: str, position: float) -> float:
         """Return a place, checked as ``move_absolute`` does; of an endless axis the one within its turn; for couplings."""
-        self.absolute_increments(name, position)
+        self._absolute_increments(name, position)
         return float(position)
 
     @property

@@ -49,7 +49,7 @@ class Cam:
                 f"{max(slaves):g} of the slave",
                 remedy="give points that are neither as far apart nor as near to each other as these",
             )
-        self._law = self.law()
+        self._law = self._transfer_function()
 
     @classmethod
     def read(cls, file: str | Path, *, periodic: bool = False) -> Cam:
@@ -84,7 +84,7 @@ class Cam:
         """Return the place of the slave."""
         return self._law.at(master).place
 
-    def law(self, phase: float = 0.0, master_scale: float = 1.0, scale: float = 1.0) -> CamLaw:
+    def _transfer_function(self, phase: float = 0.0, master_scale: float = 1.0, scale: float = 1.0) -> CamLaw:
         """Return it for two axes: ``phase`` units of the master ahead, and stretched; no factor is 0, the master's is above."""
         m, s = master_scale, scale
         parts = tuple(

@@ -65,7 +65,7 @@ class CommandDispatcher:
         before = self._given[kept]
         if isinstance(before, Handle):
             return before
-        handle.hear(before)
+        handle._on_event(before)
         return handle
 
     def _forget_ended(self) -> None:
@@ -79,4 +79,4 @@ class CommandDispatcher:
         if event.status in ENDED:
             self._given[event.number] = event
             self._over.append(event.number)
-        handle.hear(event)
+        handle._on_event(event)

@@ -24,19 +24,19 @@ class Coupling:
         """Check the axes.
 
         Raises:
-            ArgumentError: ``master`` is no other axis of the same machine, ``by`` is neither "command" nor "actual", the slave is
-                not homed where it must be, or nobody says how hard it is braked.
+            ArgumentError: ``master`` is not another axis of the same machine, ``master_value_source`` is neither "command" nor
+                "actual", the slave must be homed and is not, or its deceleration is unknown.
         """
         self._slave, self._request = slave, request
         self._text, self._call = request.text, text
-        self._master = slave.mate(master, text)
+        self._master = slave._require_master(master, text)
         if not isinstance(by, str) or by not in {kind.value for kind in By}:
             raise ArgumentError(
-                f"{self._text}: by {told(by)} is not known",
-                remedy='by = "command" goes by where the master is led to, by = "actual" by where it is',
+                f"{self._text}: master_value_source {told(by)} is not known",
+                remedy='give "command" (the commanded position of the master) or "actual" (its actual position)',
             )
         self._by = By(by)
-        slave.require_homed(text)
+        slave._require_homed(text)
         request.led()
 
     def gear(
@@ -51,8 +51,8 @@ class Coupling:
         if at is None:
             if over is not None:
                 raise ArgumentError(
-                    f"{self._text}: over goes with at",
-                    remedy="give at = (the master's place, the slave's place) as well, or leave over out",
+                    f"{self._text}: master_start_distance requires sync_positions",
+                    remedy="give sync_positions = (position of the master, position of the slave) as well, or leave it out",
                 )
             return self._couple(law, SyncAtSpeed(self._request.acceleration(acceleration)))
         return self._couple(law, self._meeting(at, over))
@@ -65,14 +65,16 @@ class Coupling:
             raise ArgumentError(
                 f"{self._text}: {told(cam)} is no cam", remedy="make one: Cam([(master, slave), ...])"
             )
-        self._master.require_homed(self._call)
-        stretch = self._request.finite("over", over, self._master.unit)
-        stretched = self._not_zero("master_scale", master_scale)
+        self._master._require_homed(self._call)
+        stretch = self._request.finite("master_start_distance", over, self._master.unit)
+        stretched = self._not_zero("master_scaling", master_scale)
         if stretch < 0.0 or stretched < 0.0:
-            raise ArgumentError(f"{self._text}: over and master_scale are magnitudes")
+            raise ArgumentError(f"{self._text}: master_start_distance and master_scaling are magnitudes")
         begins_here = flag_of(self._text, "relative", relative)
-        law = cam.law(
-            self._request.finite("phase", phase, self._master.unit), stretched, self._not_zero("scale", scale)
+        law = cam._transfer_function(
+            self._request.finite("master_offset", phase, self._master.unit),
+            stretched,
+            self._not_zero("slave_scaling", scale),
         )
         if not begins_here:
             self._require_room(cam, law, scale)
@@ -84,14 +86,16 @@ class Coupling:
     def _meeting(self, at: Sequence[float], over: float | None) -> AtPlace:
         if over is None:
             raise ArgumentError(
-                f"{self._text}: over is missing",
-                remedy="give over = the way of the master before that place, within which the slave comes into step",
+                f"{self._text}: master_start_distance is missing",
+                remedy="give the distance of the master before that position within which the slave synchronises",
             )
         if len(at) != 2:
             raise ArgumentError(f"{self._text}: at is the place of the master and that of the slave")
-        master = self._master.checked_position(self._call, at[0])
-        slave = self._slave.checked_position(self._call, at[1])
-        return AtPlace(master, slave, self._request.positive("over", over, self._master.unit))
+        master = self._master._checked_position(self._call, at[0])
+        slave = self._slave._checked_position(self._call, at[1])
+        return AtPlace(
+            master, slave, self._request.positive("master_start_distance", over, self._master.unit)
+        )
 
     def _require_room(self, cam: Cam, law: CamLaw, scale: float) -> None:
         """Hold a cam against the slave's limits; where its turns take the slave farther, only its way there tells."""

@@ -252,14 +252,14 @@ class Group(AxisSet):
         return self._move(text, request.through(via, end))
 
     @property
-    def place(self) -> Place:
+    def tool_position(self) -> Place:
         """Where its axes are: their positions, with kinematics the place in the workspace.
 
         Raises:
             StaleError: a position is unknown.
             LimitError: the axes' positions give no place in the workspace: for instance, arms do not meet.
         """
-        axes = tuple(axis.unwrapped for axis in self._axes.values())
+        axes = tuple(axis.unwrapped_position for axis in self._axes.values())
         if self._kinematics is None:
             return axes
         try:
@@ -342,7 +342,7 @@ class Group(AxisSet):
         name = f"move_direct({_list(positions)})"
         self._ends(name, positions)
         moves = {
-            axis.name: axis.absolute_command(name, value, velocity)
+            axis.name: axis._absolute_command(name, value, velocity)
             for axis, value in zip(self._axes.values(), positions, strict=True)
         }
         return self._submit(name, ForEach(moves, together=True))
@@ -414,7 +414,7 @@ class Group(AxisSet):
     def _ends(self, name: str, positions: Sequence[float]) -> dict[str, float]:
         given = one_each(self._axes, f"{self.name}.{name}:", positions)
         return {
-            axis.name: axis.absolute_position(name, value)
+            axis.name: axis._absolute_position(name, value)
             for axis, value in zip(self._axes.values(), given, strict=True)
         }
 

@@ -137,15 +137,15 @@ class Handle:
         finally:
             self._tasks.pop(task, None)
 
-    def hear(self, event: CommandEvent) -> None:
+    def _on_event(self, event: CommandEvent) -> None:
         """Take in how the command goes on."""
         if event.status in ENDED:
             self.note = event.note
-            self.finish(event.status, event.error)
+            self._finish(event.status, event.error)
         elif self.busy:
             self.status = event.status
 
-    def finish(self, status: Status, error: AxisbusError | None = None) -> None:
+    def _finish(self, status: Status, error: AxisbusError | None = None) -> None:
         """End the command; a second call changes nothing."""
         if self.status in ENDED:
             return

@@ -49,7 +49,7 @@ class Signal:
         return self._point.output
 
     @property
-    def safe(self) -> Value | None:
+    def safe_value(self) -> Value | None:
         """What an output becomes when its node, the program or the master is lost, and at the end; None for an input."""
         return self._point.shown(self._point.safe) if self._point.output else None
 

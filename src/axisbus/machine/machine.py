@@ -84,13 +84,14 @@ class Machine:
         return self._core.session
 
     @classmethod
-    def open(cls, path: str | Path, *, beside: bool = False, shared: bool = False) -> Machine:
+    def open(cls, path: str | Path, *, allow_other_master: bool = False, shared: bool = False) -> Machine:
         """Check, open, boot and configure the cell of a ``cell.toml``, and start its scan; energises nothing.
 
         Blocks until all nodes are up. With ``interface = "sim"`` the nodes are simulated on a private bus, in real time; on any
-        other it first listens for another master, at most 0.5 s. ``beside`` opens it all the same (as ``beside`` in ``[bus]``).
-        The core runs in a process of its own, where the cell and the platform let it (``process`` in ``[bus]``). Other programs of
-        this user can join it (``attach``): to look on, and to halt. ``shared``: this program commands nothing, one of them may.
+        other it first listens for another master, at most 0.5 s. ``allow_other_master`` opens it all the same (as
+        ``allow_other_master`` in ``[bus]``). The core runs in a process of its own, where the cell and the platform let it
+        (``process`` in ``[bus]``). Other programs of this user can join it (``attach``): to look on, and to halt. ``shared``: this
+        program commands nothing, one of them may.
 
         Raises:
             StateError: it is to be shared, and its core cannot have a process of its own.
@@ -100,15 +101,15 @@ class Machine:
             BootError: a node did not come up (several: an ExceptionGroup of them).
             SyncError: another device is to send SYNC, and does not, or not at scan_period.
         """
-        return cls(*opened(path, beside, shared))._begun()
+        return cls(*opened(path, allow_other_master, shared))._begun()
 
     @classmethod
-    def attach(cls, path: str | Path, *, command: bool = False, take: bool = False) -> Machine:
+    def attach(cls, path: str | Path, *, command: bool = False, force: bool = False) -> Machine:
         """Join the machine of a ``cell.toml`` that another program of this user has opened on this computer. Blocks for a moment.
 
         Leaving it leaves the machine as it is. Without ``command`` this program looks on; it may halt and quick-stop, which locks
         nobody out, and everything else is refused. ``command``: it is to have the command, which one program has at a time;
-        ``take``: it too, from whoever has it, after all that moves has halted. Whoever has it and is gone, by whatever way, loses
+        ``force``: it too, from whoever has it, after all that moves has halted. Whoever has it and is gone, by whatever way, loses
         it; what moves then halts, and stays enabled. The command goes back to the program that opened the machine, if it wants it.
 
         Raises:
@@ -116,7 +117,7 @@ class Machine:
             OwnershipError: another program has the command.
             ConfigError, EdsError, ScanError: as ``open``.
         """
-        machine = cls.join(path, command=command, take=take)
+        machine = cls.try_attach(path, command=command, force=force)
         if machine is None:
             raise StateError(
                 f"no machine of {path} runs on this computer, which this program could join",
@@ -126,9 +127,9 @@ class Machine:
         return machine
 
     @classmethod
-    def join(cls, path: str | Path, *, command: bool = False, take: bool = False) -> Machine | None:
+    def try_attach(cls, path: str | Path, *, command: bool = False, force: bool = False) -> Machine | None:
         """As ``attach``, but return None where no machine of this cell runs."""
-        core = attached(path, command=command, take=take)
+        core = attached(path, command=command, take=force)
         return None if core is None else cls(*core)._begun()
 
     @classmethod
@@ -289,7 +290,7 @@ class Machine:
                     _NEXT_CYCLE,
                 )
 
-    def stand_in(self, node_id: int) -> SimulatedNode:
+    def simulated_node(self, node_id: int) -> SimulatedNode:
         """Return the stand-in of a simulated node: its plant, its dials, and faults on demand.
 
         Raises:
@@ -307,12 +308,12 @@ class Machine:
         return self.cell.bus.interface == SIMULATED or not self._core.realtime
 
     @property
-    def is_joined(self) -> bool:
+    def is_attached(self) -> bool:
         """Whether another program has opened it (``attach``)."""
         return self._core.joined
 
     @property
-    def commanded_by(self) -> str:
+    def control_owner(self) -> str:
         """Who had the command when this program joined the machine, for people; empty where nobody had, or it is its own."""
         return self._core.commanded_by
 
@@ -326,7 +327,7 @@ class Machine:
         return self.session.programs
 
     @property
-    def has_command(self) -> bool:
+    def has_control(self) -> bool:
         """Whether this program has the command of the machine now; blocks for an answer of the core.
 
         Raises:
@@ -334,7 +335,7 @@ class Machine:
         """
         return self.session.has_command
 
-    def take_command(self) -> None:
+    def take_control(self) -> None:
         """Take the command of the machine from whoever has it, after all that moves has halted; blocks until that is done.
 
         As ``take`` of ``attach``, for a program that is at the machine already: one that looks on, or that has lost the command to
@@ -364,7 +365,7 @@ class Machine:
         self.session.hold_to_run(*times)
 
     @property
-    def carried(self) -> BusTraffic | None:
+    def bus_traffic(self) -> BusTraffic | None:
         """How many frames, and octets in them, the bus has carried up to a ``time``, in both directions; None without a bus.
 
         ``later.load(before, bitrate)`` is the part of the bus that was taken meanwhile: without stuff bits, and with the most.
@@ -390,7 +391,7 @@ class Machine:
         return sorted(found, key=lambda event: event.stamp)
 
     @property
-    def kept_faults(self) -> list[Path]:
+    def fault_recordings(self) -> list[Path]:
         """The files of the cell's last 20 faults, oldest first: each with 1.5 s before and 1 s after it, for ``plot``.
 
         The core keeps them by itself, where it has a process of its own; a fault is there a second after it, or when the machine
@@ -402,12 +403,12 @@ class Machine:
         return faults_of(path_of(self.cell))
 
     @property
-    def lateness(self) -> LatenessReport:
+    def cycle_jitter(self) -> LatenessReport:
         """How late the cycles were so far (50 and 99 of 100, the worst), how many were skipped, and why; in seconds."""
         return self.session.lateness
 
     @property
-    def degree(self) -> str:
+    def real_time_status(self) -> str:
         """How surely its cycles come in time: where the core runs, and what the operating system lets it have."""
         return self._core.degree
 
@@ -421,7 +422,7 @@ class Machine:
         return self.session.bus_events
 
     @property
-    def dropped(self) -> tuple[Drop, ...]:
+    def dropped_frames(self) -> tuple[Drop, ...]:
         """Frames of this cell's nodes, and of none, that were dropped since it was opened, counted by reason and node.
 
         Such are PDOs too short for their mapping, answers that nothing was waiting for, malformed messages. What a node sends that

@@ -176,7 +176,7 @@ class NodeAccess:
         log: EmcyLog = self._node.emcy
         return tuple(log.incidents)
 
-    def incident_words(self, incident: Incident) -> list[str]:
+    def format_incident(self, incident: Incident) -> list[str]:
         """Return an incident as lines of text, by CiA 301, CiA 402 and the make's own table."""
         return incident_words(incident, self._make, self._clock())
 
@@ -199,7 +199,7 @@ class NodeAccess:
             return None
         return errorfield.read(lambda index, subindex: read_int(self._objects, index, subindex))
 
-    def error_history_words(self) -> list[str]:
+    def format_error_history(self) -> list[str]:
         """Return the same as lines of text; blocks and raises as ``error_history``."""
         entries = self.error_history()
         if entries is None:
@@ -228,7 +228,7 @@ class NodeAccess:
             )
         return remote_node(node)
 
-    def carrier(self, index: int, subindex: int = 0) -> PdoLocation | None:
+    def mapped_in(self, index: int, subindex: int = 0) -> PdoLocation | None:
         """Return where a PDO in use carries an object (the index is the device's own): identifier, PDO, first bit, number of bits.
 
         None where none does. Does not block.

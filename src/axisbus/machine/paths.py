@@ -99,7 +99,7 @@ class PathRequest:
                     observed=f"its modulo is {axis.modulo:g} {axis.unit}",
                     remedy="leave it out of the group, or lead it by a trajectory of its own",
                 )
-        start: Place = after or tuple(axis.led_to for axis in axes.values())
+        start: Place = after or tuple(axis.commanded_position for axis in axes.values())
         self._joints = start
         self._kinematics = kinematics
         self._start = start if kinematics is None else self._reached(lambda: kinematics.forward(start))
@@ -155,10 +155,10 @@ class PathRequest:
         """Return the place that ``values`` are, each checked as an absolute move is; of a workspace its way there is checked."""
         if self._kinematics is not None:
             for axis in self._axes.values():
-                axis.require_homed(self._call)
+                axis._require_homed(self._call)
             return tuple(self._number(what, value) for value in self._each(what, values))
         return tuple(
-            axis.absolute_position(self._call, value)
+            axis._absolute_position(self._call, value)
             for axis, value in zip(self._axes.values(), self._each(what, values), strict=True)
         )
 

@@ -65,13 +65,13 @@ class ProbeHandle(Handle):
         self._all: deque[ProbeResult] = deque(maxlen=_KEPT)
         self._new: deque[ProbeResult] = deque(maxlen=_KEPT)
 
-    def hear(self, event: CommandEvent) -> None:
-        """As ``Handle.hear``, and take what was latched."""
+    def _on_event(self, event: CommandEvent) -> None:
+        """As ``Handle._on_event``, and take what was latched."""
         if event.capture is not None and self.busy:
             probed = _probed(event.capture, self._units)
             self._all.append(probed)
             self._new.append(probed)
-        super().hear(event)
+        super()._on_event(event)
 
     @property
     def captures(self) -> tuple[ProbeResult, ...]:
@@ -79,7 +79,7 @@ class ProbeHandle(Handle):
         return tuple(self._all)
 
     @property
-    def probed(self) -> ProbeResult:
+    def result(self) -> ProbeResult:
         """What was latched last.
 
         Raises:
@@ -96,8 +96,8 @@ class ProbeHandle(Handle):
 
     @property
     def position(self) -> float:
-        """Where the axis was at the edge that was latched last, in its unit; raises as ``probed``."""
-        return self.probed.position
+        """Where the axis was at the edge that was latched last, in its unit; raises as ``result``."""
+        return self.result.position
 
     def wait_armed(self, timeout: float | None = None) -> ProbeHandle:
         """Block until the input is armed (an edge before that is not latched), at most ``timeout`` seconds; return the handle.

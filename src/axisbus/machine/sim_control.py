@@ -49,7 +49,7 @@ class SimulationControl:
         """The node-IDs of the drives."""
         return tuple(self._stand_ins)
 
-    def stand_in(self, node_id: int) -> SimulatedNode:
+    def simulated_node(self, node_id: int) -> SimulatedNode:
         """Return the stand-in of a node: its plant, its dials, and faults on demand. What it is asked crosses each time.
 
         Raises:

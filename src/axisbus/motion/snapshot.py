@@ -19,7 +19,7 @@ class Snapshot(NamedTuple):
 
     now: float
     state: AxisState
-    power: PowerState
+    power_state: PowerState
     statusword: int | None
     mode: int | None
     position: int | None

@@ -24,7 +24,7 @@ class OfNode(Protocol):
     def pdo_events(self) -> Sequence[Any]:
         """What became of its TPDOs."""
 
-    def incident_words(self, incident: Incident) -> list[str]:
+    def format_incident(self, incident: Incident) -> list[str]:
         """Return an incident as lines."""
 
 
@@ -49,7 +49,7 @@ class Watched(Telling, Protocol):
         """Whether its drives are."""
 
     @property
-    def degree(self) -> str:
+    def real_time_status(self) -> str:
         """How surely its cycles come in time, in words."""
 
 
@@ -91,7 +91,7 @@ def _of_command(seen: CommandSeen) -> Iterator[RecordedEvent]:
 def _of_node(node_id: int, node: OfNode) -> Iterator[RecordedEvent]:
     where = f"node {node_id}"
     for incident in node.incidents:
-        words = [line.split("s  ", 1)[-1] for line in node.incident_words(incident)[1:]]
+        words = [line.split("s  ", 1)[-1] for line in node.format_incident(incident)[1:]]
         yield RecordedEvent(incident.began, "emcy", where, words[0] if words else "")
         if incident.ended is not None:
             yield RecordedEvent(incident.ended, "emcy", where, f"incident {incident.number} is over")

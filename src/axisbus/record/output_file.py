@@ -47,7 +47,7 @@ class McapFile:
         there = machine.session.axes
         self.forms = {name: AxisForm.of(there[name].parameters) for name in _chosen(axes, there, machine)}
         self._row = RowForm(len(self.forms))
-        self._facts = facts_of(machine.cell, simulated=machine.is_simulated, degree=machine.degree)
+        self._facts = facts_of(machine.cell, simulated=machine.is_simulated, degree=machine.real_time_status)
         self._happenings = RecordingEventSource(machine)
         self._writer: McapWriter | None = None
         self._axes: dict[str, int] = {}
@@ -165,7 +165,7 @@ class McapFile:
 
 
 def facts_of(cell: CellConfig, *, simulated: bool, degree: str) -> dict[str, str]:
-    """Return what is to be known of a recording as a whole; ``degree`` as ``Machine.degree``."""
+    """Return what is to be known of a recording as a whole; ``degree`` as ``Machine.real_time_status``."""
     real = f"{cell.bus.interface} {cell.bus.channel or ''}".strip()
     return {
         "cell": str(cell.file),

@@ -205,8 +205,8 @@ class Drive:
         axis.since_mode_write += dt
         axis.motor.blocked = dials.blocked
         axis.motor.sticks = dials.sticks
-        if dials.creep and self._effort is not _OFF:
-            axis.drift += dials.creep * dt
+        if dials.drift_velocity and self._effort is not _OFF:
+            axis.drift += dials.drift_velocity * dt
         if dials.encoder_jump:
             self._jump_encoder()
         word = self.controlword
@@ -215,8 +215,8 @@ class Drive:
         if power.pending is not None:
             power.step(dt, axis.standing)
             self._apply_effort()
-        if dials.mode_slips_to is not None:
-            self._take_mode(dials.mode_slips_to)
+        if dials.spontaneous_mode is not None:
+            self._take_mode(dials.spontaneous_mode)
         elif self.mode != self.mode_display:
             self._follow_mode(dt)
         if self._has_switches:

@@ -26,14 +26,14 @@ class DriveFaults:
         acknowledge_delay: seconds from the edge of bit 4 to bit 12 (``NEVER``: no set-point is taken)
         acknowledge_stays: bit 12 never falls
         acknowledge_never: set-points are taken, and bit 12 never rises
-        acknowledge_early: seconds after which bit 12 falls although bit 4 still stands (``NEVER``: it waits for bit 4)
+        acknowledge_duration: seconds after which bit 12 falls although bit 4 still stands (``NEVER``: it waits for bit 4)
         mode_clears_acknowledge: seconds for which a write of 6060h keeps bit 12 low, whatever happens to set-points
         mode_pulses_acknowledge: the same, high
-        deaf_under_halt: an edge of bit 4 that comes under halt is not heard
+        ignore_setpoint_during_halt: an edge of bit 4 that comes under halt is not heard
         target_reached_late: seconds for which bit 10 stays set after a new set-point was taken
         target_reached_never: bit 10 does not rise in the profile modes
         target_reached_always: bit 10 is set, whatever the axis does
-        mode_slips_to: the mode in which the drive is by itself, whatever 6060h says (None: it obeys)
+        spontaneous_mode: the mode in which the drive is by itself, whatever 6060h says (None: it obeys)
         resumes_on_enable: on *enable operation* it goes on with what it was at before: in pp to its last set-point, in pv at its
             last velocity until 60FFh is changed
         halt_in_cyclic_modes: halt is heard in csp, csv and cst (CiA 402 leaves it open)
@@ -47,7 +47,7 @@ class DriveFaults:
     Machine:
         blocked: the rotor is held mechanically
         sticks: ‰ of the rated torque that a standing rotor takes before it moves (beside its friction)
-        creep: increments/s by which the drive leads its motor away from the demand while it is energised, not in the torque modes
+        drift_velocity: increments/s by which the drive moves its motor away from the demand while energised (not in torque modes)
         creep_shown: 6062h shows that, too
         demand_frozen: 6062h keeps the value it has
         demand_is_actual: 6062h shows the actual position instead of the demand
@@ -71,14 +71,14 @@ class DriveFaults:
     acknowledge_delay: float = 0.0
     acknowledge_stays: bool = False
     acknowledge_never: bool = False
-    acknowledge_early: float = NEVER
+    acknowledge_duration: float = NEVER
     mode_clears_acknowledge: float = 0.0
     mode_pulses_acknowledge: float = 0.0
-    deaf_under_halt: bool = False
+    ignore_setpoint_during_halt: bool = False
     target_reached_late: float = 0.0
     target_reached_never: bool = False
     target_reached_always: bool = False
-    mode_slips_to: int | None = None
+    spontaneous_mode: int | None = None
     resumes_on_enable: bool = False
     halt_in_cyclic_modes: bool = True
     homing_fails: bool = False
@@ -87,7 +87,7 @@ class DriveFaults:
     probe_deaf: bool = False
     blocked: bool = False
     sticks: float = 0.0
-    creep: float = 0.0
+    drift_velocity: float = 0.0
     creep_shown: bool = False
     demand_frozen: bool = False
     demand_is_actual: bool = False

@@ -92,7 +92,7 @@ def ours(load: Callable[[float], None], seconds: float, file: str) -> dict[str, 
         load(seconds)
         if not moving.active:
             raise AssertionError(f"{moving}: {moving.error}")
-        found = machine.lateness
+        found = machine.cycle_jitter
     return {
         "cycles": found.cycles,
         "lost": found.skipped,

@@ -297,13 +297,14 @@ class Player:
 
     def _stream(self) -> Handle:
         """Points of a random walk that keeps some of its speed, given in time, late, or not at all any more."""
-        return self._streamed(self.group, tuple(axis.led_to for axis in self.group))
+        return self._streamed(self.group, tuple(axis.commanded_position for axis in self.group))
 
     def _stream_of_places(self) -> Handle:
         """The same through places of a workspace."""
         belt = CoreXY()
         return self._streamed(
-            self.group.with_kinematics(belt), belt.forward(tuple(axis.led_to for axis in self.group))
+            self.group.with_kinematics(belt),
+            belt.forward(tuple(axis.commanded_position for axis in self.group)),
         )
 
     def _streamed(self, group: Group, start: Sequence[float]) -> Handle:
@@ -330,7 +331,7 @@ class Player:
             if random.random() < 0.05:
                 self.group.set_override(random.choice([0.2, 0.7, 1.0, 1.5]))
         if random.random() < 0.8:
-            walk.points.end()
+            walk.points.finish()
         return walk.points.handle
 
     def _resumed_stream(self) -> Handle:

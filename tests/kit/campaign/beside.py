@@ -77,7 +77,7 @@ class Beside:
         """The cell has ``TOML`` in it."""
         self._cell = cell
         self._axis = cell.machine[NAME]
-        self.module = cell.machine.stand_in(NODE).module  # type: ignore[attr-defined]
+        self.module = cell.machine.simulated_node(NODE).module  # type: ignore[attr-defined]
         self.given: list[Handle] = []
         self.wrong: list[str] = []
         self._enables: list[tuple[Handle, float | None]] = []  # with when each was seen to have ended

@@ -164,7 +164,7 @@ class Facts:
         """
         drive = self.drive[name]
         pushed = drive.mode in TORQUE_MODES and drive.params.friction < abs(drive.torque) <= SMALL_TORQUE
-        return bool(drive.dials.creep) or drive.dials.mode_slips_to is not None or pushed
+        return bool(drive.dials.drift_velocity) or drive.dials.spontaneous_mode is not None or pushed
 
     def hangs(self, name: str) -> bool:
         """Whether only its motor holds a load, or what pulls on it is a bent beam, or was just now."""

@@ -59,7 +59,7 @@ def _torque_controller(cell: Cell, name: str, value: float) -> Handle:
         return 0.3 * value - 0.002 * (seen.velocity or 0.0)
 
     end = cell.now + _LOOP
-    return cell[name].controller(loop, by="torque", slope=5.0).handle
+    return cell[name].controller(loop, output="torque", slope=5.0).handle
 
 
 def demand_of(cell: Cell, name: str) -> float:
@@ -82,7 +82,7 @@ def _master(cell: Cell, name: str) -> Axis:
 
 
 def _cam(cell: Cell, name: str, value: float) -> Handle:
-    return cell[name].cam_in(_master(cell, name), LOBE, relative=True, scale=value)
+    return cell[name].cam_in(_master(cell, name), LOBE, relative=True, slave_scaling=value)
 
 
 def _probe(cell: Cell, name: str, value: float) -> Handle:
@@ -168,7 +168,7 @@ ORDERS: Mapping[str, Order] = {
     "move_behind": Order(_behind),
     "gear": Order(lambda cell, name, value: cell[name].gear_in(_master(cell, name), 1.5 * value)),
     "phase": Order(
-        lambda cell, name, value: cell[name].phase_by(20.0 * value, velocity=30.0, acceleration=200.0)
+        lambda cell, name, value: cell[name].phasing_relative(20.0 * value, velocity=30.0, acceleration=200.0)
     ),
     "superimposed": Order(
         lambda cell, name, value: cell[name].move_superimposed(
@@ -232,7 +232,7 @@ def _stream(cell: Cell, value: float) -> Handle:
             refused = True
             break
     if value >= 0.0 or refused:
-        points.end()
+        points.finish()
     return points.handle
 
 

@@ -28,7 +28,7 @@ class Outputs:
     def __init__(self, cell: Cell) -> None:
         """The cell has ``TOML`` in it."""
         self.cell = cell
-        self.device = cell.machine.stand_in(NODE).device
+        self.device = cell.machine.simulated_node(NODE).device
         self.set: set[str] = set()
         self.wrong: list[str] = []
         self.early: set[str] = set()  # axes that had power when outputs became safe on the way out

@@ -40,7 +40,7 @@ class Scene:
     def open(self) -> Machine:
         """Open the machine and let its axis turn."""
         machine = Machine.open(self.folder / "cell.toml")
-        self._drive = machine.stand_in(1).drive()
+        self._drive = machine.simulated_node(1).drive()
         machine["x"].enable().wait(30)
         machine["x"].move_velocity(SPEED, acceleration=900.0, deceleration=BRAKING).wait(30)
         return machine

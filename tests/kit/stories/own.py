@@ -49,5 +49,5 @@ def under_way(axis: Axis) -> Handle:
 
 def turns(machine: Machine, node_id: int = 1) -> float:
     """How fast the plant turns, in deg/s."""
-    velocity: float = machine.stand_in(node_id).drive().axis.motor.velocity
+    velocity: float = machine.simulated_node(node_id).drive().axis.motor.velocity
     return velocity / SCALE

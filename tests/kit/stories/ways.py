@@ -48,7 +48,7 @@ def turning() -> Machine:
 
 def plant(machine: Machine) -> dict[str, object]:
     """The motor behind x, and the drive's watch over this program."""
-    device = machine.stand_in(1).device
+    device = machine.simulated_node(1).device
     drive = device.drives[0]
     return {
         "velocity": drive.axis.motor.velocity / 100,

@@ -49,7 +49,8 @@ def refusal(name: str, heard: Iterable[MasterEvidence], begin: float, seconds: f
     remedy = [
         "close the other program, and open again",
         *devices,
-        "to open all the same, as where it is a device that sends them: --beside, Machine.open(..., beside=True) or beside = true",
+        "to open nevertheless, for example if a device sends them: --beside, Machine.open(..., allow_other_master=True) or "
+        "beside = true",
         "in [bus]; beside a master both command the same drives, each undoes what the other asks, and whichever closes takes them",
     ]
     return SecondMasterError(

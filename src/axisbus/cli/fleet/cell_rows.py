@@ -25,12 +25,12 @@ def plain(cell: FleetCell, recordings: Recordings) -> dict[str, Any]:
         "alive": cell.alive,
         "since": cell.since,
         "axisbus": None if info is None else info.axisbus,
-        "differs": cell.differs or None,
-        "doubled": cell.doubled,
+        "differs": cell.version_mismatch or None,
+        "doubled": cell.duplicate_bridge,
         "simulated": None if info is None else info.simulated,
         "computer": None if info is None else info.computer,
         "clock_difference": cell.clock_difference,
-        "axes": [_plain_axis(axis.name, axis.unit, cell.seen(axis.name)) for axis in cell],
+        "axes": [_plain_axis(axis.name, axis.unit, cell.last_state(axis.name)) for axis in cell],
         "incidents": [_plain_event(event) for event in cell.incidents[-_INCIDENTS:]],
         "lost_events": cell.lost_events,
         "recordings": None
@@ -58,13 +58,13 @@ def _plain_event(event: Event) -> dict[str, Any]:
 
 def heading(cell: FleetCell) -> list[str]:
     """Return what is told of a cell as a whole: whether it is there, and what is odd about it."""
-    told = ["alive" if cell.alive else cell.silence.replace("gone", "GONE", 1)]
+    told = ["alive" if cell.alive else cell.offline_reason.replace("gone", "GONE", 1)]
     info = cell.info
     if info is not None:
         told += ["simulated"] if info.simulated else []
         told += [f"on {info.computer}"] if info.computer else []
-    told += [f"VERSION DIFFERS: {cell.differs}"] if cell.differs else []
-    told += ["TWO BRIDGES HAVE THIS NAME"] if cell.doubled else []
+    told += [f"VERSION DIFFERS: {cell.version_mismatch}"] if cell.version_mismatch else []
+    told += ["TWO BRIDGES HAVE THIS NAME"] if cell.duplicate_bridge else []
     if cell.clock_difference is not None and abs(cell.clock_difference) > _CLOCKS:
         told.append(f"its clock differs by {cell.clock_difference:+.1f} s")
     return list(map(_printable, told))
@@ -73,7 +73,8 @@ def heading(cell: FleetCell) -> list[str]:
 def axis_rows(cell: FleetCell) -> list[tuple[str, ...]]:
     """Return a row of texts for each axis: name, state, position, velocity, age, what it tells beside."""
     return [
-        tuple(map(_printable, (axis.name, *_axis_texts(axis.unit, cell.seen(axis.name))))) for axis in cell
+        tuple(map(_printable, (axis.name, *_axis_texts(axis.unit, cell.last_state(axis.name)))))
+        for axis in cell
     ]
 
 

@@ -37,7 +37,7 @@ def command(
         else:
             for cell, kept in found.items():
                 say("\n".join(cell_lines(cell, kept)))
-        unreached = fleet.unreached
+        unreached = fleet.unreachable_endpoints
     for endpoint in unreached:
         say_note(unreached_text(endpoint))
     if not cells and not as_json:
@@ -55,7 +55,7 @@ def unreached_text(endpoint: str) -> str:
 def recordings_of(cell: FleetCell) -> Recordings:
     """Return the recordings of a cell, or why they are not known."""
     try:
-        return cell.recordings() if cell.alive else cell.silence
+        return cell.recordings() if cell.alive else cell.offline_reason
     except AxisbusError as error:
         return error.message
 

@@ -87,7 +87,7 @@ def _style(cell: FleetCell) -> str:
     """Return how a cell that is gone, or odd, is drawn; empty where all is well with it."""
     if not cell.alive:
         return STYLES["error"]
-    return STYLES["warning"] if cell.differs or cell.doubled else ""
+    return STYLES["warning"] if cell.version_mismatch or cell.duplicate_bridge else ""
 
 
 def _axes(cells: Sequence[FleetCell]) -> Table:

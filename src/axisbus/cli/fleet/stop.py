@@ -38,7 +38,7 @@ def command(
         handles = _stop(fleet, tuple(dict.fromkeys(cells)))
         deadline = time.monotonic() + seconds
         confirmed = [_confirmed(name, handles[name], deadline) for name in sorted(handles)]
-        unreached = [] if cells else fleet.unreached
+        unreached = [] if cells else fleet.unreachable_endpoints
     for endpoint in unreached:
         say(f"NOT REACHED: {endpoint}: no cell behind it was stopped; use what is at the machine")
     if unreached:

@@ -55,7 +55,7 @@ def command(
 
             show(
                 lambda: [(cell, kept.of(cell)) for cell in fleet],
-                lambda: [f"plant {place.plant}", *map(unreached_text, fleet.unreached)],
+                lambda: [f"plant {place.plant}", *map(unreached_text, fleet.unreachable_endpoints)],
                 pause,
                 count,
             )
@@ -74,7 +74,7 @@ def _look(fleet: Fleet, kept: _Kept, as_json: bool) -> None:
         say_json([plain(cell, kept.of(cell)) for cell in fleet])
         return
     say(f"plant {fleet.plant}, {time.strftime('%H:%M:%S')}: {counted(len(fleet), 'cell')}")
-    for endpoint in fleet.unreached:
+    for endpoint in fleet.unreachable_endpoints:
         say(unreached_text(endpoint))
     for cell in fleet:
         say("\n".join(cell_lines(cell, kept.of(cell))))
@@ -98,7 +98,7 @@ class _Kept:
 
     def of(self, cell: FleetCell) -> Recordings:
         """Return what is known of a cell's recordings."""
-        return self._found.get(cell.name, "not asked yet") if cell.alive else cell.silence
+        return self._found.get(cell.name, "not asked yet") if cell.alive else cell.offline_reason
 
     def _run(self) -> None:
         while not self._ended.is_set():

@@ -51,7 +51,7 @@ def command(cell: Path, seconds: float, output: Path | None, force: bool, as_jso
     require_free(output, force=force)
     with machine_of(cell, command=False, beside=beside) as machine:
         pace = measure(machine, seconds)
-        late = str(machine.lateness)
+        late = str(machine.cycle_jitter)
     if not pace.cycles:
         raise UserError(
             "no SYNC was seen",

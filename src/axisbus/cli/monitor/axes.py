@@ -69,8 +69,8 @@ def command(
         try:
             look_on(machine, _PRINTED if as_json and every is None else pace(every), count, as_json)
         finally:
-            if not as_json and machine.dropped:
-                say(words(machine.dropped))
+            if not as_json and machine.dropped_frames:
+                say(words(machine.dropped_frames))
     if not as_json:
         first = next(iter(machine), None)
         say_next(
@@ -114,7 +114,7 @@ def look_on(machine: Machine, every: float, count: int | None, as_json: bool) ->
 def _look_as_json(machine: Machine, beside: BesideAxes) -> None:
     bus = {
         "bus_events": [str(event) for event in machine.bus_events],
-        "dropped": [plain_drop(drop) for drop in machine.dropped],
+        "dropped": [plain_drop(drop) for drop in machine.dropped_frames],
         "machine": beside.values(),
         "io": {name: value_of(signal) for name, signal in machine.io.items()},
     }
@@ -185,7 +185,7 @@ def _told_value(signal: Signal) -> str:
 
 def _since(machine: Machine, told: set[str], drops: DropNews) -> list[str]:
     """Return what has happened since the last look: news, and frames that were dropped."""
-    dropped = words(drops.take(machine.dropped, time.monotonic()))
+    dropped = words(drops.take(machine.dropped_frames, time.monotonic()))
     return [*news(machine, told), *([dropped] if dropped else [])]
 
 
@@ -208,7 +208,7 @@ def histories(machine: Machine) -> list[str]:
         node = machine.node(node_id)
         if node.error_history():
             lines += [f"node {node_id}, earlier errors (1003h), the newest first:"]
-            lines += [f"  {text}" for text in node.error_history_words()]
+            lines += [f"  {text}" for text in node.format_error_history()]
     return lines
 
 
@@ -242,7 +242,7 @@ def _key(node_id: int, incident: Incident) -> str:
 
 
 def _told(node: NodeAccess, incident: Incident) -> list[str]:
-    first, *rest = node.incident_words(incident)
+    first, *rest = node.format_incident(incident)
     return [f"node {node.node_id}, {first}", *rest]
 
 
@@ -266,7 +266,7 @@ def of_node(machine: Machine, axis: Axis) -> dict[str, object]:
                 "outcome": incident.outcome.value,
                 "codes": [f"0x{code:04X}" for code in incident.codes],
                 "lasted": incident.lasted,
-                "text": node.incident_words(incident),
+                "text": node.format_incident(incident),
             }
             for incident in node.incidents
         ],
@@ -285,7 +285,7 @@ def describe(axis: Axis) -> dict[str, object]:
         "velocity": None if snapshot.velocity is None else axis.velocity,
         "age": None if snapshot.position is None else snapshot.now - snapshot.position_stamp,
         "unit": axis.unit,
-        "power": snapshot.power.value,
+        "power": snapshot.power_state.value,
         "mode": "mode unknown" if mode is None else short(mode),
         "bits": ""
         if snapshot.statusword is None

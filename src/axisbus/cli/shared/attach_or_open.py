@@ -41,7 +41,7 @@ def machine_of(
     if machine is not None:
         return machine
     before()
-    return Machine.open(cell, beside=beside)
+    return Machine.open(cell, allow_other_master=beside)
 
 
 def require_none_runs(cell: Path) -> None:
@@ -85,8 +85,8 @@ def join(cell: Path, command: bool, take: bool) -> Machine | None:
     Raises:
         OwnershipError: it is to be commanded, and another program does.
     """
-    machine = Machine.join(cell, command=command, take=take)
+    machine = Machine.try_attach(cell, command=command, force=take)
     if machine is not None:
-        has = "this command has" if command else f"{machine.commanded_by or 'nobody'} has"
+        has = "this command has" if command else f"{machine.control_owner or 'nobody'} has"
         echo(f"joined the machine that runs already; {has} its command", err=True)
     return machine

@@ -49,7 +49,7 @@ def commanded(
     try:
         with machine_of(cell, command=True, take=take, beside=beside, before=before) as machine:
             axes = [machine[name] for name in names]
-            if machine.is_joined:
+            if machine.is_attached:
                 found_off = [axis.name for axis in axes if axis.state is AxisState.DISABLED]
             yield machine, axes
             wait([machine[name].disable() for name in found_off])
@@ -60,7 +60,7 @@ def commanded(
 
 
 def _say_left(machine: Machine) -> None:
-    all_off = not machine.is_joined or all(axis.state is AxisState.DISABLED for axis in machine)
+    all_off = not machine.is_attached or all(axis.state is AxisState.DISABLED for axis in machine)
     say(
         "all axes stand and are disabled"
         if all_off
@@ -74,7 +74,7 @@ def _disable_again(cell: Path, names: Sequence[str]) -> None:
         left = _still_on(cell, names)
         if not left:
             return
-        machine = Machine.join(cell, command=True)
+        machine = Machine.try_attach(cell, command=True)
         if machine is not None:
             with machine:
                 wait([machine[name].disable() for name in left])
@@ -89,7 +89,7 @@ def _disable_again(cell: Path, names: Sequence[str]) -> None:
 
 
 def _still_on(cell: Path, names: Sequence[str]) -> list[str]:
-    machine = Machine.join(cell) if names else None
+    machine = Machine.try_attach(cell) if names else None
     if machine is None:
         return []
     with machine:
@@ -103,7 +103,7 @@ def enable(chosen: Sequence[Mover]) -> None:
         StateError: one is; none was enabled.
     """
     for axis in all_axes(chosen):
-        if axis.state is AxisState.ERRORSTOP or axis.snapshot.power in _FAULTS:
+        if axis.state is AxisState.ERRORSTOP or axis.snapshot.power_state in _FAULTS:
             message = f"{axis.name}: the axis is in fault; no axis was enabled"
             if isinstance(axis.error, BusError):  # a reset alone does not bring its node back
                 raise NodeStateError(message, observed=axis.error.message, remedy=axis.error.remedy)

@@ -24,7 +24,7 @@ class BesideAxes:
         """Begin to count; blocks for an answer of the core."""
         self._machine = machine
         self._rate = rate_of(machine.cell)
-        self._before = machine.carried
+        self._before = machine.bus_traffic
         self._traffic: _Traffic | None = None
 
     def lines(self) -> list[str]:
@@ -35,7 +35,7 @@ class BesideAxes:
         """Return the same as plain values; the load is None before the second look, and where no bit rate is known."""
         traffic = self._look()
         load = None if traffic is None else traffic.load
-        late = self._machine.lateness
+        late = self._machine.cycle_jitter
         return {
             "frames_per_second": None if traffic is None else traffic.frames,
             "load_least": None if load is None else load[0],
@@ -49,7 +49,7 @@ class BesideAxes:
         }
 
     def _look(self) -> _Traffic | None:
-        before, now = self._before, self._machine.carried
+        before, now = self._before, self._machine.bus_traffic
         if before is None or now is None or now.time < before.time + _SHORTEST:
             return self._traffic
         load = None if self._rate is None else now.load(before, self._rate)
@@ -69,7 +69,7 @@ class BesideAxes:
         return f"bus: {full}" + (f"; the controller is {events[-1].condition.value}" if events else "")
 
     def _cycle(self) -> str:
-        return f"cycle of {self._machine.cell.bus.scan_period * 1000:g} ms: {self._machine.lateness}"
+        return f"cycle of {self._machine.cell.bus.scan_period * 1000:g} ms: {self._machine.cycle_jitter}"
 
     def _programs(self) -> str:
         programs = self._machine.programs

@@ -51,7 +51,9 @@ _PORT = 29536  # socketcand's own
 @force_option
 @click.option("--faults", type=PATH, help="A TOML file of what goes wrong, and when.")
 @click.option(
-    "--control", type=PATH, help="Make a socket there, by which tests reach the drives (axisbus.Plant)."
+    "--control",
+    type=PATH,
+    help="Make a socket there, by which tests reach the drives (axisbus.SimulationControl).",
 )
 @click.option("--for", "seconds", type=Seconds(), help="How long, in seconds; without, until Ctrl-C.")
 def command(
@@ -167,7 +169,9 @@ def _tell(
     for line in ("[bus]", *_bus(server)):
         say(f"  {line}")
     if control is not None:
-        say(f'in a test: with axisbus.Plant("{control}") as plant: plant.stand_in({min(config.nodes)}) ...')
+        say(
+            f'in a test: with axisbus.SimulationControl("{control}") as plant: plant.simulated_node({min(config.nodes)}) ...'
+        )
 
 
 def _bus(server: Server) -> list[str]:

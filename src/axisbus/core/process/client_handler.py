@@ -241,7 +241,7 @@ def not_commanding(name: str, holder: str, *, guest: bool, passing: bool = False
             "it comes back when that program leaves" if holder else "join it as others do: Machine.attach"
         )
     elif holder:
-        remedy = "wait until it leaves; or halt what moves, and take it: Machine.attach(cell, command=True, take=True)"
+        remedy = "wait until it leaves; or halt what moves, and take it: Machine.attach(cell, command=True, force=True)"
     else:
         remedy = "join the machine with it: Machine.attach(cell, command=True)"
     return OwnershipError(

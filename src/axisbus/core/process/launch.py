@@ -50,7 +50,7 @@ def wanted(bus: BusConfig) -> bool:
 
 
 def expected(bus: BusConfig) -> str:
-    """Return how surely the cycles of a cell's core would come in time, in the words of ``Machine.degree``; and what would help."""
+    """Say how surely the cycles of a cell's core would come in time, as ``Machine.real_time_status`` does, and what would help."""
     if not wanted(bus):
         return IN_A_THREAD
     got = [*permitted(), *([APART] if isolated() else [])]

@@ -120,7 +120,7 @@ class _Reading(Tables):
         self._error(
             where,
             f"node {node_id} speaks CAN Simple, and no faults are planned for such a module",
-            remedy="turn its dials by --control and axisbus.Plant: plant.stand_in(NODE).module.dials",
+            remedy="turn its dials by --control and axisbus.SimulationControl: plant.simulated_node(NODE).module.dials",
         )
 
     def _require_sense(self, name: str, table: Fields) -> None:

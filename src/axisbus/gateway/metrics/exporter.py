@@ -96,9 +96,9 @@ def _all_of(families: Iterator[Metric]) -> list[Metric]:
 
 
 def _machine(machine: Machine) -> Iterator[Metric]:
-    yield InfoMetricFamily("axisbus_machine", "How the core runs.", {"degree": machine.degree})
-    yield from _cycle(machine.lateness)
-    carried = machine.carried
+    yield InfoMetricFamily("axisbus_machine", "How the core runs.", {"degree": machine.real_time_status})
+    yield from _cycle(machine.cycle_jitter)
+    carried = machine.bus_traffic
     if carried is not None:
         yield CounterMetricFamily("axisbus_bus_frames", "Frames on the bus, both ways.", carried.frames)
         yield CounterMetricFamily("axisbus_bus_octets", "Their data.", carried.octets)

@@ -187,7 +187,7 @@ class Commander:
 
     def _commanding(self) -> Machine:
         """Return the machine with its command; raise OwnershipError where another program has it."""
-        if self._guest is not None and not self._guest.has_command:
+        if self._guest is not None and not self._guest.has_control:
             self._let_go()
         if self._guest is None:
             guest = self._join()

@@ -139,7 +139,7 @@ class Bridge:
         transfers, answers = TransferWorker(), DeferredReplies()
         stack.callback(transfers.close)
         stack.callback(answers.close)
-        holding = Holding(lambda over: Machine.attach(file, command=True, take=over), self._events.tell)
+        holding = Holding(lambda over: Machine.attach(file, command=True, force=over), self._events.tell)
         holding.start()
         stack.callback(holding.close)
         looking = MachinePoller(machine, holding, self._events.tell)

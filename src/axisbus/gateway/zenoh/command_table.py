@@ -47,7 +47,7 @@ VERBS: Mapping[str, ZenohVerb] = {
     "quick_stop": ZenohVerb(lease=False),
     "halt_all": ZenohVerb(lease=False, call="halt"),
     "quick_stop_all": ZenohVerb(lease=False, call="quick_stop"),
-    "enable": ZenohVerb(takes={"moving": bool}),
+    "enable": ZenohVerb(takes={"allow_moving": bool}),
     "disable": ZenohVerb(takes={"coast": bool}),
     "reset": ZenohVerb(),
     "stop": ZenohVerb(),

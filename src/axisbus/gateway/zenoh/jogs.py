@@ -42,7 +42,9 @@ class Jogs:
             if before.held and not over:
                 machine[before.axis].halt()
             raise broken if over and broken is not None else _late()
-        handle = machine[axis].jog(values["velocity"], acceleration=values.get("acceleration"), renews=same)
+        handle = machine[axis].jog(
+            values["velocity"], acceleration=values.get("acceleration"), continue_only=same
+        )
         look_at_end(handle)
         self._keep(client, after, handle)
 

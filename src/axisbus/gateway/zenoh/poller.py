@@ -72,5 +72,5 @@ class MachinePoller:
         who = next((each.who for each in self._machine.programs if each.commands), None)
         self._commander = None if who is None or own in who else who
         guest = self._holding.guest
-        if guest is not None and not guest.has_command:
+        if guest is not None and not guest.has_control:
             self._holding.lost(f"{who or 'another program'} took the command of the machine")

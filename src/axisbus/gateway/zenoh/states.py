@@ -39,7 +39,7 @@ def state_of(
         unit,
         snapshot.state.value,
         age,
-        snapshot.power.value,
+        snapshot.power_state.value,
         None if snapshot.mode is None else short(ModeOfOperation(snapshot.mode)),
         values.position(snapshot, units),
         values.velocity(snapshot, units),

@@ -41,7 +41,7 @@ def _machine(machine: Machine) -> str:
     silent = session.silent
     if silent is not None:
         notes.insert(0, f"Its values are unknown because {silent}.")
-    title = f"Machine {Path(machine.cell.file).name}: {counted(len(rows), 'axis', 'axes')}, {machine.degree}"
+    title = f"Machine {Path(machine.cell.file).name}: {counted(len(rows), 'axis', 'axes')}, {machine.real_time_status}"
     return table(title, rows, _HEADS, "\n".join(notes))
 
 

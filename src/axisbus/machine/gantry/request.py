@@ -41,7 +41,7 @@ class BeamRequest:
         """Return a place of the beam that both axes can go to."""
         place = self.finite("position", position)
         for axis, at in zip(self._axes, (place, place + self._pair.offset), strict=True):
-            axis.absolute_increments(self._call, at)
+            axis._absolute_increments(self._call, at)
         return place
 
     def named(self, position: float) -> float:

@@ -165,7 +165,7 @@ class MitControl:
         return leader.left
 
     @property
-    def is_led(self) -> bool:
+    def is_active(self) -> bool:
         """Whether it takes commands."""
         return self._leader is not None and self._leader.phase is MitPhase.RUNNING
 

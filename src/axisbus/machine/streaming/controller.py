@@ -51,11 +51,12 @@ class Controller:
     """A loop under way; made by ``Axis.controller``, for a ``with`` block or until ``stop()``.
 
     ``handle`` is that of the loop: it ends by whatever takes the axis over or stops it, with an error where the function raised or
-    answered too late. ``error`` is what the function has raised. ``limited`` counts the answers that were held to the limit.
+    answered too late. ``error`` is what the function has raised. ``saturated_count`` counts the answers that were held to the
+    limit.
     """
 
     handle: Handle
-    limited: int
+    saturated_count: int
     error: BaseException | None
 
     def __init__(
@@ -75,7 +76,7 @@ class Controller:
         self._text = f"{name}.controller"
         self._took = Lateness()
         self._last = self._session.snapshots[name].now
-        self.limited = 0
+        self.saturated_count = 0
         self.error = None
         self.handle = commanding.submit(name, answering.command, self._text)
         if self._session.waiter.realtime:
@@ -167,6 +168,6 @@ class Controller:
     def _raw(self, value: float) -> int:
         limit = self._answering.limit
         if limit is not None and abs(value) > limit:
-            self.limited += 1
+            self.saturated_count += 1
             value = min(max(value, -limit), limit)
         return self._answering.raw(value)

@@ -43,11 +43,13 @@ def answering_of(parameters: AxisParameters, by: object, ramps: ControllerRamps,
     request = AxisCall(parameters, "controller")
     if not isinstance(by, str) or by not in _WAYS:
         raise ArgumentError(
-            f"{request.text}: by {told(by)} is not known",
+            f"{request.text}: output {told(by)} is not known",
             remedy='give "velocity" (unit/s, in csv) or "torque" (N·m, in cst)',
         )
     if not isinstance(late, int) or isinstance(late, bool) or not 0 <= late <= _LATEST:
-        raise ArgumentError(f"{request.text}: late {told(late)} is no count of cycles from 0 to {_LATEST}")
+        raise ArgumentError(
+            f"{request.text}: max_missed_cycles {told(late)} is not a number of cycles from 0 to {_LATEST}"
+        )
     number = secrets.randbits(48)
     if by == "velocity":
         up, down = ramps.acceleration, ramps.deceleration

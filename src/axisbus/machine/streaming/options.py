@@ -81,7 +81,7 @@ def _require_able(name: str, axis: Axis, text: str, *, places: bool) -> None:
             observed=f"its modulo is {axis.modulo:g} {axis.unit}",
             remedy="leave it out of the group, or stream its own positions",
         )
-    axis.require_stream("stream")
+    axis._require_stream_limits("stream")
 
 
 def _seconds(text: str, what: str, value: object) -> float:

@@ -105,7 +105,7 @@ class PointStream:
             self._halt_after(error)
             return
         try:
-            self.end().wait()
+            self.finish().wait()
         except AxisbusError as failure:
             self._halt_after(failure)
             raise
@@ -139,7 +139,7 @@ class PointStream:
         while not self.try_push(point):
             if not wait(lambda: self._has_room or not self.handle.busy, most):
                 raise TimeoutError(
-                    f"{self._text}: no room for point {self.count + 1} after {timeout:g} s; {self.ahead:.3f} s are ahead"
+                    f"{self._text}: no room for point {self.count + 1} after {timeout:g} s; {self.buffered_seconds:.3f} s are ahead"
                 )
 
     def try_push(self, point: Sequence[float]) -> bool:
@@ -154,7 +154,7 @@ class PointStream:
                 self._send(spans)
             return True
 
-    def end(self) -> Handle:
+    def finish(self) -> Handle:
         """Let the axes come to rest at the last point; return the stream's handle. Does not block; harmless when repeated."""
         with self._lock:
             if not self._ended and self.handle.busy:
@@ -188,7 +188,7 @@ class PointStream:
         return self.handle
 
     @property
-    def ahead(self) -> float:
+    def buffered_seconds(self) -> float:
         """Seconds of the stream that are ahead of the axes; what the last point adds is known when the next one is."""
         return max(0.0, self._known - self._passed)
 
@@ -200,7 +200,7 @@ class PointStream:
     @property
     def _has_room(self) -> bool:
         waiting = self._sent - self._done
-        return waiting < _MOST and self.ahead < self._options.buffer + self._braking
+        return waiting < _MOST and self.buffered_seconds < self._options.buffer + self._braking
 
     # -- helpers -----------------------------------------------------------------------------------------------------------
 
@@ -239,20 +239,20 @@ class PointStream:
         axes = list(self._axes.values())
         if self._solving is not None:
             for axis in axes:
-                axis.require_homed(call)
+                axis._require_homed(call)
             if not self.count:
                 for axis, value in zip(axes, self._joints(self._solving, place, text), strict=True):
-                    axis.require_near(text, value)
+                    axis._require_at_start(text, value)
             return place
         for axis, value in zip(axes, place, strict=True):
             if axis.modulo is None:
-                axis.absolute_position(call, value)
+                axis._absolute_position(call, value)
             else:
-                axis.require_homed(call)
+                axis._require_homed(call)
         if not self.count:
             self._shifts = tuple(_turns(axis, value) for axis, value in zip(axes, place, strict=True))
             for axis, value, shift in zip(axes, place, self._shifts, strict=True):
-                axis.require_near(text, value + shift)
+                axis._require_at_start(text, value + shift)
         return tuple(value + shift for value, shift in zip(place, self._shifts, strict=True))
 
     def _joints(self, solving: Solving, place: Place, text: str) -> Place:
@@ -323,7 +323,7 @@ def _solving_of(
 def _joining_of(
     axes: Mapping[str, Axis], text: str, solving: Solving | None
 ) -> PointAccepted[Span] | PointAccepted[tuple[Span, ...]]:
-    allowed = {name: axis.allowed() for name, axis in axes.items()}
+    allowed = {name: axis._stream_limits() for name, axis in axes.items()}
     if solving is None:
         return CurveFit(allowed, text)
     return PlaceJoining(solving, allowed, lambda: _led(axes), text)
@@ -341,7 +341,7 @@ def _names_of(axes: Mapping[str, Axis], text: str, solving: Solving | None) -> l
 
 def _led(axes: Mapping[str, Axis]) -> Place:
     """Return where the axes are led to."""
-    return tuple(axis.led_to for axis in axes.values())
+    return tuple(axis.commanded_position for axis in axes.values())
 
 
 def _tuple(made: Span | tuple[Span, ...] | None) -> tuple[Span, ...]:
@@ -350,4 +350,8 @@ def _tuple(made: Span | tuple[Span, ...] | None) -> tuple[Span, ...]:
 
 def _turns(axis: Axis, position: float) -> float:
     """Return by how many turns an endless axis is farther than a position says, in its unit."""
-    return 0.0 if axis.modulo is None else axis.modulo * round((axis.led_to - position) / axis.modulo)
+    return (
+        0.0
+        if axis.modulo is None
+        else axis.modulo * round((axis.commanded_position - position) / axis.modulo)
+    )

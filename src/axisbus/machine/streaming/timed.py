@@ -48,8 +48,8 @@ def _in_parts(spans: Sequence[Span]) -> list[tuple[Span, ...]]:
 def _checked(axes: Mapping[str, Axis], text: str, points: Sequence[TrajectoryPoint]) -> list[Span]:
     """Return what goes to the core."""
     for axis in axes.values():
-        axis.require_stream(text)
-    here = tuple(axis.led_to for axis in axes.values())
+        axis._require_stream_limits(text)
+    here = tuple(axis.commanded_position for axis in axes.values())
     scan = next(iter(axes.values())).scan_period
     way = way_of(points, here, scan, text)
     begins_here = points[0].time > 0.0
@@ -59,17 +59,17 @@ def _checked(axes: Mapping[str, Axis], text: str, points: Sequence[TrajectoryPoi
         require_apart(between.seconds, scan, text, "the time between two points", longest=None)
     if not begins_here:
         for axis, place in zip(axes.values(), points[0].positions, strict=True):
-            axis.require_near(text, place)
-    joining = CurveFit({name: axis.allowed() for name, axis in axes.items()}, text)
+            axis._require_at_start(text, place)
+    joining = CurveFit({name: axis._stream_limits() for name, axis in axes.items()}, text)
     return [_span(joining, number - begins_here, between) for number, between in enumerate(way)]
 
 
 def _require_places(axes: Mapping[str, Axis], point: TrajectoryPoint, call: str) -> None:
     for axis, place in zip(axes.values(), point.positions, strict=True):
         if axis.modulo is None:
-            axis.absolute_position(call, place)
+            axis._absolute_position(call, place)
         else:
-            axis.require_homed(call)
+            axis._require_homed(call)
 
 
 def _span(joining: CurveFit, count: int, between: Between) -> Span:

@@ -140,7 +140,7 @@ class UserKinematicsAdapter:
     def is_same(self, joints: Place, there: Place) -> str:
         """Return which axis would have to go from ``there`` to ``joints``, as they are farther apart than rest is; "" if none."""
         for (name, axis), a, b in zip(self._axes.items(), joints, there, strict=True):
-            if abs(a - b) > axis.place_window:
+            if abs(a - b) > axis.start_tolerance:
                 return f"{name} stands at {b:.6g} {axis.unit}, and would have to be at {a:.6g}"
         return ""
 

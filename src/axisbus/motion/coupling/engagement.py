@@ -225,8 +225,8 @@ class Engagement:
         raise LimitError(
             f"{self._slave.name} does not stand where it is due for where {self.master.name} is",
             observed=f"it is {abs(off):.6g} {units.unit} off, of which {allowed:.6g} {units.unit} are allowed",
-            remedy="move it there first, give over = ... (the way of the master within which it comes there), or let it begin "
-            "where it stands: relative = True",
+            remedy="move it there first, give master_start_distance (the distance of the master within which it gets there), "
+            "or let it begin at its present position: relative = True",
         )
 
     def _require_far(self, entry: AtPlace, master: float) -> None:
@@ -236,8 +236,8 @@ class Engagement:
             return
         raise LimitError(
             f"{m.name} was nearer to {entry.master:g} {unit} than {self._slave.name} needs to come into step",
-            observed=f"it was {left:.6g} {unit} away, over = {entry.over:g}",
-            remedy=f"let {m.name} come from farther away, or give a shorter way (over = ...)",
+            observed=f"it was {left:.6g} {unit} away, master_start_distance = {entry.over:g}",
+            remedy=f"let {m.name} come from farther away, or give a shorter way (master_start_distance = ...)",
         )
 
     def _lost(self, error: AxisbusError, then: str = "the axis was braked") -> AxisbusError:

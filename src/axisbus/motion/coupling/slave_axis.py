@@ -195,7 +195,7 @@ class Coupled(Follow):
             f"{name}: what its master does would take it {found.what}",
             observed=found.seen,
             remedy=f"move the master more gently, take another ratio, give the slave a longer way to come into step "
-            f"(over = ...), or raise the limit in [axes.{name}] of cell.toml; the axis was braked",
+            f"(master_start_distance = ...), or raise the limit in [axes.{name}] of cell.toml; the axis was braked",
         )
 
 

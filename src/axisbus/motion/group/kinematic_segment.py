@@ -121,8 +121,10 @@ def survey(piece: KinematicSegment) -> tuple[Surveyed, ...]:
     count = _CORNER if isinstance(base, Corner) else 1
     if isinstance(base, Arc):
         count = math.ceil(_ROUND * base.angle / math.tau)
-    if math.isfinite(piece.kinematics.size):
-        count = max(count, min(_MOST, math.ceil(_FINE * base.length / piece.kinematics.size)))
+    if math.isfinite(piece.kinematics.characteristic_length):
+        count = max(
+            count, min(_MOST, math.ceil(_FINE * base.length / piece.kinematics.characteristic_length))
+        )
     curvatures = base.curvatures(count)
     step = base.length / (count * _STEPS)
     places = [piece.at(min(max(n * step, 0.0), base.length)) for n in range(count * _STEPS + 1)]

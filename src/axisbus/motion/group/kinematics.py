@@ -23,7 +23,7 @@ class CoreXY:
     """Two motors with one belt: a = x + y, b = x - y."""
 
     @property
-    def size(self) -> float:
+    def characteristic_length(self) -> float:
         """How far things are apart where its axes' parts of a way change: nowhere."""
         return math.inf
 
@@ -52,7 +52,7 @@ class Scara:
     middle: float = 0.0
 
     @property
-    def size(self) -> float:
+    def characteristic_length(self) -> float:
         """Its reach."""
         return self.upper + self.fore
 
@@ -97,7 +97,7 @@ class Delta:
     fore: float
 
     @property
-    def size(self) -> float:
+    def characteristic_length(self) -> float:
         """Its reach."""
         return self.upper + self.fore
 

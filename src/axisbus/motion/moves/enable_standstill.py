@@ -68,7 +68,7 @@ class EnableRest:
             f"{name}: not enabled, because it moves",
             observed=f"without power it did not come to rest within {time:g} s: {why}",
             remedy="wait until it stands, or look what turns it (it coasts, or its load sags); "
-            "axis.enable(moving=True) catches it in motion; "
+            "axis.enable(allow_moving=True) catches it in motion; "
             f"standstill_velocity in [axes.{name}] says what counts as standing",
         )
 

@@ -126,11 +126,11 @@ class ProfilePosition(Mode):
         if since_mode < dials.mode_pulses_acknowledge:
             return True
         hidden = dials.acknowledge_never or since_mode < dials.mode_clears_acknowledge
-        return self._acknowledge and not hidden and self._acknowledged_for < dials.acknowledge_early
+        return self._acknowledge and not hidden and self._acknowledged_for < dials.acknowledge_duration
 
     def _present(self, axis: Axis, word: int) -> None:
         delay = axis.dials.acknowledge_delay
-        if delay == math.inf or (axis.dials.deaf_under_halt and word & CW_HALT):
+        if delay == math.inf or (axis.dials.ignore_setpoint_during_halt and word & CW_HALT):
             return
         self._presented = self._set_point(axis, word)
         self._delay = delay

@@ -84,11 +84,11 @@ def take_command(machine: Machine) -> Handle:
 
 def _take_command(machine: Machine, handle: Handle) -> None:
     try:
-        machine.take_command()
+        machine.take_control()
     except AxisbusError as error:
-        handle.finish(Status.ERROR, error)
+        handle._finish(Status.ERROR, error)
     else:
-        handle.finish(Status.DONE)
+        handle._finish(Status.DONE)
 
 
 def direction_of(act: PageAction) -> float:
@@ -119,4 +119,4 @@ def jog(machine: Machine, act: PageAction, *, renews: bool) -> Handle:
             remedy=f"give a velocity, or velocity in [axes.{name}.defaults] of the cell file",
         )
     acceleration = act.values.get("acceleration")
-    return machine[name].jog(direction_of(act) * abs(speed), acceleration=acceleration, renews=renews)
+    return machine[name].jog(direction_of(act) * abs(speed), acceleration=acceleration, continue_only=renews)

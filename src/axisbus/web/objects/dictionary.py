@@ -53,7 +53,7 @@ def _entry(node: MachineNode, quantities: Quantities, sub: Variable) -> Values:
 
 
 def _carried(node: MachineNode, sub: Variable) -> str:
-    carried = node.access.carrier(sub.index, sub.subindex)
+    carried = node.access.mapped_in(sub.index, sub.subindex)
     return "" if carried is None else f"{carried.pdo} ({carried.can_id:03X}h)"
 
 

@@ -32,7 +32,7 @@ def one_axis(axis: Axis, parameters: AxisParameters, now: float) -> Values:
     return {
         "known": known,
         "state": snapshot.state.value if known else UNKNOWN,
-        "power": snapshot.power.value if known else UNKNOWN,
+        "power": snapshot.power_state.value if known else UNKNOWN,
         "mode": f"mode {short(mode) if known and mode is not None else UNKNOWN}",
         "bits": "" if word is None else ", ".join(statusword.bit_words(word, mode)),
         "homed": ("homed" if snapshot.homed else "not homed") if known else UNKNOWN,

@@ -103,7 +103,7 @@ def _loose(parameters: AxisParameters, snapshot: Snapshot) -> dict[str, str]:
     found = {}
     if parameters.homing.required and not snapshot.homed:
         found["position"] = _NOT_HOMED
-    if snapshot.power is not PowerState.OPERATION_ENABLED or snapshot.mode not in FOLLOWED:
+    if snapshot.power_state is not PowerState.OPERATION_ENABLED or snapshot.mode not in FOLLOWED:
         found["following_error"] = _NOT_LED
     return found
 

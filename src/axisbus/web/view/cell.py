@@ -50,7 +50,7 @@ def _command(machine: Machine) -> Values:
     if machine.session.ended:
         return {"ours": True, "by": ""}
     holder = next((each.who for each in machine.programs if each.commands), "nobody")
-    return {"ours": machine.has_command, "by": holder}
+    return {"ours": machine.has_control, "by": holder}
 
 
 def happenings(machine: Machine) -> list[PageIncident]:
@@ -110,7 +110,7 @@ def _plainly(message: str) -> dict[str, str]:
 def _controller(machine: Machine) -> list[str]:
     """Return how the CAN controller is, where it has told anything, and the frames that were dropped."""
     events = machine.bus_events[-1:]
-    return [*map(str, events), *(str(drop) for drop in machine.dropped)]
+    return [*map(str, events), *(str(drop) for drop in machine.dropped_frames)]
 
 
 def _of_axes(machine: Machine) -> list[PageIncident]:
@@ -129,7 +129,7 @@ def _of_nodes(machine: Machine) -> list[PageIncident]:
 def _incidents(node: NodeAccess) -> list[PageIncident]:
     found = []
     for incident in node.incidents:
-        first, *rest = node.incident_words(incident)
+        first, *rest = node.format_incident(incident)
         found.append(
             PageIncident(incident.began, f"node {node.node_id}, {first.rpartition(',')[0]}", tuple(rest))
         )

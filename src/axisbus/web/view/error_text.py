@@ -15,7 +15,7 @@ _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
             "end the program that has the machine, and start it again",
         ),
         (r"; axis\.snapshot keeps what was seen last, with its time", ""),
-        (r"axis\.enable\(moving=True\) catches it in motion; ", ""),
+        (r"axis\.enable\(allow_moving=True\) catches it in motion; ", ""),
         (r"confirm its position \(axis\.set_position\(\.\.\.\)\)", "confirm its position, in a program"),
         (r"axis\.disable\(coast=True\)\.wait\(\)", "Disable"),
         (r"at axis\.position", "where the axis is"),

@@ -70,7 +70,7 @@ class Args:
     @property
     def led(self) -> float:
         """Where a trajectory has to begin."""
-        return self.cell[self.name].led_to
+        return self.cell[self.name].commanded_position
 
     # -- numbers ---------------------------------------------------------------------------------------------------------
 
@@ -243,7 +243,9 @@ def _follow(args: Args) -> Handle:
 def _gear(args: Args) -> Handle:
     master = args.master()
     ratio = args.value * args.recipe.velocity / args.unit_of(master)
-    return args.axis.gear_in(master, ratio or 1.0, by=args.chance.choice(("command", "command", "actual")))
+    return args.axis.gear_in(
+        master, ratio or 1.0, master_value_source=args.chance.choice(("command", "command", "actual"))
+    )
 
 
 def _cam(args: Args) -> Handle:
@@ -252,12 +254,12 @@ def _cam(args: Args) -> Handle:
     lobe = Cam(
         [(0.0, 0.0), (0.25 * turn, lift), (0.5 * turn, 0.0), (0.75 * turn, -lift), (turn, 0.0)], periodic=True
     )
-    return args.axis.cam_in(master, lobe, relative=True, scale=args.value or 1.0)
+    return args.axis.cam_in(master, lobe, relative=True, slave_scaling=args.value or 1.0)
 
 
 def _phase(args: Args) -> Handle:
     unit = args.unit_of(args.master())
-    return args.axis.phase_by(0.1 * args.value * unit, velocity=0.1 * unit, acceleration=0.5 * unit)
+    return args.axis.phasing_relative(0.1 * args.value * unit, velocity=0.1 * unit, acceleration=0.5 * unit)
 
 
 def _loop(args: Args) -> Handle:
@@ -400,7 +402,8 @@ class GroupArgs:
         """Return the end of a path: a pose in the workspace near the present one, or positions of the axes."""
         if self.cell.recipe.kinematics:
             return tuple(
-                place + 15.0 * args.value for place, args in zip(self.group.place, self.args, strict=True)
+                place + 15.0 * args.value
+                for place, args in zip(self.group.tool_position, self.args, strict=True)
             )
         ends = tuple(args.position() for args in self.args)
         self.goals = {
@@ -443,7 +446,9 @@ class GroupArgs:
 
     def between(self, end: Sequence[float], share: float) -> tuple[float, ...]:
         """A point on the way to the end."""
-        starts = self.group.place if self.cell.recipe.kinematics else [args.here for args in self.args]
+        starts = (
+            self.group.tool_position if self.cell.recipe.kinematics else [args.here for args in self.args]
+        )
         return tuple(start + share * (to - start) for start, to in zip(starts, end, strict=True))
 
 
@@ -487,7 +492,7 @@ def _direct(args: GroupArgs) -> Handle:
 
 def _stream(args: GroupArgs) -> Handle:
     """A sine from where the axes are led to, gentler than the limits: ended, or left to run out."""
-    starts = args.group.place if args.cell.recipe.kinematics else [one.led for one in args.args]
+    starts = args.group.tool_position if args.cell.recipe.kinematics else [one.led for one in args.args]
     sizes = (
         [5.0] * len(starts)
         if args.cell.recipe.kinematics
@@ -506,7 +511,7 @@ def _stream(args: GroupArgs) -> Handle:
             break
     if ended:
         with suppress(AxisbusError):
-            points.end()
+            points.finish()
     return points.handle
 
 

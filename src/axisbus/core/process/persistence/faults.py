@@ -54,7 +54,7 @@ class Faults:
         reader: ImageReader,
         degree: str,
     ) -> None:
-        """``reader`` reads the images of ``outlet``; ``degree`` as ``Machine.degree``."""
+        """``reader`` reads the images of ``outlet``; ``degree`` as ``Machine.real_time_status``."""
         self.cell = cell
         self.session = session
         self._nodes = nodes

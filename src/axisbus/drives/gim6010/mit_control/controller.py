@@ -76,20 +76,20 @@ class MitPhase(Enum):
 class MitCycle:
     """One command and what came of it.
 
-    ``clipped`` are the values that lay beyond their range, ``shifted`` what kept the frame from being all zeros; ``feedback`` is
+    ``saturated`` are the values that lay beyond their range, ``shifted`` what kept the frame from being all zeros; ``feedback`` is
     the module's answer, which was received at ``time`` (s, monotonic) after the frame had been sent.
     """
 
     command: MitCommand
-    clipped: tuple[Changed, ...]
+    saturated: tuple[Changed, ...]
     shifted: tuple[Changed, ...]
     feedback: MitFeedback
     time: float
 
     @property
-    def as_asked(self) -> bool:
+    def exact(self) -> bool:
         """Whether the module got what was asked for, but for rounding to a step."""
-        return not self.clipped
+        return not self.saturated
 
 
 class MitLeader:
@@ -249,7 +249,7 @@ class MitLeader:
             return self._damp(now)
         command, given = self._wanted
         is_answered = self.answered_number == self._number  # until then the program may wait for that
-        if is_answered and now - max(given, self._first_answer) > self.settings.patience:
+        if is_answered and now - max(given, self._first_answer) > self.settings.command_timeout:
             self._leave(f"the program gave no command for {now - max(given, self._first_answer):.3f} s")
             return []
         if not self._is_due(now):

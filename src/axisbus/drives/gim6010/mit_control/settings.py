@@ -25,7 +25,7 @@ class MitSettings:
     ``node`` is 0 to 63. ``ranges`` are what its firmware has (the manual's up to 0.5.14; later ones have parameters, and others
     than the module's are wrong by their ratio). ``gear`` is in turns of the rotor per turn of the output. ``damping`` is the kd,
     in the firmware's own unit, with which it is braked on every way out. ``period`` (0.001 to 0.1 s) is that of its frames; a
-    program that gives no command for ``patience`` (s, at least two periods, at most 1) is taken for dead.
+    program that gives no command for ``command_timeout`` (s, at least two periods, at most 1) is taken for dead.
 
     Raises:
         ArgumentError: a value is none of these.
@@ -36,7 +36,7 @@ class MitSettings:
     gear: float
     damping: float
     period: float
-    patience: float
+    command_timeout: float
 
     def __post_init__(self) -> None:
         if isinstance(self.node, bool) or self.node not in NODES:
@@ -51,7 +51,7 @@ class MitSettings:
         self._check("gear", 1e-3, 1e3, "turns of the rotor per turn of the output")
         self._check("damping", least, self.ranges.kd, "what brakes it on every way out: more than nothing")
         self._check("period", _SHORTEST, _LONGEST, "seconds")
-        self._check("patience", 2.0 * self.period, 1.0, "seconds, two periods at the least")
+        self._check("command_timeout", 2.0 * self.period, 1.0, "seconds, two periods at the least")
 
     def _check(self, name: str, low: float, high: float, what: str) -> None:
         value = getattr(self, name)
