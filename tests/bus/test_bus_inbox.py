@@ -127,7 +127,7 @@ def simple_queues(path: Path) -> list[int]:
 
 @pytest.mark.parametrize("root", [PACKAGE, HERE.parent], ids=["the package", "its tests"])
 def test_no_module_waits_at_a_simple_queue(root: Path) -> None:
-    """Its wait may have no end (see ``bus.inbox``), and a call with a time-out is hard to tell from one without."""
+    """Its wait may have no end (see ``bus.link.frame_queue``), and a call with a time-out is hard to tell from one without."""
     modules = sorted(root.rglob("*.py"))
     assert len(modules) > 50
     found = [f"{path.relative_to(root)}:{line}" for path in modules for line in simple_queues(path)]

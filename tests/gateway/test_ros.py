@@ -26,7 +26,7 @@ from kit import commands
 from kit.cdr import joint_state, joint_trajectory
 from kit.cell import cell_text
 
-# As docs/design.md of rmw_zenoh has them.
+# As the design document of rmw_zenoh has them.
 CHATTER = names.Topic(
     "/chatter",
     "std_msgs/msg/String",

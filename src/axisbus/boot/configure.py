@@ -77,7 +77,7 @@ class DriveMonitoringSetup:
         self.guarding: float | None = None
 
     def set_sync(self) -> None:
-        """Make sure that the node hears the bus's SYNC and TIME: 1005h, 1019h, 1012h; raises as ``services.set_services``."""
+        """Make sure that the node hears the bus's SYNC and TIME: 1005h, 1019h, 1012h; raises as ``set_services``."""
         set_services(self._objects, self._bus)
 
     def arm(self, reaction: str | None) -> WatchdogReport:

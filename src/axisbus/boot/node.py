@@ -8,7 +8,7 @@ Two rules:
 2. A drive found enabled is left as it is: it gets no configuration and no new mapping (a half-configured moving axis is worse than
    an unconfigured one), and the report says so. ``axis.enable()`` takes it over, ``axis.disable()`` switches it off.
 
-The order of the steps, their tries and their letters are those of ``cia301.bootup``; here is what a drive needs beside: the look at
+The order of the steps, their tries and their letters are those of ``cia302.bootup``; here is what a drive needs beside: the look at
 its power stage before anything is written, the watchdogs, the PDOs, and the report. The steps are the same for a node on a bus and
 for a stand-in without one; ``Comms`` is what only a bus has.
 """

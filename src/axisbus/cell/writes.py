@@ -93,7 +93,7 @@ def resolve(key: str, dictionary: Dictionary, drive_axis: int = 1) -> Dictionary
 
 
 def implied_writes(axis: AxisConfig, given: frozenset[tuple[int, int]] = frozenset()) -> Iterator[CellWrite]:
-    """Return the writes that ``[axes.NAME.stop]``, ``homing.offset`` and ``invert = "drive"`` mean.
+    """Return the writes that ``[axes.NAME.stop]``, ``[axes.NAME.homing] offset`` and ``invert = "drive"`` mean.
 
     ``given`` holds what ``[axes.NAME.objects]`` writes: an explicit polarity is left alone.
     """

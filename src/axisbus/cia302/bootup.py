@@ -7,7 +7,7 @@ no clock and no thread; time is what the answers say it took. Two rules:
 
 1. **Each request is repeated by itself.** Silence costs one more try of this request and nothing else; only a request that stays
    unanswered in all its tries ends the boot-up. Every request can be repeated without harm; the one that cannot, the transfer of
-   a program, has a single try (see ``bootprogram``).
+   a program, has a single try (see ``program_download``).
 2. **The first thing that is wrong ends it**, and the outcome has all that is known: letter, step, object, expected, got, abort.
 
 The order is that of the standard: device type, identity, state, program, restore, configuration, error control, start. Two things
@@ -169,7 +169,7 @@ class _Run(ProgramSteps):
             yield from self._must(BootNmtCommand(NmtCommand.ENTER_PRE_OPERATIONAL))
             self._did("pre-operational")
 
-    # -- program (see bootprogram) -----------------------------------------------------------------------------------
+    # -- program (see program_download) -----------------------------------------------------------------------------------
 
     def _renew(self) -> Step:
         """Check the program; one that was replaced must leave the node the device that is expected.

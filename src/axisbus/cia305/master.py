@@ -1,6 +1,6 @@
 """What an LSS master does with slaves that it can name (CiA 305): inquire, give a node-ID, a bit rate, store, activate.
 
-Each function is a dialogue (``cia301.lss_dialogue``) that begins by switching every slave to *waiting*. Where it takes an address,
+Each function is a dialogue (``cia305.dialogue``) that begins by switching every slave to *waiting*. Where it takes an address,
 None means "the only slave on the bus": every slave is then switched to *configuration*, which is right with one and wrong with two,
 because answers that differ collide on the wire.
 """

@@ -26,7 +26,7 @@ class NodeEventSource(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NodeParts:
-    """``node`` is a ``bus.node.Node``, or a ``DirectNode`` where there is no bus; ``clock`` (s) is that of its messages.
+    """``node`` is a ``CanopenNode``, or a ``DirectNode`` where there is no bus; ``clock`` (s) is that of its messages.
 
     ``plans`` are its PDOs, axis by axis; ``events`` is None where the node did not come up. ``has_objects``: whether it has an
     object dictionary, which ``eds`` is of; of one that has none, ``eds`` is what its axis is made of.

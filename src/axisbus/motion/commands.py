@@ -71,7 +71,7 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class MoveVelocity:
-    """MC_MoveVelocity; ``profile.velocity`` is signed. ``life`` in seconds: MC_Jog, ends unless renewed.
+    """MC_MoveVelocity; the velocity of ``profile`` is signed. ``life`` in seconds: MC_Jog, ends unless renewed.
 
     ``renews``: it lets the jog that runs live on, and begins none where that has ended, by a halt of anybody's.
     """

@@ -44,7 +44,7 @@ class Trigger:
         """As ``RecordingTrigger.end``."""
 
     def seen(self, now: float, snapshots: Mapping[str, Snapshot]) -> float | None:
-        """As ``Moment.seen``: the cycle in which the condition became true; raises what a user's function raises."""
+        """As ``RecordingTrigger.seen``: the cycle in which the condition became true; raises what a user's function raises."""
         values = {
             name: dict(zip(NAMES, form.values(sample_of(snapshots[name])), strict=True))
             for name, form in self._forms.items()

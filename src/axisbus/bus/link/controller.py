@@ -3,11 +3,11 @@
 Theory of operation
 -------------------
 Linux tells every change by an error frame, with its class in the identifier; some other adapters' drivers tell bus-off by
-``bus.state`` alone, which is asked for now and then. Both come in here; each change is an event.
+the bus object's ``state`` alone, which is asked for now and then. Both come in here; each change is an event.
 
 Bus-off is left by a restart only, never by one of the frames that came before it. Linux tells a restart (by ``restart-ms`` or by
 hand) in a frame of its own, some drivers by the controller's new condition; so each condition but bus-off that is told while
-bus-off means a restart. Who learnt of bus-off by ``bus.state`` learns of its end by that too.
+bus-off means a restart. Who learnt of bus-off by that ``state`` learns of its end by that too.
 """
 
 from __future__ import annotations

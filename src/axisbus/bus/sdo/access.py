@@ -42,7 +42,7 @@ class SdoObjectAccess(Protocol):
 
 
 class ByObjects(Protocol):
-    """A node that is looked at and set by its objects alone; ``bus.node.Node`` is one."""
+    """A node that is looked at and set by its objects alone; ``CanopenNode`` is one."""
 
     @property
     def node_id(self) -> int:

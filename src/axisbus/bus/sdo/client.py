@@ -62,7 +62,7 @@ class SdoClient:
     ) -> None:
         """``timeout`` is for one answer, in seconds; ``tries`` counts whole transfers.
 
-        ``cob_ids`` are client to server and server to client, for an additional SDO channel (``bus.sdo_channels``); None: the
+        ``cob_ids`` are client to server and server to client, for an additional SDO channel (``bus.sdo.channels``); None: the
         predefined ones.
         """
         self.node_id = node_id
@@ -177,7 +177,7 @@ class SdoClient:
         self._line.close()
 
     def beside(self, cob_ids: tuple[int, int]) -> SdoClient:
-        """Return another client of the same node on an SDO channel of its own (see ``bus.sdo_channels``); sends nothing."""
+        """Return another client of the same node on an SDO channel of its own (see ``bus.sdo.channels``); sends nothing."""
         return SdoClient(
             self._channel,
             self.node_id,

@@ -61,7 +61,7 @@ class Where:
 
     @property
     def bus(self) -> tuple[Path | None, str | None, str | None, int | None, tuple[str, ...]]:
-        """What names the bus, as ``cli.buses`` takes it."""
+        """What names the bus, as ``cli.shared.buses`` takes it."""
         return self.cell, self.interface, self.channel, self.bitrate, self.option
 
     @property

@@ -1,4 +1,4 @@
-"""What goes with each message of rmw_zenoh: its number, when it was sent, and by whom (``docs/design.md``, "Publishers")."""
+"""What goes with each message of rmw_zenoh: its number, when it was sent, and by whom (rmw_zenoh's design document, "Publishers")."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Names of ROS 2 as rmw_zenoh writes them: keys of topics, and the tokens by which nodes and their topics are seen.
 
-Published in ``docs/design.md`` of rmw_zenoh: "Topic and Service name mapping to Zenoh key expressions" and "Graph Cache".
+Published in the design document of rmw_zenoh: "Topic and Service name mapping to Zenoh key expressions" and "Graph Cache".
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-Every motion of the pair is a straight line of a group (``group.line``), from where both are led to, to one place of the first axis
+Every motion of the pair is a straight line of a group (``MoveLinear``), from where both are led to, to one place of the first axis
 and that plus the offset of the second. Both have their shares of one way and one travel along it, so one set-point leads both; a
 halt, an override and a resumption act on the travel, and nothing leads one of them without the other. A beam that stands a little
 out of square is square at the end of its next move.

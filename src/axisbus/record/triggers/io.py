@@ -56,7 +56,7 @@ class IoMoment:
             self._session.untap(self._hear)
 
     def seen(self, now: float, _snapshots: Mapping[str, Snapshot]) -> float | None:
-        """As ``Moment.seen``: the time of the frame, or of the cycle where there is none."""
+        """As ``RecordingTrigger.seen``: the time of the frame, or of the cycle where there is none."""
         found = self._now()
         self._since = now if self._since is None else self._since
         while self._found and self._found[0] < self._since:

@@ -1,4 +1,4 @@
-"""The gate before every route and every socket of the page: asks ``arrival.decide``, and holds no rule of its own."""
+"""The gate before every route and every socket of the page: asks ``admission.decide``, and holds no rule of its own."""
 
 from __future__ import annotations
 
