@@ -1,4 +1,4 @@
-"""LSS frames (CiA 305) in words: what each service of ``cia305.services`` says, as the master's request and as the slave's answer."""
+"""LSS frames (CiA 305): what each service of ``cia305.services`` says, as the master's request and as the slave's answer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What goes with each message of rmw_zenoh: its number, when it was sent, and by whom (rmw_zenoh's design document, "Publishers")."""
+"""What goes with each message of rmw_zenoh: its number, when it was sent, and by whom (rmw_zenoh's design, "Publishers")."""
 
 from __future__ import annotations
 

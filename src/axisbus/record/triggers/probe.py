@@ -21,7 +21,7 @@ class ProbeMoment:
         """As ``RecordingTrigger.end``."""
 
     def seen(self, now: float, snapshots: Mapping[str, Snapshot]) -> float | None:
-        """As ``RecordingTrigger.seen``: the cycle in which the edge was seen, as ``ProbeResult.time``; the edge itself was earlier."""
+        """As ``RecordingTrigger.seen``: the cycle that saw the edge, as ``ProbeResult.time``; the edge itself was earlier."""
         latched, before = snapshots[self._axis].latched, self._before
         self._before = latched
         return now if before is not None and latched > before else None

@@ -47,8 +47,8 @@ class ModuleSettings:
     ``input_filter_bandwidth``) is not told. ``period`` (s) is that of the scan, ``heartbeat`` (s) that of the module.
     ``break_timeout`` (s) is what was read back from it: 0 where it is off, or was not read. ``torque`` None: there are no torques.
     ``quick_stop_holds``: after a quick stop the module keeps its power and holds. ``remote``: the bus carries remote frames.
-    ``relayed``: it is on a serial line, of which its registers are asked one after the other (``modbus.can_emulation``): it tells all by
-    itself, slower and not as surely as on a bus, and is given its modes in idle alone.
+    ``relayed``: it is on a serial line, of which its registers are asked one after the other (``modbus.can_emulation``): it tells
+    all by itself, slower and not as surely as on a bus, and is given its modes in idle alone.
 
     Raises:
         ArgumentError: the node ID is none, or a value is not above 0.
