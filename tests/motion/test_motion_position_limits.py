@@ -224,7 +224,7 @@ def test_nothing_leads_an_axis_that_is_beyond_a_limit_farther_out(way, place):
 @pytest.mark.parametrize("place", [0.0, -0.002, 60.0, 60.002])
 def test_an_arc_may_begin_where_a_position_wanders_at_a_limit(place):
     r = bounded("xy", place=place, each={"y": {"limits": AxisLimits(velocity=400.0)}})
-    here, begun = (r.axis.commanded_position, r.axes["y"].led_to), out_of(r)
+    here, begun = (r.axis.commanded_position, r.axes["y"].commanded_position), out_of(r)
     centre, end = ((here[0] + inward(r) * way, here[1]) for way in (10.0, 20.0))
     arc = r.group("x", "y").move_circular(end, centre=centre, velocity=40.0, acceleration=300.0)
     while arc.busy:

@@ -223,10 +223,10 @@ def test_an_axis_that_is_off_or_moves_otherwise_is_not_taken(story):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"by": "position"}, "is not known"),
-        ({"late": -1}, "no count of cycles"),
-        ({"late": True}, "no count of cycles"),
-        ({"by": "torque", "slope": 0.0}, "slope"),
+        ({"output": "position"}, "is not known"),
+        ({"max_missed_cycles": -1}, "not a number of cycles"),
+        ({"max_missed_cycles": True}, "not a number of cycles"),
+        ({"output": "torque", "slope": 0.0}, "slope"),
         ({"acceleration": -1.0}, "acceleration"),
     ],
 )

@@ -56,7 +56,7 @@ def test_the_position_is_that_of_the_edge_and_not_of_a_cycle(story, velocity):
     move = cell.x.move_absolute(60.0, velocity=velocity, acceleration=4000.0)
     seen = probe.wait(5)
     assert seen.position == pytest.approx(17.31, abs=0.5 / SCALE)
-    assert seen.probed.edge == "rising"
+    assert seen.result.edge == "rising"
     assert cell.where() - seen.position > 0.01 * velocity  # it was seen a cycle later, or more
     move.wait(5)
     assert len(probe.captures) == 1  # the first edge alone
@@ -408,7 +408,7 @@ def test_a_second_request_replaces_the_first_and_outlives_its_cancel(story):
     assert second.active
     flank(cell, True)
     flank(cell, False)
-    assert second.wait(1).probed.edge == "falling"
+    assert second.wait(1).result.edge == "falling"
     assert not first.captures
 
 
