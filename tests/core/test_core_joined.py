@@ -162,7 +162,7 @@ def test_a_program_that_is_there_takes_the_command_and_takes_it_back(machine, fi
 
 
 def test_a_program_that_takes_the_command_and_dies_leaves_it_to_who_had_it(machine, file):
-    program = "import os, sys; from axisbus import Machine; guest = Machine.attach(sys.argv[1]); guest.take_command(); os._exit(0)"
+    program = "import os, sys; from axisbus import Machine; guest = Machine.attach(sys.argv[1]); guest.take_control(); os._exit(0)"
     subprocess.run([sys.executable, "-c", program, str(file)], check=True)
     until = time.monotonic() + 20.0
     while not machine.has_control:

@@ -235,5 +235,5 @@ def clock_of(session: AxisSession) -> float:
 
 def _places(machine: Watched, wanted: Iterable[WantedObject]) -> list[MappedSignal]:
     """Return where those are that a PDO carries."""
-    found = [(one, machine.node(one.node).carrier(one.index, one.subindex)) for one in wanted]
+    found = [(one, machine.node(one.node).mapped_in(one.index, one.subindex)) for one in wanted]
     return [MappedSignal(one, carried) for one, carried in found if carried is not None]

@@ -63,7 +63,7 @@ def _of_io(text: str, found: re.Match[str], machine: Watched) -> RecordingTrigge
     wanted = wanted_object(machine, name)
     assert wanted.point is not None
     met = comparison(text, found, _kind(wanted.point), EXAMPLES)
-    carried = machine.node(wanted.node).carrier(wanted.index, wanted.subindex)
+    carried = machine.node(wanted.node).mapped_in(wanted.index, wanted.subindex)
     return IoMoment(machine.session, wanted, None if carried is None else MappedSignal(wanted, carried), met)
 
 
