@@ -1,1 +1,1 @@
-"""Overrides: by what the velocities of commands are multiplied, and how a move of a drive takes another one up."""
+"""Overrides: the factors for the velocities of commands, and the change of velocity in a running move of a drive."""

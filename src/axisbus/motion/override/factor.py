@@ -1,9 +1,9 @@
-"""The override of an axis: by what the velocities of its commands are multiplied, and what becomes of them.
+"""The override of an axis: the factor for the velocities of its commands.
 
 Theory of operation
 -------------------
-An axis has its own factor, and that of the cell multiplies it. The product is no more than ``FASTER``, and a velocity that it makes
-is no more than ``max_velocity``. What is scaled are velocities that were asked for: no ramp, torque, halt, stop or homing.
+An axis has its own factor, which is multiplied by the factor of the cell. The product is at most ``FASTER``, and the scaled
+velocity is at most ``max_velocity``. Only commanded velocities are scaled: no ramp, torque, halt, stop or homing.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ FASTER = 1.5  # the highest override
 
 
 class Override:
-    """Holds the factor of one axis and that of its cell; ``factor`` is what they come to."""
+    """Holds the factor of one axis and the factor of its cell; ``factor`` is the resulting override."""
 
     __slots__ = ("cell", "factor", "own")
 
@@ -24,26 +24,26 @@ class Override:
         self.own = self.cell = self.factor = 1.0
 
     def set_own(self, own: float) -> None:
-        """Take the factor of the axis (0 to 1.5)."""
+        """Set the factor of the axis (0 to 1.5)."""
         self.own = own
         self.factor = min(own * self.cell, FASTER)
 
     def set_cell(self, cell: float) -> None:
-        """Take the factor of the cell (0 to 1.5)."""
+        """Set the factor of the cell (0 to 1.5)."""
         self.cell = cell
         self.factor = min(self.own * cell, FASTER)
 
 
 def require_factor(factor: float, name: str) -> None:
-    """Raise LimitError where ``factor`` is no override; ``name`` says what was asked for."""
+    """Raise LimitError if ``factor`` is not from 0 to 1.5; ``name`` is the name of the command."""
     if not 0.0 <= factor <= FASTER:
         raise LimitError(f"{name}: an override is from 0 to {FASTER:g}")
 
 
 def scaled(velocity: int, factor: float, parameters: AxisParameters) -> int:
-    """Return a velocity (signed, increments of the drive) under an override, within ``max_velocity`` and what an object holds.
+    """Return a velocity (signed, increments of the drive) under an override, within ``max_velocity`` and the range of the object.
 
-    Above a factor of 0 it does not become 0.
+    With a factor above 0 it does not become 0.
     """
     if factor == 1.0 or not velocity:
         return velocity
@@ -53,11 +53,11 @@ def scaled(velocity: int, factor: float, parameters: AxisParameters) -> int:
 
 
 def _most(velocity: int, parameters: AxisParameters) -> float:
-    """Return the limit in increments; what was asked for was within it, however it was rounded."""
+    """Return the limit in increments; the commanded velocity was within it, however it was rounded."""
     limit, scale = parameters.limits.velocity, parameters.units.velocity
     return float(INT32_HALF) if limit is None else max(limit * abs(scale.factor), abs(velocity))
 
 
 def spared(factor: float, period: float) -> float:
-    """Return by how much a deadline moves in a cycle of ``period`` seconds: time runs as slowly as the motion that it is for."""
+    """Return by how much a deadline moves in a cycle of ``period`` seconds: its time runs as slowly as the motion."""
     return period * (1.0 - min(factor, 1.0))

@@ -1,15 +1,16 @@
-"""A set-point that is given anew while its drive goes to it: with another profile velocity (6081h), or after a hold.
+"""Give the set-point again while its drive moves to it: with another profile velocity (6081h), or after a hold.
 
 Theory of operation
 -------------------
 An override changes the profile velocity of a move that the drive plans. A drive takes 6081h with a set-point (CiA 402-2 10.3), so
-the velocity is written, and then the same target given once more with bit 5 (change set immediately). At an override of 0 the halt
-bit holds the axis, and the drive keeps its target; on the way on, the target is given before the halt ends, as in any other move
-out of a halt. One handshake at a time: what changes meanwhile waits for its end.
+the master writes the velocity, and then gives the same target again with bit 5 (change set immediately). At an override of 0 the
+halt bit holds the axis, and the drive keeps its target. To continue, the master gives the target before it ends the halt, as in any
+other move out of a halt. There is one handshake at a time: a change during a handshake waits for its end.
 
-A drive may take the set-point and keep its old velocity. That is seen in its positions: twice the ramp and half a second after it
-was taken, the move fails where the axis goes steadily towards its target, nearer to the velocity before than to the one asked for.
-An axis that still speeds up, or has to turn round first, says nothing of its velocity yet.
+A drive may take the set-point but keep its old velocity. The positions show this. The check begins twice the ramp time plus half a
+second after the drive took the set-point. The move fails if the axis then moves steadily towards its target, and its speed is
+nearer to the old velocity than to the commanded one. An axis that still accelerates, or has to reverse first, does not show its
+final velocity yet.
 """
 
 from __future__ import annotations
@@ -28,14 +29,14 @@ from axisbus.motion.moves.profile import MoveProfile, braking_distance
 from axisbus.motion.override.factor import scaled
 from axisbus.motion.parameters import AxisParameters
 
-_LATE = 0.5  # seconds beside twice the ramp
+_LATE = 0.5  # seconds in addition to twice the ramp
 _LOOK = 0.2  # seconds over which the speed is measured
-_CHANGE = 0.1  # of a speed: what is less is not looked for
+_CHANGE = 0.1  # of a speed: smaller changes are not checked
 _STEADY = 0.25  # of the change that the ramp makes in _LOOK: a smaller change counts as a constant speed
 
 
 def overridden(profile: MoveProfile, factor: float, parameters: AxisParameters) -> MoveProfile:
-    """Return the profile of a move under an override; one of 0 leaves it as it is, as it is held otherwise."""
+    """Return the profile of a move under an override; an override of 0 leaves it unchanged, because the halt bit holds the axis."""
     if factor in (0.0, 1.0):
         return profile
     velocity = scaled(profile.velocity, factor, parameters)
@@ -44,7 +45,7 @@ def overridden(profile: MoveProfile, factor: float, parameters: AxisParameters) 
 
 
 def driven(profile: MoveProfile, parameters: AxisParameters) -> float | None:
-    """Return the speed that 6081h comes to (position increments per s): on a coarse scale it may be far below the one asked for."""
+    """Return the speed that 6081h represents (position increments/s): on a coarse scale it may be far below the command."""
     if profile.speed is None:
         return None
     units = parameters.units
@@ -52,19 +53,20 @@ def driven(profile: MoveProfile, parameters: AxisParameters) -> float | None:
 
 
 class SetPointUpdate:
-    """Holds the override that the drive has by now, and the write of another one that is under way."""
+    """Holds the override that the drive has now, and the running write of another one."""
 
     __slots__ = ("_factor", "_given", "_parameters", "_profile", "_write", "held", "is_asked", "ramps")
 
     def __init__(self, profile: MoveProfile, factor: float, parameters: AxisParameters) -> None:
-        """``profile``: as it was asked for; its set-point is prepared for the override ``factor``."""
+        """``profile``: as commanded, without override; its set-point is prepared for the override ``factor``."""
         self._profile = self._given = profile
         self.is_asked = False  # another profile, or target, which has not been given yet
         self._factor = factor or 1.0
         self._parameters = parameters
         self._write: tuple[float, RampTransfers] | None = None
         self.held = False
-        self.ramps: RampTransfers | None = None  # those that were written last here, with what the drive has
+        # the last ones written here, with the values that the drive has
+        self.ramps: RampTransfers | None = None
 
     @property
     def profile(self) -> MoveProfile:
@@ -73,15 +75,15 @@ class SetPointUpdate:
 
     @property
     def asked(self) -> MoveProfile:
-        """The profile as it was asked for, without the override."""
+        """The commanded profile, without the override."""
         return self._profile
 
     def ask(self, profile: MoveProfile) -> None:
-        """Let the set-point be given anew with another profile, or with the same one for another target."""
+        """Request to give the set-point again, with another profile, or with the same profile for another target."""
         self._profile, self.is_asked = expected(profile, self._parameters), True
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool | None:
-        """Return True in the cycle from which the set-point is to be given anew, None where it goes on, False where it waits.
+        """Return True in the cycle from which the set-point must be given again, None if the move continues, False if it waits.
 
         Raises:
             DriveError: the drive does not take the velocity.
@@ -101,7 +103,7 @@ class SetPointUpdate:
         return True
 
     def _writes(self, factor: float) -> list[tuple[int, int, int | None]]:
-        """Return what must be written under an override, beside the velocity only what is another than before."""
+        """Return the required writes under an override: the velocity, and those ramps that have changed."""
         given, profile, self._given, self.is_asked = self._given, self._profile, self._profile, False
         ramps = [
             (objects.PROFILE_ACCELERATION, given.acceleration, profile.acceleration),
@@ -112,7 +114,7 @@ class SetPointUpdate:
         return [(objects.PROFILE_VELOCITY, 0, velocity), *changed]
 
     def cancel(self, order: CycleOutputs) -> None:
-        """Take back what is queued."""
+        """Cancel the queued transfers."""
         if self._write is not None:
             self._write[1].cancel(order)
 
@@ -129,14 +131,14 @@ class SetPointUpdate:
 
 
 class _Mark(NamedTuple):
-    """Where an axis was (increments), and when (s)."""
+    """A position of the axis (increments), and its time (s)."""
 
     time: float
     position: int
 
 
 class VelocityChangeCheck:
-    """Looks whether an axis comes to another speed; holds where it was when the look began, and the speed of the look before."""
+    """Checks whether an axis changes to another speed; holds its position at the start, and the previous measured speed."""
 
     __slots__ = ("_after", "_before", "_from", "_last", "_parameters", "_profile", "_target")
 
@@ -157,10 +159,10 @@ class VelocityChangeCheck:
             self._after += 2.0 * profile.soft_seconds(abs(parameters.units.position.factor))
 
     def look(self, image: AxisImage) -> None:
-        """Take this cycle's position.
+        """Evaluate this cycle's position.
 
         Raises:
-            DriveError: the axis goes on at the speed that it had.
+            DriveError: the axis continues at its old speed.
         """
         if image.now < self._after or image.position is None:
             return
@@ -203,7 +205,7 @@ class VelocityChangeCheck:
 
     @staticmethod
     def _is_limited(image: AxisImage) -> bool:
-        """Whether the drive says that a limit of its own holds it back."""
+        """Whether the drive reports that one of its own limits holds it back."""
         return image.statusword is not None and bool(image.statusword & sw.INTERNAL_LIMIT)
 
     def _error(self, speed: float) -> DriveError:

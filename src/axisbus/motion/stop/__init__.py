@@ -1,1 +1,1 @@
-"""Everything that stops an axis or looks whether it stands."""
+"""Stop an axis, monitor its motion, and detect its standstill."""

@@ -1,4 +1,4 @@
-"""The stop that is under way on one axis: how strong it is, why it runs, who waits for it, and what it came to."""
+"""The running stop of one axis: its stop sequence, its kind, its reason, the tickets that wait for it, and its result."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MAYBE_ENERGISED = ENERGISED | {PowerState.UNKNOWN}
 
 
 class StopKind(IntEnum):
-    """Why the stop ladder runs, the stronger the higher. Only a halt may be interrupted by a new motion command."""
+    """Why the stop sequence runs; higher is stronger. Only a halt may be interrupted by a new motion command."""
 
     HALT = 0
     POLICY = 1
@@ -28,13 +28,13 @@ class StopKind(IntEnum):
     SHUTDOWN = 6
 
 
-# What to do about a command that a stop has ended; nothing where the stop was asked for on this axis.
+# Remedy for a command that a stop has ended; none if the stop was requested for this axis.
 REMEDIES = {
     StopKind.POLICY: "mend the axis that failed first (its error says how); this one stands enabled and takes commands again",
 }
 
 
-# What a drive has not done when a time of [axes.NAME.stop] has passed, and the objects that say how it does it.
+# Missing reaction of the drive when a time of [axes.NAME.stop] has passed, and the objects that define the reaction.
 _TOO_SLOW = {
     "halt_time": "did not come to rest on a halt in time (605Dh, 6084h)",
     "quick_stop_time": "did not come to rest on a quick stop in time (605Ah, 6085h)",
@@ -43,28 +43,28 @@ _TOO_SLOW = {
 
 
 class Stopping:
-    """Holds the ladder of the stop that is under way (None: there is none), its kind and reason, and the tickets that wait."""
+    """Holds the stop sequence of the running stop (None: there is none), its kind and reason, and the waiting tickets."""
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
         self._tickets: list[CommandStatus] = []
         self._resets: list[
             tuple[CommandStatus, Callable[[], None]]
-        ] = []  # each with what begins it when the stop has ended
+        ] = []  # each with the function that begins it after the stop
         self.ladder: StopSequence | None = None
         self.kind = StopKind.HALT
-        self.locks = False  # MC_Stop was asked for: the axis stays in Stopping
+        self.locks = False  # MC_Stop was requested: the axis stays in Stopping
         self.reason = ""
-        self.set_going_at = -math.inf  # when its drive was last asked for motion
+        self.set_going_at = -math.inf  # when motion was last requested from the drive
 
     @property
     def name(self) -> str:
-        """What is under way, for a person."""
+        """The name of the running stop, for the user."""
         return self._tickets[0].name if self._tickets else f"{self._parameters.name}'s stop"
 
     @property
     def interruptible(self) -> bool:
-        """Whether a new motion command may take over."""
+        """Whether a new motion command may interrupt the stop."""
         return self.ladder is None or self.kind is StopKind.HALT
 
     def ask(
@@ -76,9 +76,9 @@ class Stopping:
         ticket: CommandStatus | None,
         led_by: Activity | None = None,
     ) -> None:
-        """Begin to stop, or let the stop that runs become as hard as this one; its time runs on.
+        """Begin to stop, or make the running stop as hard as this one; its deadline does not change.
 
-        ``led_by``: the command that has just ended; along the trajectory on which it had the axis it is braked.
+        ``led_by``: the command that has just ended; the axis brakes along the trajectory of this command.
         """
         if ticket is not None:
             self.join(ticket)
@@ -110,7 +110,7 @@ class Stopping:
         ticket.begin()
 
     def add_reset(self, ticket: CommandStatus, begin: Callable[[], None]) -> None:
-        """Let a reset wait for the end of the stop."""
+        """Add a reset that waits for the end of the stop."""
         self._resets.append((ticket, begin))
         ticket.begin()
 
@@ -120,25 +120,25 @@ class Stopping:
         return bool(self._resets)
 
     def begin_resets(self) -> None:
-        """Let the resets that wait begin: the stop has ended."""
+        """Begin the waiting resets: the stop has ended."""
         resets, self._resets = self._resets, []
         for _, begin in resets:
             begin()
 
     def drop_resets(self) -> list[CommandStatus]:
-        """Forget the resets that wait; return their tickets."""
+        """Discard the waiting resets; return their tickets."""
         tickets, self._resets = [ticket for ticket, _ in self._resets], []
         return tickets
 
     def drop(self) -> list[CommandStatus]:
-        """Forget the stop; return the tickets that waited for it."""
+        """Discard the stop; return the tickets that waited for it."""
         tickets, self._tickets = self._tickets, []
         self.ladder, self.locks = None, False
         return tickets
 
 
 def stop_error(ladder: StopSequence, name: str) -> AxisbusError | None:
-    """Return what is to be told of a ladder that has come to its end, None when the axis stopped as it was asked to."""
+    """Return the error of a stop sequence that has ended; None if the axis stopped as requested."""
     if ladder.confirmed and not ladder.descended:
         return None
     seen = _seen(ladder)
@@ -172,7 +172,7 @@ def stop_error(ladder: StopSequence, name: str) -> AxisbusError | None:
             remedy="look what holds it before it gets power again; it was stopped hard and cannot leap when it comes free",
         )
     if not ladder.late:
-        return None  # only the statusword was missing, and what had to happen has happened
+        return None  # only the statusword was missing, and all required actions have happened
     return DriveError(
         f"{name}: stopped only by a harder stop than was asked for",
         axis=name,

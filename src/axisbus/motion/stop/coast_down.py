@@ -1,4 +1,4 @@
-"""Whether a motor that this program has driven has come to rest since its power went off: off is not yet stopped."""
+"""Detect whether a motor that this master has driven has come to rest after its power went off."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from axisbus.motion.stop.standstill import StandstillCheck
 
 
 class CoastDown:
-    """Holds whether the motor may still be turning without power; one that has been seen to stand may then be turned by hand."""
+    """State whether the motor may still turn without power.
+
+    Once standstill was seen, later motion without power does not count: the motor may then be turned by hand.
+    """
 
     __slots__ = ("_driven", "_parameters", "_standing")
 
@@ -21,15 +24,15 @@ class CoastDown:
 
     @property
     def under_way(self) -> bool:
-        """Whether the power is off and nobody has seen the motor stand since."""
+        """Whether the power is off and standstill has not been seen since."""
         return self._standing is not None
 
     def why_not(self, image: AxisImage) -> str:
-        """Say what is missing for it to count as standing."""
+        """Return the missing condition for standstill as a text; empty if the motor is not coasting."""
         return "" if self._standing is None else self._standing.why_not(image)
 
     def look(self, image: AxisImage, touched: bool) -> None:
-        """Take this cycle's values; ``touched``: this program has commanded the drive."""
+        """Evaluate this cycle's values. ``touched``: this master has commanded the drive."""
         if image.state in ENERGISED:
             self._driven, self._standing = self._driven or touched, None
         elif self._driven and image.state is not PowerState.UNKNOWN:
@@ -42,5 +45,5 @@ class CoastDown:
             self._driven, self._standing = False, None
 
     def _can_tell(self, image: AxisImage) -> bool:
-        """A drive with neither position nor velocity says nothing of a motor without power; bit 10 speaks of commands."""
+        """Whether motion without power can be detected: the drive has a position or a velocity. Bit 10 refers only to commands."""
         return self._parameters.has(objects.POSITION_ACTUAL) or image.velocity is not None

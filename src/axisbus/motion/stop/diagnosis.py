@@ -1,4 +1,4 @@
-"""Why something failed: what was seen of the drive, put into words, and what to check first."""
+"""Explain a failure: the drive's observed values as text, and the first things to check."""
 
 from __future__ import annotations
 
@@ -17,11 +17,13 @@ from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.moves.activity import SdoTransfers
 from axisbus.motion.parameters import AxisParameters
 
-THEN = "\n            then: "  # between what was seen first and what came of it, under the word "observed"
-_LINE = "\n            "  # between two remedies, under the word "remedy"
-_RECENT = 5.0  # seconds that an EMCY counts as belonging to what happens now
+# separates the first observation from its consequences, in the field "observed"
+THEN = "\n            then: "
+_LINE = "\n            "  # separates two remedies, in the field "remedy"
+_RECENT = 5.0  # seconds during which an EMCY counts as belonging to the present event
 
-# What to check first, by class of the error code (first hex digit, then the first two, then the exact ones that deserve their own).
+# First check, by error code: by its class (first hex digit), by its group (first two digits), then exact codes with a text of their
+# own.
 _REMEDY_BY_CLASS = {
     0x2: "look for a short circuit, a blocked axis, or acceleration and torque limits that ask for too much current",
     0x3: "measure the supply: too high while braking needs a brake chopper, too low a stronger supply or thicker cable",
@@ -54,10 +56,11 @@ _REMEDY_BY_CODE = {
 }
 
 
-# What a drive says that has heard too little of us: heartbeat, an RPDO's deadline (CiA 301 table 26), SYNC (CiA 402-2, 603Fh).
+# Error codes of a drive that received too little from the master: heartbeat, an RPDO's deadline (CiA 301 table 26), SYNC (CiA
+# 402-2, 603Fh).
 _OF_OUR_SILENCE = frozenset({0x8130, 0x8250, 0x8700})
 
-_KEPT = 4  # parts at the beginning and at the end of a story
+_KEPT = 4  # parts that remain at the beginning and at the end of a long chain of observations
 _NO_CODE = "no error code could be read (603Fh)"
 _NOT_YET = "its error code is being read (603Fh)"
 _NO_OTHER = frozenset({PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE, PowerState.UNKNOWN})
@@ -73,19 +76,19 @@ class DriveHistory:
         self.emcy: deque[emcy.Emcy] = deque(maxlen=16)
 
     def note(self, image: AxisImage) -> None:
-        """Take what is new in this cycle."""
+        """Add the state and the emergency messages of this cycle, if they are new."""
         if not self.states or self.states[-1][1] is not image.state:
             self.states.append((image.now, image.state))
         if image.emcy:
             self.emcy.extend(image.emcy)
 
     def path(self) -> str:
-        """Return the last states in order, for a person."""
+        """Return the last states in order, as text for the user."""
         return " > ".join(state.value for _, state in list(self.states)[-4:])
 
     @property
     def began_in_fault(self) -> bool:
-        """Whether the drive was in no other known state since this program looks at it."""
+        """Whether this master has seen the drive in no other known state than fault or *fault reaction active*."""
         return all(state in _NO_OTHER for _, state in self.states)
 
     def recent_emcy(self, now: float) -> list[emcy.Emcy]:
@@ -94,9 +97,11 @@ class DriveHistory:
 
 
 class FaultDiagnosis:
-    """Collects what a drive says of its fault: 603Fh and the make's own objects; holds the transfers, and who waits for the story.
+    """Reads the drive's description of its fault: 603Fh and the objects of the drive plug-in.
 
-    ``doing`` says what the fault interrupted, such as ``" during x.home()"``.
+    Holds the transfers, and the tickets that wait for the explanation.
+
+    ``doing``: what the fault interrupted, such as ``" during x.home()"``.
     """
 
     __slots__ = ("_deadline", "_parameters", "_transfers", "doing", "done", "tickets")
@@ -113,11 +118,12 @@ class FaultDiagnosis:
         self.done = False
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Return True when all is known, or no more will be."""
+        """Return True once all values have arrived, or no more can be expected."""
         try:
             self.done = self._transfers.step(image, order)
         except AxisbusError:
-            self.done = True  # a drive that refuses to explain itself is still in fault: tell what is known
+            # a drive that refuses to explain itself is still in fault: report the known values
+            self.done = True
         if image.now > self._deadline:
             self._transfers.cancel(order)
             self.done = True
@@ -148,7 +154,7 @@ class FaultDiagnosis:
 
 
 def chained(observed: str, what: str) -> str:
-    """Return what was observed with what came then; of a long story the beginning and the end are kept."""
+    """Append ``what`` to the observed text; of a long chain, only the beginning and the end remain."""
     parts = [*observed.split(THEN), what]
     if len(parts) > 2 * _KEPT:
         parts = [*parts[:_KEPT], *parts[-_KEPT:]]
@@ -156,18 +162,18 @@ def chained(observed: str, what: str) -> str:
 
 
 def first_observation(error: AxisbusError) -> str:
-    """Return what was observed first, without what came of it."""
+    """Return the first observation, without its consequences."""
     return error.observed.split(THEN)[0]
 
 
 def join_remedies(first: str, then: str) -> str:
-    """Return two remedies, a line each under the word "remedy"; what is said already is not said twice."""
+    """Join two remedies, one line each, in the field "remedy"; omit lines of ``then`` that ``first`` already contains."""
     said = first.split(_LINE) if first else []
     return _LINE.join([*said, *(line for line in then.split(_LINE) if line and line not in said)])
 
 
 def remedy(code: int | None) -> str:
-    """Return what to check first for an error code."""
+    """Return the first things to check for an error code."""
     if not code:
         return "read the drive's error history (1003h)"
     return (
@@ -179,7 +185,7 @@ def remedy(code: int | None) -> str:
 
 
 def nmt_text(image: AxisImage) -> str:
-    """Say why a node does not count as operational: what it reports, or that it has fallen silent."""
+    """Return why a node does not count as operational: the NMT state that it reports, or its silence."""
     silent = image.overdue or image.nmt in (NmtState.OPERATIONAL, NmtState.UNKNOWN)
     if not silent:
         return f"NMT state {NmtState(image.nmt).text}"
@@ -192,7 +198,10 @@ def _register(entry: emcy.Emcy) -> str:
 
 
 def enrich(error: AxisbusError, image: AxisImage, history: DriveHistory) -> AxisbusError:
-    """Add to ``error.observed`` what was seen of the drive and is not said yet: mode, EMCY, NMT state, age of the last word."""
+    """Add the drive's observed values to ``error.observed``.
+
+    Added are mode, EMCY, NMT state and the age of the last statusword, unless the error already contains them.
+    """
     texts = [error.observed] if error.observed else []
     texts.append(f"drive: {history.path()}")
     if image.mode is not None:
@@ -208,7 +217,10 @@ def enrich(error: AxisbusError, image: AxisImage, history: DriveHistory) -> Axis
 
 
 def name_starvation(error: AxisbusError, image: AxisImage) -> AxisbusError:
-    """Say first what was this program's own: that it did not run. An alarm stays before it, and what is said is not said twice."""
+    """Put the cause on this computer first: the master did not run in time.
+
+    A remedy that is an alarm (``TREAT ...``) stays first. An error that already names the cause is not changed.
+    """
     text = image.starvation.text(image.now)
     if not text or "this program did not run" in error.message:
         return error

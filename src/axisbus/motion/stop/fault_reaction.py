@@ -1,4 +1,4 @@
-"""What comes of a fault: the drive stops its motor by itself (605Eh), which is believed when the axis is seen to stand."""
+"""Monitor the fault reaction of a drive (605Eh): the drive must stop its motor, and the axis must be seen at standstill."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _FAULTS = frozenset({PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE})
 
 
 class FaultReaction:
-    """Watches an axis in fault; holds until when its motor may move, and whether it has been told that it does."""
+    """Monitors an axis in fault; holds the time until which the motor may move, and whether the error was already reported."""
 
     __slots__ = ("_deadline", "_parameters", "_told")
 
@@ -22,7 +22,7 @@ class FaultReaction:
         self._told = False
 
     def error(self, image: AxisImage, run_down: CoastDown, driven: bool) -> DriveError | None:
-        """Return, once, that the axis does not come to rest; ``driven``: this program has commanded it."""
+        """Return, once, the error that the axis does not come to rest. ``driven``: this master has commanded the axis."""
         if image.state not in _FAULTS:
             self._deadline, self._told = None, False
             return None

@@ -1,16 +1,18 @@
-"""Whether an axis goes where it is led: the way between what was asked of it by now and where it is, watched while it moves.
+"""Monitor the following error: the distance between the commanded and the actual position while the axis moves.
 
 Theory of operation
 -------------------
-In the position modes what leads the axis is 6062h, and in csp the target that was sent; in profile velocity it is the ramped
-command, integrated (``RampedWay``). A drive may lag: by its filters, by a scan or two, by an inhibit time. So the error may be
-``standstill_window`` and the way of 0.25 s at the highest speed that was commanded in the last 0.5 s (or ``following_error``).
-More than that, in two samples in a row, is a jam, a limit of the drive, a slipping coupling or a drive that does not listen.
+In the position modes the commanded position is 6062h; in csp it is the target that was sent. In profile velocity mode it is the
+ramped velocity command, integrated (``RampedWay``). A drive may lag: because of its filters, by one or two scan periods, or by an
+inhibit time. So the allowed error is ``standstill_window`` plus the distance covered in 0.25 s at the highest commanded speed of
+the last 0.5 s (or ``following_error``). A larger error in two consecutive samples means a jam, a limit of the drive, a slipping
+coupling, or a drive that ignores its commands.
 
-Two values are compared as of one time: 6062h with the position of its own sample time (``AxisImage.lead``), however seldom it
-comes. Two samples of a 6062h that comes seldom tell only its mean speed between them; it may have ended faster by what its ramp
-adds in half of that time. Where 6062h is not compared (it is missing, not believed, or ``following_error = "off"``), the drive's
-own watch counts in pp: bit 13 of the statusword, which it sets by 6065h and 6066h.
+Both values of a comparison belong to the same time: 6062h is compared with the position at its own sample time
+(``AxisImage.lead``), however rarely 6062h arrives. Two samples of such a rare 6062h give only the mean speed between them. The
+speed at the end may be higher, by the speed that the ramp adds in half of that time. If 6062h is not compared (it is missing, not
+trusted, or ``following_error = "off"``), the drive's own monitoring counts in pp: bit 13 of the statusword, which the drive sets
+according to 6065h and 6066h.
 """
 
 from __future__ import annotations
@@ -27,10 +29,11 @@ from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop_deceleration import CommandedMotion
 
 _M = ModeOfOperation
-_TARGET_SEEN = 2.0  # scan periods from a target of csp to the position that it leads to, beyond the cycle in which it is compared
-_SPEED_TIME = 0.5  # seconds that a commanded speed counts for the lag that it excuses
-_TWICE = 2  # samples in a row
-_SELDOM = 2.5  # scan periods between two demands: then the speed between them was not even
+# scan periods from a csp target to the position that it causes, beyond the cycle of the comparison
+_TARGET_SEEN = 2.0
+_SPEED_TIME = 0.5  # seconds for which a commanded speed justifies a lag
+_TWICE = 2  # consecutive samples
+_SELDOM = 2.5  # scan periods between two demands: beyond this, the speed between them was not constant
 _PP = int(_M.PROFILE_POSITION)
 
 _REMEDY = (
@@ -49,7 +52,7 @@ class RecentPeak:
         self._until = -math.inf
 
     def note(self, value: float, now: float) -> float:
-        """Take a value; return the highest."""
+        """Add a value; return the highest."""
         if now >= self._until:
             late = now >= self._until + _SPEED_TIME
             self._before, self._now, self._until = (0.0 if late else self._now), 0.0, now + _SPEED_TIME
@@ -59,9 +62,11 @@ class RecentPeak:
 
 
 class FollowingErrorMonitor:
-    """Watches one axis; holds where it was led last, the highest speed of that, and how often in a row it was too far off.
+    """Monitors one axis.
 
-    ``_mode`` is the position mode in which its activity leads it; None where that is another mode. ``led_at``: when it was led so.
+    Holds the last commanded position, its highest speed, and the number of consecutive samples beyond the allowed error. ``_mode``:
+    the position mode in which the activity commands the axis; None in other modes. ``led_at``: the time of the last commanded
+    position.
     """
 
     __slots__ = (
@@ -80,11 +85,11 @@ class FollowingErrorMonitor:
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
-        self._window = parameters.pull_window  # within it there is nothing to be computed
+        self._window = parameters.pull_window  # within this window no further computation is needed
         self.forget()
 
     def forget(self, activity: Activity | None = None) -> None:
-        """Watch ``activity`` from its beginning (None: nothing)."""
+        """Monitor ``activity`` from its beginning (None: monitor nothing)."""
         self._activity = activity
         self._mode = None if activity is None or activity.mode not in FOLLOWED else activity.mode
         self._peak = RecentPeak()
@@ -93,10 +98,10 @@ class FollowingErrorMonitor:
         self._stamp = -math.inf
         self._misses = 0
         self._since = math.inf
-        self._bit_was_clear = False  # of bit 13, since the activity began
+        self._bit_was_clear = False  # bit 13 was clear at some time since the activity began
 
     def error(self, image: AxisImage, activity: Activity | None) -> FollowingError | None:
-        """Return why the axis must be stopped: it is too far from where ``activity`` leads it; None when all is well."""
+        """Return why the axis must be stopped: it is too far from the position commanded by ``activity``. None: no error."""
         if activity is not self._activity:
             self.forget(activity)
         if activity is None or image.position is None:
@@ -129,18 +134,18 @@ class FollowingErrorMonitor:
         return self._failed(image, way, allowed)
 
     def is_used_to(self, activity: Activity) -> bool:
-        """Whether ``activity`` is watched, in a position mode of the drive, and by no more than how far the drive is led."""
+        """Whether ``activity`` is monitored in a position mode of the drive, by the commanded position alone."""
         return activity is self._activity and self._mode is not None and activity.behind is None
 
     def close(self, led: int, now: float) -> None:
-        """Note as ``error`` does that the axis is within its window of ``led``, the target before that of the cycle at ``now``."""
+        """Record, as ``error`` does, that the axis is within its window of ``led``, the target of the cycle before ``now``."""
         before, stamp = self._led, self.led_at
         self._led, self.led_at = led, now
         self._peak.note(0.0 if before is None else abs(led - before) / (now - stamp), now)
         self._misses, self._since = 0, math.inf
 
     def _led_off(self, image: AxisImage) -> tuple[float | None, float]:
-        """Return how far the axis is from where it is led, and when that was sampled."""
+        """Return the distance of the axis from its commanded position, and the time of the sample."""
         target, position = image.led.target, image.position
         lead = image.demand_lead if self._parameters.compares_demand else None
         if target is not None and position is not None:
@@ -154,7 +159,7 @@ class FollowingErrorMonitor:
         allowed = parameters.lag_allowed(top, by_position=by_position)
         if image.led.target is None or not by_position or not parameters.has_lag_window:
             return allowed
-        # A target takes effect with the next SYNC and is reached with the SYNC after it, and that is read one cycle later.
+        # A target takes effect with the next SYNC and is reached with the SYNC after it. The position is read one cycle later.
         return allowed + _TARGET_SEEN * top * parameters.scan_period
 
     def _speed(self, image: AxisImage, activity: Activity) -> float:
@@ -175,14 +180,14 @@ class FollowingErrorMonitor:
 
     @staticmethod
     def _at_end(mean: float, passed: float, course: CommandedMotion | None) -> float:
-        """Return the highest speed at the end of a time that ``passed`` with this ``mean``."""
+        """Return the highest possible speed at the end of an interval of ``passed`` seconds with this ``mean``."""
         if course is None or course.up is None:
             return mean
         fastest = mean + 0.5 * course.up * passed
         return fastest if course.speed is None else max(mean, min(fastest, abs(course.speed)))
 
     def _by_drive(self, image: AxisImage) -> FollowingError | None:
-        """Return what the drive's own watch says (6065h, 6066h), where it has one and has said so in this motion only."""
+        """Return the error that the drive's own monitoring (6065h, 6066h) has reported, if it was not set before this motion."""
         parameters, word = self._parameters, image.statusword
         if parameters.drive_following_error is None or word is None:
             return None

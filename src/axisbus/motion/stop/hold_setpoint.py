@@ -1,10 +1,11 @@
-"""The end of a stop in profile position mode without 6062h: a set-point where the axis stands, so that nothing pulls.
+"""End a stop in profile position mode without 6062h: give a set-point at the actual position, so that nothing pulls the axis.
 
 Theory of operation
 -------------------
-A drive that was halted on its way keeps its old target. Nobody sees whether its controller leads the motor there (something may
-hold it), so it is given a new one: the position that it has now, at the lowest velocity. The halt stays set all the time; a drive
-that takes no set-point then is stopped harder. Where the handshake is "on-change" nothing else can be seen, and 607Ah is read back.
+A drive that was halted during a move keeps its old target. Without 6062h the master cannot see whether the controller pulls the
+motor towards that target (something may hold the motor). So the drive gets a new target: its present position, at the lowest
+velocity. The halt bit stays set all the time. If a drive takes no set-point in this state, it is stopped harder. If the handshake
+is ``"on-change"``, the drive gives no other confirmation, so 607Ah is read back.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ _LOWEST = 1  # 6081h, in the drive's own velocity increments
 
 
 def needs_relief(image: AxisImage, parameters: AxisParameters) -> bool:
-    """Whether the drive may still be led to the target of an interrupted move, and nobody sees it."""
+    """Whether the controller may still pull the axis to the target of an interrupted move, and no value shows it."""
     if image.mode != ModeOfOperation.PROFILE_POSITION or image.demand is not None:
         return False
     if image.led.set_point is None or image.position is None:
@@ -33,13 +34,13 @@ def needs_relief(image: AxisImage, parameters: AxisParameters) -> bool:
 
 
 def is_blind(image: AxisImage, parameters: AxisParameters) -> bool:
-    """Whether nobody sees where the drive's controller leads an axis that was in the middle of a move or of a homing."""
+    """Whether no value shows the controller's target, for an axis that was in the middle of a move or of a homing."""
     searching = image.mode == ModeOfOperation.HOMING and image.led.searching_since < image.now
     return needs_relief(image, parameters) or (searching and image.pull is None)
 
 
 def pushes(image: AxisImage, parameters: AxisParameters) -> bool:
-    """Whether an axis at rest that holds no load pushes with all its rated torque: something holds it."""
+    """Whether an axis at rest that holds no load pushes with its full rated torque: something holds it."""
     return parameters.holds_load is HoldsLoad.NO and image.torque is not None and abs(image.torque) >= _RATED
 
 
@@ -53,13 +54,13 @@ class HoldSetPoint:
         slow = [(objects.PROFILE_VELOCITY, 0, _LOWEST)] if parameters.has(objects.PROFILE_VELOCITY) else []
         self._transfers = SdoTransfers(slow, parameters)
         self._set_point = set_point(target, parameters)
-        # Where bit 12 proves nothing, and no motion can: that the target has arrived is what is left.
+        # Bit 12 proves nothing here, and no motion can. The only remaining evidence is the target itself, read back from the drive.
         by_sight = parameters.handshake is Handshake.ON_CHANGE
         self._read = SdoTransfers([(objects.TARGET_POSITION, 0, None)] if by_sight else [], parameters)
         self._failed = False
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Return True once the drive has the new target; one that does not take it never has it."""
+        """Return True once the drive has the new target. If the drive has rejected it, return False in every cycle."""
         order.halt = True
         if self._failed:
             return False
@@ -75,6 +76,6 @@ class HoldSetPoint:
         return not self._failed
 
     def cancel(self, order: CycleOutputs) -> None:
-        """Take back what is queued."""
+        """Cancel the queued transfers."""
         self._transfers.cancel(order)
         self._read.cancel(order)

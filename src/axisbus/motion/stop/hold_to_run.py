@@ -1,4 +1,4 @@
-"""A program that holds what it has set going to run: unless it says so again and again, everything halts."""
+"""Hold-to-run: a program must confirm again and again that the axes may move; otherwise everything halts."""
 
 from __future__ import annotations
 
@@ -14,33 +14,37 @@ class _Held(NamedTuple):
 
 
 class HoldToRun:
-    """Holds until when (s) the program is trusted, and why it then is no more; said in any thread, looked at by the scan."""
+    """Holds the time (s) until which the axes may move, and the reason for the halt after it.
+
+    The program's thread confirms; the scan checks.
+    """
 
     def __init__(self) -> None:
         self._held: _Held | None = None
 
     def hold(self, now: float, seconds: float, who: str, continuous: float | None = None) -> None:
-        """Trust it for ``seconds`` from ``now`` on; ``who`` is the program, for people.
+        """Permit motion for ``seconds`` from ``now`` on; ``who`` is the program's name for the user.
 
-        ``continuous``: the same while an axis moves that only a further command stops; None: as long.
+        ``continuous``: the shorter time that counts while an axis is in a motion that only a further command stops; None: the same
+        time.
         """
         self._held = _Held(now, seconds, min(seconds, seconds if continuous is None else continuous), who)
 
     def let_go(self) -> None:
-        """It holds nothing any more: what moves goes on by itself."""
+        """End the monitoring: motion continues without further confirmation."""
         self._held = None
 
     def broken(self, now: float, moves_on: Callable[[], bool]) -> str | None:
-        """Return why everything has to halt now; once, and None while it need not.
+        """Return why everything must halt now, once; None if no halt is needed.
 
-        ``moves_on`` tells whether an axis is in continuous motion; it is asked where that decides.
+        ``moves_on`` returns whether an axis is in continuous motion. It is called only if the result depends on it.
         """
         held = self._held
         if held is None or now <= held.since + held.continuous:
             return None
         if now <= held.since + held.seconds and not moves_on():
             return None
-        if self._held is held:  # else it was just said anew
+        if self._held is held:  # otherwise the program has just confirmed again
             self._held = None
         silent = held.continuous if now <= held.since + held.seconds else held.seconds
         return f"{held.who}, which holds it to run, said nothing for {silent:g} s"

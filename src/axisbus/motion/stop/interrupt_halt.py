@@ -1,4 +1,7 @@
-"""The halt of all that was commanded, because its program was interrupted and goes on: whatever moves stands, and stays enabled."""
+"""Halt every axis that this master has commanded, after its program was interrupted; the axes stay enabled.
+
+The program continues.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +15,16 @@ from axisbus.motion.states import MOVING, AxisState
 
 
 class Halting:
-    """Holds the number of the last interrupt, and what its halts came to."""
+    """Holds the number of the last interrupt, and the tickets of its halts."""
 
     def __init__(self) -> None:
         self._last = 0
         self._tickets: list[CommandStatus] = []
 
     def begin(self, cores: Mapping[str, AxisCore], reason: str, number: int) -> None:
-        """Halt every axis that was set going; another interrupt while one of them is still at that is a quick stop of all.
+        """Halt every axis that was set in motion; if halts of an earlier interrupt still run, do a quick stop instead.
 
-        ``number`` tells one interrupt, which may be told twice, from the next; 0 tells nothing.
+        ``number`` identifies the interrupt, because one interrupt may be reported twice; 0 identifies none.
         """
         again = 0 not in (number, self._last) and number != self._last
         harder = again and any(ticket.busy for ticket in self._tickets)

@@ -2,20 +2,21 @@
 
 Theory of operation
 -------------------
-In each cycle the guard asks where the axis would come to rest if it were stopped in the next one. Until the stop acts there pass
-the age of the position, the period until the next look, and what the drive needs to hear and obey (``_REACTION``). Meanwhile the
-axis goes on as its command leads it: up to the command's speed with the command's acceleration; under torque, where nobody knows,
-with the acceleration that is seen. Then it brakes with the deceleration that the stop of this mode really has (``stop_of``).
+In each cycle the monitor computes where the axis would come to rest if it were stopped in the next cycle. Some time passes until
+the stop acts: the age of the position, the period until the next check, and the drive's reaction time (``_REACTION``). During that
+time the axis continues as commanded: up to the command's speed, with the command's acceleration. Under torque control the
+acceleration is not known, so the measured acceleration is used. Then the axis brakes with the deceleration that the stop of this
+mode really has (``stop_of``).
 
-The guard checks the position of the motor and the drive's demand (6062h), because a lagging motor still reaches the demand. A
+The monitor checks the position of the motor and the drive's demand (6062h), because a lagging motor still reaches the demand. A
 demand that arrives less often than the position has an outdated velocity. Such a demand only gives the lag of the motor in seconds,
 which is added to the reaction time of a stop. Without a trusted demand, the lag comes from the ramps of the commands
-(``RampedWay.lag``). The lag belongs to the drive, so the guard uses the last value until a later command gives another one.
+(``RampedWay.lag``). The lag belongs to the drive, so the monitor uses the last value until a later command gives another one.
 
-An axis that rests beyond a limit may come back (``position_limits``): there the limit is where it rests. A position wanders by some
-increments, and a velocity is made of two positions. So a velocity does not count while the axis has gone no farther that way, over
-all samples of its track, than its position wanders, unless the command leads it that way. Then the position itself must be beyond
-the limit by more than that.
+An axis at rest beyond a limit may move back (``position_limits``): the limit is then its rest position. A position has a noise of
+some increments, and a velocity is computed from two positions. So a velocity in a direction is ignored while the axis has moved in
+that direction, over all samples of its track, by no more than this noise, unless the command moves the axis in that direction. In
+that case the position itself must be beyond the limit by more than the noise.
 """
 
 from __future__ import annotations
@@ -37,21 +38,24 @@ from axisbus.motion.velocity_estimator import VelocityEstimator
 
 _CONTINUOUS, _DISCRETE = AxisState.CONTINUOUS_MOTION, AxisState.DISCRETE_MOTION
 _OVERSPEED = 1.1  # measured velocity is noisy, and a drive's own control overshoots
-_REACTION = 4.0  # scan periods: until the next look, until the SYNC after it, until the drive has heard, until it brakes
+# scan periods: to the next check, to the SYNC after it, to the reception by the drive, to the braking
+_REACTION = 4.0
 _PREPARES = 5.0  # scan periods until the ramps of a command are written by SDO
-_SEIZURE = 0.02  # seconds by which a motor that was pushed may lag behind the ramp that seizes it; no demand shows it before
-_NOISE = 3.0  # increments that a position may be off, as a velocity over one period
-_WINDOW = 20.0  # increments by which a move may go beyond its target at its end
-_SELDOM = (
-    2.5  # positions between two demands: then the velocity between them is older than how fast it changes
-)
-_LONGEST_LAG = (
-    0.25  # seconds that a motor may be behind its demand; what is farther off is no demand of this motion
-)
+# seconds by which a pushed motor may lag behind the ramp that takes it over; no demand shows this lag before
+_SEIZURE = 0.02
+_NOISE = 3.0  # increments of error of a position, as a velocity over one period
+_WINDOW = 20.0  # increments by which a move may overshoot its target at its end
+# Positions between two demands: beyond this, the velocity between them is too old if it changes.
+_SELDOM = 2.5
+# Seconds that a motor may lag behind its demand; a demand farther away does not belong to this motion.
+_LONGEST_LAG = 0.25
 
 
 class LimitMonitor:
-    """Sees danger in time to brake; holds the tracks of the position and of the demand, and since when the axis moves freely."""
+    """Detects a coming violation of the limits in time to brake.
+
+    Holds the tracks of the position and of the demand, and the time since which the axis moves freely.
+    """
 
     __slots__ = (
         "_demand",
@@ -72,34 +76,34 @@ class LimitMonitor:
         self._position, self._demand = VelocityEstimator(), VelocityEstimator()
         limits, units = parameters.limits.position, parameters.units.position
         edges = None if limits is None else sorted(edge * units.factor for edge in limits)
-        self._edges = None if edges is None else Room(*edges)  # in increments, from the origin
-        self._room = self._edges  # widened to where it rests beyond them
-        self._origin: int | None = None  # from which the room counts
+        self._edges = None if edges is None else Room(*edges)  # in increments, relative to the origin
+        self._room = self._edges  # widened to the rest position of an axis that rests beyond them
+        self._origin: int | None = None  # to which the room refers
         self._free_since: float | None = None
         self._lag = 0.0  # seconds, last measured on the ramps of commands
-        self._shown_lag = 0.0  # seconds, measured with a demand that arrives seldom
+        self._shown_lag = 0.0  # seconds, measured with a demand that arrives rarely
         self._shown_at = -math.inf  # when that demand arrived
         self.leaving: LimitError | None = (
-            None  # the last danger of an axis inside its position limits: it can rest there
+            None  # the last danger of an axis inside its position limits: it can come to rest there
         )
 
     @property
     def tracks(self) -> tuple[VelocityEstimator, VelocityEstimator | None]:
-        """The tracks of the position, and of the demand where that is looked at."""
+        """The tracks of the position, and of the demand if the demand is evaluated."""
         return self._position, None if self._edges is None else self._demand
 
     def forget(self) -> None:
-        """The positions before count from another place."""
+        """Reset the tracks: earlier positions have another origin."""
         self._position.recount()
         self._demand.recount()
 
     @property
     def is_free(self) -> bool:
-        """Whether the axis was seen to move to no place and along no path: ``danger`` then has to note that this has ended."""
+        """Whether the axis was seen in a motion without target and path: ``danger`` must then record the end of this motion."""
         return self._free_since is not None
 
     def look(self, image: AxisImage) -> None:
-        """Take the positions of this cycle; in every cycle, whatever the axis does."""
+        """Record the positions of this cycle. Must be called in every cycle, whatever the axis does."""
         self._position.take(image.position, image.position_stamp)
         if self._edges is not None:
             self._demand.take(image.demand, image.demand_stamp)
@@ -113,10 +117,10 @@ class LimitMonitor:
         course: CommandedMotion | None = None,
         lag: float | None = None,
     ) -> AxisbusError | None:
-        """Return why the axis must be stopped now, None when all is well.
+        """Return why the axis must be stopped now; None: no danger.
 
-        ``bounded``: whether the position limits hold. ``course``: where the running command leads the axis. ``lag``: the
-        measured lag of the axis in seconds, beyond the time in which its drive accepts a command; None leaves the last one.
+        ``bounded``: whether the position limits apply. ``course``: the motion commanded by the running command. ``lag``: the
+        measured lag of the axis in seconds, beyond the time in which its drive accepts a command; None: keep the last value.
         """
         if self._edges is not None and image.position is not None:
             self._follow_back(image, self._edges, image.position - image.origin)
@@ -137,7 +141,7 @@ class LimitMonitor:
         return self._too_fast(image, course) or (self._too_far(image, course) if bounded else None)
 
     def _follow_back(self, image: AxisImage, edges: Room, where: int) -> None:
-        """Widen the limits to where the axis rests beyond them; while it comes back, let them follow it."""
+        """Widen the limits to the rest position of an axis beyond them; narrow them again while the axis moves back."""
         if edges.has(where):
             self._room = edges
         elif image.standstill or self._room is None or self._origin != image.origin:
@@ -149,9 +153,9 @@ class LimitMonitor:
     def overrun(
         self, image: AxisImage, down: float, before: CommandedMotion | None = None, soft: float = 0.0
     ) -> float | None:
-        """Return where (in units) the axis would come to rest beyond its position limits if it had to brake with ``down``.
+        """Return where (in units) the axis would come to rest if it braked with ``down``; None: within its position limits.
 
-        ``before``: where it is led until then. ``soft``: seconds by which a limit of jerk may prolong its ramps.
+        ``before``: the motion that is commanded until then. ``soft``: seconds by which a limited jerk may prolong its ramps.
         """
         if image.position is None or not self._position.is_known:
             return None
@@ -160,7 +164,7 @@ class LimitMonitor:
             return self._stop(image, CommandedMotion(by_torque=True), down)
         course = CommandedMotion(speed=velocity, up=0.0, soft=soft)
         if before is not None and before.by_target and before.speed is not None and before.up is not None:
-            # In a move of the drive it may accelerate until the drive has the next ramps and the next set-point.
+            # In a move that the drive plans, the axis may accelerate until the drive has the next ramps and the next set-point.
             late = 2.0 * _PREPARES * self._parameters.scan_period
             course = CommandedMotion(
                 speed=math.copysign(before.speed, velocity), up=before.up, soft=late + soft
@@ -168,9 +172,10 @@ class LimitMonitor:
         return self._stop(image, course, down)
 
     def _overshoots(self, image: AxisImage, course: CommandedMotion) -> LimitError | None:
-        """Return why a move to a position must be stopped: it has begun too fast for the deceleration that it brings.
+        """Return why a move to a position must be stopped: its initial speed is too high for its deceleration.
 
-        A move that ends within the limits never has a way to rest beyond them, but for its velocity being older than its position.
+        A move that ends within the limits never has its rest position beyond them, except that its velocity is older than its
+        position.
         """
         if self._edges is None or image.position is None or not self._position.is_known:
             return None
@@ -185,14 +190,14 @@ class LimitMonitor:
         direction = 1 if velocity > 0 else -1
         if _only_wanders(self._position, direction):
             return None
-        # If its way to rest is not known, it is stopped where it has left the limits.
+        # If the braking distance is not known, the move is stopped once it has left the limits.
         distance = 0.0 if course.down is None else braking_distance(self._position.least, course.down)
         way = direction * (distance - window)
         rest = self._outside(image, image.position + way, direction)
         return None if rest is None else self._leaving(image, rest)
 
     def _is_far(self, image: AxisImage, down: float) -> bool:
-        """Whether the limits are so far away that twice the speed could be braked: then nothing more is to be computed."""
+        """Whether the limits are so far away that the axis could brake from twice its speed: no further computation is needed."""
         assert self._edges is not None
         assert image.position is not None
         way = _WINDOW + 4.0 * braking_distance(self._position.mean, down)
@@ -211,10 +216,10 @@ class LimitMonitor:
     def _too_fast(self, image: AxisImage, course: CommandedMotion) -> LimitError | None:
         limit, units = self._parameters.limits.velocity, self._parameters.units.position
         if limit is None or not self._parameters.units.ratio_known:
-            return None  # a limit in the drive's own count of velocities is none of positions
+            return None  # a limit in the drive's own velocity increments cannot be compared with positions
         velocity, acceleration = self._position.motion
         speed, allowed = abs(units.to_units(velocity)), limit * _OVERSPEED
-        if course.by_torque:  # nothing but us holds it back: it must not get there
+        if course.by_torque:  # only the master limits the speed here: the axis must not reach the limit
             gain = acceleration if velocity > 0 else -acceleration
             speed += abs(units.to_units(max(0.0, gain))) * self._growth(image, self._position)
             allowed = limit
@@ -264,14 +269,14 @@ class LimitMonitor:
         return error
 
     def _leads(self, image: AxisImage) -> bool:
-        """Whether the demand is one of this motion: a drive may keep an old one in a mode that has none."""
+        """Whether the demand belongs to this motion: a drive may keep an old demand in a mode that has none."""
         if image.demand is None or image.position is None or not self._demand.is_known:
             return False
         velocity, _ = self._demand.motion
         return 0.0 < abs(image.lead or 0.0) <= _LONGEST_LAG * abs(velocity)
 
     def _stop(self, image: AxisImage, course: CommandedMotion, ramp: float | None) -> float | None:
-        """Return where the axis would come to rest, in units, if that is farther out than the limits."""
+        """Return where the axis would come to rest, in units, if this is beyond the limits; None otherwise."""
         leads = self._leads(image) and not course.by_torque
         seldom = leads and self._demand.spacing > _SELDOM * self._position.spacing
         self._take_lag(image, seldom=seldom)
@@ -283,7 +288,7 @@ class LimitMonitor:
         return stop
 
     def _take_lag(self, image: AxisImage, *, seldom: bool) -> None:
-        """Take the lag from a ``seldom`` demand that has come in this cycle, and from the velocity of the axis then."""
+        """Compute the lag when a rare demand (``seldom``) has arrived in this cycle, from it and the velocity of the axis then."""
         if not seldom:
             self._shown_lag, self._shown_at = 0.0, -math.inf
             return
@@ -302,17 +307,17 @@ class LimitMonitor:
         ramp: float | None,
         late: float,
     ) -> float | None:
-        """Return where a count would come to rest, in units, if that is farther out than the limits.
+        """Return where a track would come to rest, in units, if this is beyond the limits; None otherwise.
 
-        ``late``: seconds by which it follows, or is seen, later than a position.
+        ``late``: seconds by which the axis lags behind this track, or by which the track is older than a position.
         """
-        # So long its velocity, and its rise, go on while one ramp gives way to another.
+        # For this time the velocity, and its rise, continue while one ramp replaces another.
         soft = 0.5 * course.soft + late
         growth = self._growth(image, track) + soft
         for direction in (1, -1):
             speed = _fastest(track, direction, course, growth)
             if speed <= 0:
-                continue  # it goes back
+                continue  # it moves in the other direction
             if self._may_be_noise(track, direction, course):
                 way, window = 0.0, NOISE
             else:
@@ -323,7 +328,7 @@ class LimitMonitor:
         return None
 
     def _may_be_noise(self, track: VelocityEstimator, direction: int, course: CommandedMotion) -> bool:
-        """Whether nothing leads the axis in ``direction``, and it has gone no farther there than its position wanders."""
+        """Whether no command moves the axis in ``direction``, and it has moved there by no more than the noise of its position."""
         if course.speed is not None and course.speed * direction > 0:
             return False
         return _only_wanders(track, direction)
@@ -331,7 +336,7 @@ class LimitMonitor:
     def _outside(
         self, image: AxisImage, position: float, direction: int, window: float = 0.0
     ) -> float | None:
-        """Return ``position`` in units, if it is beyond the limit in ``direction`` (1 or -1, of the increments) by ``window``."""
+        """Return ``position`` in units if it is beyond the limit in ``direction`` (1 or -1, of the increments) by ``window``."""
         if self._room is None:
             return None
         edge = self._room.high if direction > 0 else self._room.low
@@ -349,19 +354,20 @@ class LimitMonitor:
         course: CommandedMotion,
         ramp: float | None,
     ) -> float:
-        """Increments until rest from ``speed``: what passes before a stop acts, then its ramp."""
+        """Return the increments to rest from ``speed``: the distance before a stop acts, plus its braking distance."""
         time = self._time(image, track.motion[0]) + soft
         way = speed * (time + max(_SEIZURE, self._lag) if course.by_torque else time)
         return way + braking_distance(speed, ramp) if ramp else way
 
     def _growth(self, image: AxisImage, track: VelocityEstimator) -> float:
-        """Seconds from the velocity that is known of a count to where a stop acts."""
+        """Return the seconds from the time of a track's velocity to the time at which a stop acts."""
         return self._time(image, track.motion[0]) + 1.5 * track.spacing
 
     def _time(self, image: AxisImage, velocity: float) -> float:
-        """Seconds from the last position to where a stop acts.
+        """Return the seconds from the last position to the time at which a stop acts.
 
-        The position of an axis that stood may be old (a drive that sends on change): it has moved only since it may.
+        The position of an axis at standstill may be old (a drive that sends on change). Such an axis cannot have moved before its
+        free motion began.
         """
         age = image.now - image.position_stamp
         if not velocity and self._free_since is not None:
@@ -370,10 +376,10 @@ class LimitMonitor:
 
 
 def stop_of(parameters: AxisParameters, course: CommandedMotion) -> tuple[StopLevel, float | None]:
-    """Return the rung that brakes an axis on ``course``, and with how many position increments per s² (None: not known).
+    """Return the stop level that brakes an axis on ``course``, and its deceleration (position increments/s²; None: unknown).
 
-    A halt in profile torque mode only lets the torque go. There the quick stop brakes, or where that does not, or would let a load
-    fall, a halt that changes to a mode that brakes (``ladder``).
+    A halt in profile torque mode only sets the torque to 0. So in this mode the quick stop brakes. If the quick stop does not
+    brake, or would let a load fall, a halt brakes that changes to a braking mode (``stop_sequence``).
     """
     braking = parameters.braking
     slow = braking.capped_down(course.down or (None if course.unknown else parameters.slow_ramp))
@@ -391,7 +397,7 @@ def stop_of(parameters: AxisParameters, course: CommandedMotion) -> tuple[StopLe
 
 
 def unknown_braking(parameters: AxisParameters, course: CommandedMotion) -> tuple[str, str]:
-    """Return why it is not known by how much a stop brakes an axis on ``course``, and what to do about it."""
+    """Return why the deceleration of a stop of an axis on ``course`` is not known, and the remedy."""
     name, braking = parameters.name, parameters.braking
     if not parameters.units.ratio_known:
         return (
@@ -425,12 +431,12 @@ def unknown_braking(parameters: AxisParameters, course: CommandedMotion) -> tupl
 
 
 def _only_wanders(track: VelocityEstimator, direction: int) -> bool:
-    """Whether a count has moved in ``direction`` by no more than encoder noise."""
+    """Whether a track has moved in ``direction`` by no more than encoder noise."""
     return track.gone * direction <= NOISE
 
 
 def _fastest(track: VelocityEstimator, direction: int, course: CommandedMotion, time: float) -> float:
-    """Return how fast a count may be in ``direction`` after ``time``: by its command, else by the acceleration that is seen."""
+    """Return the highest speed of a track in ``direction`` after ``time``: by its command, else by the measured acceleration."""
     out = track.toward(direction)
     if course.speed is None or course.up is None:
         return out + max(0.0, track.motion[1] * direction) * time

@@ -1,4 +1,4 @@
-"""What is told of a node that is lost, and what to do about it."""
+"""Error texts and remedies for a node that is lost."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from axisbus.errors import NodeStateError
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.stop.diagnosis import nmt_text
 
-# What was heard last of a node that is lost without a word.
+# Last received NMT state of a node that is lost without any message.
 SILENT = frozenset({NmtState.OPERATIONAL, NmtState.UNKNOWN})
 ANEW = "close the machine and open it again, which configures and starts the node anew"
 
 
 def start_and_reset(node: int) -> str:
-    """Return how a node is brought back that has kept its configuration: one that has restarted needs ``ANEW``."""
+    """Return how to restart a node that still has its configuration; a node that has restarted needs ``ANEW`` instead."""
     return (
         f"start it (axisbus nmt start {node} --cell CELL; in a program: machine.node({node}).command(NmtCommand.START)), "
         "and reset the axis: axis.reset()"
@@ -22,12 +22,12 @@ def start_and_reset(node: int) -> str:
 
 
 def when_back(node: int) -> str:
-    """Return what to do when a node is there again, whether it has restarted or not."""
+    """Return what to do when a node is present again, whether it has restarted or not."""
     return f"when it is there again, {start_and_reset(node)}; if it has restarted, {ANEW}"
 
 
 def remedy_for_silence(node: int) -> str:
-    """Return what to do where nothing is heard of a node any more."""
+    """Return what to do when a node has become silent."""
     return (
         f"check supply and cable of node {node}, then bus load and that SYNC reaches it (axisbus scan shows who answers); "
         f"{when_back(node)}"
@@ -35,7 +35,7 @@ def remedy_for_silence(node: int) -> str:
 
 
 def silence_of(node: int, image: AxisImage) -> tuple[str, str]:
-    """Return what makes a node count as lost that has fallen silent, and what was expected of it."""
+    """Return why a silent node counts as lost, and what was expected from it."""
     if image.guarded:
         return (
             "it does not answer node guarding",

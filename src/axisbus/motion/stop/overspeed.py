@@ -1,16 +1,16 @@
-"""The speed by positions against what was asked for and ``max_velocity``, in every mode in which an axis is moved.
+"""Monitor the speed computed from positions, against the commanded speed and ``max_velocity``, in every mode that moves an axis.
 
 Theory of operation
 -------------------
-A velocity that goes to a drive in another unit than the drive counts in (revolutions per minute instead of increments per second)
-is obeyed: the drive reports no error, and reaches its target. Only the positions show it. So their speed is compared in each cycle
-with ``max_velocity`` (``MARGIN``) and with the speed that the command asked for (``MARGIN_OF_COMMAND``).
+If the master sends a velocity in another unit than the drive uses (revolutions per minute instead of increments per second), the
+drive obeys: it reports no error, and reaches its target. Only the positions show the mistake. So the speed computed from positions
+is compared in each cycle with ``max_velocity`` (``MARGIN``) and with the commanded speed (``MARGIN_OF_COMMAND``).
 
-Both the median of the last three speeds and the mean of the last six must be too high, in ``_SAMPLES`` positions in a row: noise of
-an encoder, a frame that came late and a position that homing sets anew are no speed.
+Both the median of the last three speeds and the mean of the last six must be too high, in ``_SAMPLES`` consecutive positions. So
+encoder noise, a late frame, or a position that homing sets to a new value does not count as speed.
 
-An axis that was faster before may still be so while it brakes to the new command, and may go on as it was until the new command
-is in effect. So what is excused falls only with the speed that is seen.
+An axis that was faster before may still be fast while it brakes to the new command, and may continue at its old speed until the new
+command is in effect. So the excused speed decreases only with the measured speed.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.velocity_estimator import VelocityEstimator
 
 MARGIN = 1.25  # of max_velocity: a drive's control overshoots
-MARGIN_OF_COMMAND = 2.0  # of the speed that was asked for
+MARGIN_OF_COMMAND = 2.0  # of the commanded speed
 _SAMPLES = 3
-_NOISE = 3.0  # increments that a position may be off
-_GRACE = 0.25  # seconds until a command acts that has been sent
-_FALLING = 1.1  # of the speed that is seen, while an axis brakes to a lower one
+_NOISE = 3.0  # increments of error of a position
+_GRACE = 0.25  # seconds until a sent command acts
+_FALLING = 1.1  # of the measured speed, while an axis brakes to a lower one
 
 
 class SpeedWatch:
-    """Watches one axis; holds the speed that is excused (increments per s), and how often in a row it was exceeded."""
+    """Monitors one axis; holds the excused speed (increments per s), and the number of consecutive samples above it."""
 
     __slots__ = ("_activity", "_begins", "_excused", "_limit", "_misses", "_parameters", "_since", "_stamp")
 
@@ -48,8 +48,8 @@ class SpeedWatch:
     def error(
         self, image: AxisImage, activity: Activity | None, track: VelocityEstimator
     ) -> LimitError | None:
-        """Return why an axis that ``activity`` moves must be stopped; None when all is well. ``track``: of its positions."""
-        # In the cyclic modes the master generates the targets, and ``Following`` monitors the lag behind them.
+        """Return why an axis that ``activity`` moves must be stopped; None: no error. ``track``: the track of its positions."""
+        # In the cyclic modes the master generates the targets, and ``FollowingErrorMonitor`` monitors the lag behind them.
         if activity is None or activity.leading is not None:
             self._activity, self._excused, self._misses, self._begins = None, 0.0, 0, True
             return None
@@ -78,17 +78,17 @@ class SpeedWatch:
         return self._too_fast(seen, asked, limit)
 
     def _is_comparable(self, activity: Activity) -> bool:
-        """Whether ``max_velocity`` is known in position increments: as the units say, or because the master makes the positions."""
+        """Whether ``max_velocity`` is known in position increments: from the units, or because the master generates positions."""
         return self._parameters.units.ratio_known or activity.mode is ModeOfOperation.CYCLIC_SYNC_POSITION
 
     def _asked(self, image: AxisImage, activity: Activity, seen: float) -> float | None:
-        """Return the speed that the axis may have by its commands; None where it is not known."""
+        """Return the speed that the axis may have because of its commands; None if it is not known."""
         course = activity.course
         if course is None or course.speed is None or course.by_torque:
             self._activity, self._excused = None, seen
             return None
         asked = abs(course.speed)
-        if self._begins:  # it may come out of a faster motion
+        if self._begins:  # it may follow a faster motion
             self._begins, self._excused = False, seen
         if activity is not self._activity or not activity.in_effect:
             self._activity, self._since = activity, image.now

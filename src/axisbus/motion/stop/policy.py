@@ -1,4 +1,4 @@
-"""What one axis's failure does to the others."""
+"""Decide how the failure of one axis affects the other axes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from axisbus.errors import AxisbusError, NodeError
 
 
 class LostNode(Enum):
-    """What the loss of a node stops beside its own axes."""
+    """Axes that the loss of a node stops, besides the axes of that node."""
 
     GROUP = "group"
     CELL = "cell"
@@ -20,9 +20,9 @@ class LostNode(Enum):
 class GroupFault(Enum):
     """How a failure stops the other axes of a group; ordered from soft to hard."""
 
-    PATH = "path"  # along the path that they are on
-    EACH = "each"  # each by its own deceleration
-    QUICK = "quick"  # by the quick stop of each drive
+    PATH = "path"  # along their path
+    EACH = "each"  # each axis with its own deceleration
+    QUICK = "quick"  # with the quick stop of each drive
 
 
 _HARDER = list(GroupFault)
@@ -30,12 +30,12 @@ _HARDER = list(GroupFault)
 
 @dataclass(frozen=True, slots=True)
 class FaultPolicy:
-    """Default policy: a failure stops its group; an axis in no group, or a cell without groups, stops the cell.
+    """Default policy: a failure stops the axis's group. If the axis is in no group, the failure stops the cell.
 
-    ``groups`` maps a group's name to its axes. ``lost_node`` is for the loss of a node: as any failure (``GROUP``), the whole cell,
-    or nobody else; ``on_fault``: how each group is stopped, where that is not on its path. A group's own command cannot go on
-    without one of its axes, whatever is said here. ``mates``: of two axes that carry one beam each one's other; what stops one
-    stops both, and nothing brakes them apart.
+    ``groups`` maps a group's name to its axes. ``lost_node`` is for the loss of a node: stop the same axes as any failure
+    (``GROUP``), stop the whole cell (``CELL``), or stop no other axis (``REPORT``). ``on_fault``: how each group is stopped, if not
+    along its path. A command of the group itself cannot continue without one of its axes, whatever the policy says. ``mates`` maps
+    each of two axes that carry one beam to the other one. A stop of one stops both, and the two axes never brake independently.
     """
 
     axes: tuple[str, ...]
@@ -59,7 +59,7 @@ class FaultPolicy:
         return frozenset(mates or self.axes) - {failed}
 
     def all_stops(self, failed: Mapping[str, AxisbusError | None] | Iterable[str]) -> dict[str, str]:
-        """Return each axis to stop with the failed axis that is the reason; ``failed`` may hold each one's error."""
+        """Map each axis to stop to the failed axis that is the reason; ``failed`` may map each failed axis to its error."""
         errors = failed if isinstance(failed, Mapping) else dict.fromkeys(failed)
         return {
             axis: cause
@@ -69,7 +69,7 @@ class FaultPolicy:
         }
 
     def how(self, axis: str, failed: str) -> GroupFault:
-        """Return how ``axis`` is stopped because of ``failed``: as hard as any group of both asks for."""
+        """Return how ``axis`` is stopped because of ``failed``: by the hardest way of the groups that contain both."""
         ways = (
             self.on_fault.get(name, GroupFault.PATH)
             for name, axes in self.groups.items()

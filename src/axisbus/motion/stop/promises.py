@@ -1,7 +1,7 @@
-"""Which limits of an axis are kept in which mode, and how: one description for ``check``, ``boot``, programs and tests.
+"""Which limits of an axis are enforced in which mode, and how: one description for ``check``, ``boot``, programs and tests.
 
-It says what ``limits`` (the look ahead of the position limits), ``overspeed`` and the acceptance of commands do with what is known
-of the axis. What cannot be kept is not promised, and the reason is given.
+It describes the behaviour of ``limits`` (the look-ahead of the position limits), of ``overspeed``, and of the acceptance of
+commands, for the known properties of the axis. If a limit cannot be enforced, it is not promised, and the reason is given.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ POSITION, VELOCITY = "position_limits", "max_velocity"
 
 
 class LimitEnforcement(Enum):
-    """How a limit is kept."""
+    """How a limit is enforced."""
 
     AHEAD = "braked ahead"
     AT = "targets are checked; stopped where it is left"
@@ -42,7 +42,10 @@ class LimitEnforcement(Enum):
 
 
 class Promise(NamedTuple):
-    """How one limit (a key of the cell file) is kept in one mode (its short name); ``why`` and ``remedy`` where it is not fully."""
+    """How one limit (a key of the cell file) is enforced in one mode (its short name).
+
+    ``why`` and ``remedy`` are given if the limit is not fully enforced.
+    """
 
     limit: str
     mode: str
@@ -52,7 +55,7 @@ class Promise(NamedTuple):
 
 
 def promises(parameters: AxisParameters) -> tuple[Promise, ...]:
-    """Return what is promised of each limit that the cell file gives, for each mode that the axis is moved in."""
+    """Return the promises for each limit in the cell file, for each mode in which the axis is moved."""
     modes = [mode for mode in _MOVED if mode in parameters.modes]
     found: list[Promise] = []
     if parameters.limits.position is not None:
@@ -63,7 +66,10 @@ def promises(parameters: AxisParameters) -> tuple[Promise, ...]:
 
 
 def rows(found: Sequence[Promise]) -> Iterator[tuple[str, str]]:
-    """Return the promises for a person: the limit, and in which modes it is kept in which way; one row for each way and reason."""
+    """Yield the promises as text for the user: the limit, and its modes with the kind of enforcement.
+
+    There is one row for each kind and reason.
+    """
     grouped: dict[tuple[str, LimitEnforcement, str], list[str]] = {}
     for each in found:
         grouped.setdefault((each.limit, each.kept, each.why), []).append(each.mode)
@@ -103,7 +109,7 @@ def _by_path(parameters: AxisParameters) -> _Answer:
 
 
 def _course(parameters: AxisParameters, mode: ModeOfOperation) -> CommandedMotion:
-    """Return how an axis is moved in a mode by a command that gives all that it can."""
+    """Return the motion of an axis in a mode, for a command that gives all its parameters."""
     if mode in _BY_TORQUE:
         return CommandedMotion(by_torque=True)
     units = parameters.units

@@ -1,13 +1,13 @@
-"""The way to a drive that PDOs do not reach: its controlword by SDO, and its statusword read back by SDO.
+"""Reach a drive that PDOs do not reach: send its controlword by SDO, and read its statusword by SDO.
 
 Theory of operation
 -------------------
-The controlword goes by SDO where the node is not operational, where nothing is known of the drive, and where the drive was seen not
-to obey the RPDO. It is sent again until the stop ends, because one that was refused or lost stops nothing.
+The controlword is sent by SDO if the node is not operational, if the state of the drive is unknown, or if the drive was seen not to
+obey the RPDO. It is sent repeatedly until the stop ends, because a word that was refused or lost stops nothing.
 
-After a boot-up message two devices may answer SDO requests under one node-ID, and the one that does not move may answer first. So
-what TPDOs have brought since (``AxisImage.heard``) speaks against a stop, never for one: a statusword of an energised drive counts
-before the one that SDO has read, and a position that changes is a motion.
+After a boot-up message two devices may answer SDO requests under one node-ID, and the one at standstill may answer first. So the
+values received by TPDO since then (``AxisImage.heard``) can only contradict a stop, never confirm it. A TPDO statusword of an
+energised drive has priority over the statusword read by SDO, and a changing TPDO position counts as motion.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.settled_value import SettledValue
 from axisbus.units import unwrap
 
-_POLL = 0.1  # seconds between two looks
-_SAME = 2  # increments that a standing axis may wander between them
-_OBEYED_WITHIN = 0.1  # seconds after which a drive that goes on as it was has not obeyed the RPDO
+_POLL = 0.1  # seconds between two reads
+_SAME = 2  # increments that an axis at standstill may move between them
+_OBEYED_WITHIN = 0.1  # seconds after which a drive still in operation enabled has not obeyed the RPDO
 _SEND_AGAIN = 0.25  # seconds
 _LED = (objects.MODES_OF_OPERATION_DISPLAY, objects.POSITION_DEMAND)
 
@@ -32,7 +32,7 @@ _LED = (objects.MODES_OF_OPERATION_DISPLAY, objects.POSITION_DEMAND)
 class SdoPath:
     """A stop by SDO, for a node that is not operational, sends no statusword, does not obey RPDOs, or no longer gets SYNC.
 
-    Holds the word that was sent, the look that is under way, and what was seen.
+    Holds the word that was sent, the read that is running, and the values read.
     """
 
     __slots__ = (
@@ -57,7 +57,7 @@ class SdoPath:
     def __init__(self, parameters: AxisParameters) -> None:
         self._state: PowerState | None = None
         self._stands = False
-        self._rests = False  # as far as two positions tell
+        self._rests = False  # as far as two positions show
         self._has_position = parameters.has(objects.POSITION_ACTUAL)
         self._led = _LED if all(map(parameters.has, _LED)) else ()
         self._window = parameters.pull_window
@@ -66,27 +66,27 @@ class SdoPath:
         self._heard_still = SettledValue(parameters.standstill_tolerance, parameters.timing.standstill_time)
         self._word: int | None = None
         self._word_since = math.inf
-        self._sending: int | None = None  # the request that is under way
+        self._sending: int | None = None  # the request that is running
         self._send_due = -math.inf
         self._asked: dict[int, int] = {}  # request -> index
-        self._seen: dict[int, int | None] = {}  # index -> value, of this look
+        self._seen: dict[int, int | None] = {}  # index -> value, of this read
         self._due = 0.0
 
     @property
     def state(self) -> PowerState | None:
-        """The drive's state by SDO, None until it has answered; an energised one that TPDOs show counts before another."""
+        """The drive's state by SDO; None until it has answered. An energised state shown by TPDOs has priority."""
         if self._state is None or self._heard_state is None or self._state in ENERGISED:
             return self._state
         return self._heard_state if self._heard_state in ENERGISED else self._state
 
     @property
     def stands(self) -> bool:
-        """Whether two positions in a row were the same, nothing pulls, and no TPDO shows a motion."""
+        """Whether two consecutive positions were the same, nothing pulls the axis, and no TPDO shows a motion."""
         return self._stands and not self._is_heard_moving
 
     @property
     def may_turn(self) -> bool:
-        """Whether the drive has a position, and two of them in a row were not yet the same."""
+        """Whether the drive has a position and two consecutive positions were not yet the same, or a TPDO shows a motion."""
         return (self._has_position and not self._rests) or self._is_heard_moving
 
     @property
@@ -94,7 +94,7 @@ class SdoPath:
         return self._heard_state is not None and not self._heard_still.still
 
     def look(self, image: AxisImage, order: CycleOutputs) -> None:
-        """Read statusword and position where no PDO brings them, and what leads a drive that is energised."""
+        """Read statusword and position if no PDO brings them, and mode and demand of an energised drive."""
         if image.state is not PowerState.UNKNOWN:
             self._state, self._stands, self._rests, self._position = None, False, False, None
             self._heard_state = None
@@ -109,7 +109,7 @@ class SdoPath:
             self._ask(order)
 
     def _hear(self, image: AxisImage) -> None:
-        """Take what TPDOs have brought since the node may have restarted."""
+        """Evaluate the TPDO values received since the node may have restarted."""
         word, position = image.heard if image.restarted else (None, None)
         self._heard_state = None if word is None or position is None else decode(word.value)
         if position is not None:
@@ -129,7 +129,7 @@ class SdoPath:
             self._state = None if value is None else decode(value)
 
     def _judge(self, image: AxisImage) -> None:
-        """All of a look has come."""
+        """Evaluate a read after its last value has arrived."""
         before, now = self._position, self._seen.get(objects.POSITION_ACTUAL)
         self._position = now
         self._rests = before is not None and now is not None and abs(now - before) <= _SAME
@@ -146,7 +146,7 @@ class SdoPath:
         return pull is not None and abs(pull) > self._window
 
     def send(self, word: int, image: AxisImage, order: CycleOutputs) -> None:
-        """Send a stop's controlword where no PDO is sure to bring it, again and again; to be called in each cycle of the stop."""
+        """Send a stop's controlword by SDO if a PDO may not bring it, repeatedly. Must be called in each cycle of the stop."""
         if word != self._word:
             self._word, self._word_since = word, image.now
             self._sending, self._send_due = None, -math.inf
@@ -162,6 +162,6 @@ class SdoPath:
         return image.state is PowerState.OPERATION_ENABLED and image.now > self._word_since + _OBEYED_WITHIN
 
     def cancel(self, order: CycleOutputs) -> None:
-        """Take back the look that is under way."""
+        """Cancel the running read."""
         order.cancel.extend(self._asked)
         self._asked = {}

@@ -1,4 +1,4 @@
-"""Whether a value stays at one place for a time, by the stamps of what was received."""
+"""Whether a value stays constant for a time, by the timestamps of the received values."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import math
 
 
 class SettledValue:
-    """Standing still means: within the tolerance of one anchor for the whole window; holds that anchor.
+    """Detects a constant value: within the tolerance of one anchor value for the whole window; holds that anchor.
 
-    Only values received after ``since`` count, and a value that is seen again, with the stamp that it had, says nothing new.
+    Only values received after ``since`` count. A value with the same timestamp as before is not new.
     """
 
     __slots__ = ("_anchor", "_anchor_stamp", "_stamp", "_tolerance", "_window", "still")
@@ -23,7 +23,7 @@ class SettledValue:
         self.still = False
 
     def feed(self, value: float, stamp: float) -> bool:
-        """Take the newest value; return whether it is still."""
+        """Evaluate the newest value; return whether the value is constant."""
         if stamp <= self._stamp:
             return self.still
         self._stamp = stamp
@@ -35,13 +35,13 @@ class SettledValue:
 
     @property
     def rested_since(self) -> float:
-        """When the value was first received at the place where it is (-inf: never)."""
+        """When the value was first received within the tolerance of the present one (-inf: never)."""
         return self._anchor_stamp
 
     def since(self, moment: float) -> bool:
-        """Return whether it has been still for a whole window after ``moment``, when a value came."""
+        """Return whether the value has been constant for a whole window after ``moment``, with a value received at its end."""
         return self.still and self._stamp - moment >= self._window
 
     def forget(self) -> None:
-        """Begin anew: the value is unknown, or counts from another place now."""
+        """Start again: the value is unknown, or has another origin now."""
         self._anchor, self.still = None, False

@@ -1,11 +1,12 @@
-"""The way out of all axes: every one that this program has commanded is stopped, and looked at until it is seen at rest.
+"""Stop all axes at shutdown: each axis that this master has commanded is stopped, then monitored until it is seen at rest.
 
 Theory of operation
 -------------------
-A stop that was asked for is not one that has happened. The stop ladder of an axis ends with its own verdict; a fault ends it before
-that, and a drive that is off may still coast. So once the ladder is over, the axis is looked at until its drive is off (or holds,
-as it was asked to) and its position stands, within the time that the ladder's rungs have together. What is not seen by then is told
-as moving. A drive that has neither position nor velocity can only be believed.
+A requested stop is not yet a completed stop. The stop sequence of an axis ends with its own result. A fault ends the sequence
+earlier, and a drive without power may still coast. So after the end of the stop sequence, the axis is monitored until its drive is
+off (or holds the axis, if that was requested) and its position is at standstill. The time limit is the total time of the steps of
+the stop sequence. If standstill is not seen by then, the axis is reported as moving. For a drive with neither position nor
+velocity, no check is possible, and the drive is trusted.
 """
 
 from __future__ import annotations
@@ -26,10 +27,10 @@ _ALARM = "TREAT THE AXIS AS MOVING: use the emergency stop; then check cable and
 
 
 class AxisLeaving:
-    """One axis on its way out; holds its ticket, until when it is looked at, and what is to be told of it."""
+    """Shutdown of one axis; holds its ticket, the time until which it is monitored, and the error to report."""
 
     def __init__(self, core: AxisCore, command: Shutdown, now: float) -> None:
-        """Ask the axis to stop."""
+        """Request the stop of the axis."""
         self.over = False
         self.error: AxisbusError | None = None
         self._core = core
@@ -39,7 +40,7 @@ class AxisLeaving:
         accept(core, command, self._ticket)
 
     def step(self, now: float) -> None:
-        """See whether it is at rest, or its time is over."""
+        """Check whether the axis is at rest, or its time is over."""
         if self.over or self._ticket.busy:
             return
         error = self._ticket.error
@@ -50,16 +51,16 @@ class AxisLeaving:
 
     @property
     def told(self) -> AxisbusError | None:
-        """What is to be told of it so far."""
+        """The error to report so far."""
         return self.error if self.over else self._ticket.error
 
     @property
     def verdict(self) -> AxisbusError | None:
-        """What is to be told of it when nobody looks any longer."""
+        """The error to report if the monitoring ends now."""
         return self.error if self.over or self._ticket.busy else self._moving(self._ticket.error)
 
     def _unsure(self, error: AxisbusError | None) -> bool:
-        """Whether the ladder itself says that nobody knows, or the scan has ended: looking on brings no more."""
+        """Whether the stop sequence itself ended without a certain result, or the scan has ended: further monitoring is useless."""
         return error is not None and not isinstance(error, DriveFault) and not self._core.stopped_for_sure
 
     @property
@@ -76,14 +77,14 @@ class AxisLeaving:
             return core.stopped_for_sure or not core.parameters.has(objects.POSITION_ACTUAL)
         seen_since = (
             core.stopped_for_sure or image.position_stamp >= self._since
-        )  # one of before says nothing
+        )  # an earlier position proves nothing
         return image.standstill and seen_since
 
     def _end(self, error: AxisbusError | None) -> None:
         self.over, self.error = True, error
 
     def _moving(self, error: AxisbusError | None) -> AxisbusError:
-        """The ladder had its time, and the axis is not seen at rest."""
+        """Return the error of an axis that is not seen at rest although the time of its stop sequence is over."""
         name, image = self._core.parameters.name, self._core.image
         before = "" if error is None else f"{one_line(error, alarm=False)}; "
         return DriveError(
@@ -95,28 +96,28 @@ class AxisLeaving:
 
 
 class ShutdownStop:
-    """The way out that has been asked for; holds the axes on it, and what was told of them by an earlier request."""
+    """The requested shutdown; holds its axes, and the errors of these axes from an earlier request."""
 
     def __init__(self) -> None:
         self._axes: list[AxisLeaving] = []
         self._told: list[AxisbusError] = []
 
     def begin(self, cores: Mapping[str, AxisCore], command: Shutdown, now: float) -> None:
-        """Let the stop ladder run on every axis that this program has commanded; asked for again, it becomes harder."""
+        """Start the stop sequence on every axis that this master has commanded; a repeated request makes the stop harder."""
         self._told += [axis.told for axis in self._axes if axis.told is not None]
         self._axes = [AxisLeaving(core, command, now) for core in cores.values()]
 
     def step(self, now: float) -> None:
-        """Once per cycle, after the axes."""
+        """Check the axes; called once per cycle, after the axes."""
         for axis in self._axes:
             axis.step(now)
 
     @property
     def over(self) -> bool:
-        """Whether every axis has come to its end."""
+        """Whether the shutdown of every axis has ended."""
         return all(axis.over for axis in self._axes)
 
     def failures(self) -> list[AxisbusError]:
-        """Return why axes could not be stopped as asked, for when nobody looks any longer; empty when all went well."""
+        """Return why axes could not be stopped as requested, for the end of the monitoring; empty if all were stopped."""
         last = [axis.verdict for axis in self._axes]
         return [*self._told, *(error for error in last if error is not None and error not in self._told)]

@@ -1,20 +1,20 @@
-"""Whether an axis stands: seen by values newer than a beginning, and with nothing left that pulls it elsewhere.
+"""Detect standstill: from values newer than a given moment, and only if nothing pulls the axis elsewhere.
 
 Theory of operation
 -------------------
-A stop that was asked for is not a stop that happened. An axis *stands* when three things have been seen since a moment (the
-beginning of a command, or of a rung of the stop ladder):
+A requested stop is not a completed stop. An axis is *at standstill* if three conditions have been seen since a moment (the
+beginning of a command, or of a step of the stop sequence):
 
-1. Positions received after that moment lie within the tolerance of one place for the whole ``standstill_time``. What was received
-   before says nothing, however fresh it may count: an event-driven position may be half a second old.
-2. Nothing pulls or pushes: what the drive's controller is led to (6062h, and in csp the target that was sent) is within
-   ``standstill_window`` of where the axis is. An axis that is held by something else has a spring behind it, and leaps when it is
-   let go. In the torque modes it is the torque itself (6077h) that must have gone.
-   A 6062h that is not believed (``DemandTrust``) tells nothing: then the axis stands by its position, and ``witness`` says so.
-3. Where there is no position: a velocity of 0 for the same time, else bit 10 in a word received well after the moment. That is
-   less, and ``witness`` says so.
+1. Positions received after that moment stay within the tolerance of one position for the whole ``standstill_time``. Values received
+   before prove nothing, however fresh they may count: an event-driven position may be half a second old.
+2. Nothing pulls or pushes: the controller's commanded position (6062h, and in csp the target that was sent) is within
+   ``standstill_window`` of the actual position. An axis that is held by something else has a spring behind it, and leaps when it is
+   released. In the torque modes the torque itself (6077h) must have gone.
+   A 6062h that is not trusted (``DemandTrust``) shows nothing: then the position alone decides, and ``witness`` reports this.
+3. If there is no position: a velocity of 0 for the same time, else bit 10 in a word received well after the moment. This is
+   weaker evidence, and ``witness`` reports it.
 
-The same definition serves the stop ladder, halt, stop, enable, moves, homing and ``set_position``.
+The stop sequence, halt, stop, enable, moves, homing and ``set_position`` use the same definition.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ _PUSH = 50  # ‰ of rated torque: less is noise, or does not overcome friction
 
 
 class StandstillCheck:
-    """One look for standstill from ``since`` on, to be stepped in each cycle; holds the places compared and what was seen last."""
+    """One check for standstill from ``since`` on, to be stepped in each cycle; holds the compared times and the last evidence."""
 
     __slots__ = ("_by", "_first", "_homing", "_parameters", "_pull_window", "_since", "_still_speed")
 
     def __init__(self, parameters: AxisParameters, since: float, *, homing: bool = False) -> None:
-        """``since``: what was received at or before this moment does not count (seconds of the scan's clock).
+        """``since``: values received at or before this moment do not count (seconds of the scan's clock).
 
-        ``homing``: the drive has just given its position another name, and 6062h may still have the old one.
+        ``homing``: the drive has just changed the origin of its position, and 6062h may still refer to the old origin.
         """
         self._parameters = parameters
         self._pull_window = parameters.pull_window
@@ -47,19 +47,19 @@ class StandstillCheck:
         self.begin(since)
 
     def begin(self, since: float) -> None:
-        """Look anew, from another moment on."""
+        """Start the check again, from another moment on."""
         self._since = since
-        self._first = math.inf  # when the first position after that came
-        self._still_speed: SettledValue | None = None  # only where there is no position
+        self._first = math.inf  # when the first position after that arrived
+        self._still_speed: SettledValue | None = None  # only if there is no position
         self._by = ""
 
     @property
     def witness(self) -> str:
-        """By what less than its position the axis was seen standing; empty where the position said so."""
+        """The weaker evidence by which the axis was seen at standstill; empty if the position proved it."""
         return self._by
 
     def seen(self, image: AxisImage) -> bool:
-        """Take this cycle's values; return whether the axis stands."""
+        """Evaluate this cycle's values; return whether the axis is at standstill."""
         if image.position is not None:
             self._by = ""
             if self._first == math.inf and image.position_stamp > self._since:
@@ -81,7 +81,7 @@ class StandstillCheck:
         return self._says_so(image)
 
     def _by_position_alone(self, image: AxisImage) -> str:
-        """What is to be said where 6062h is there and is not believed, and nothing else tells where the drive leads the axis."""
+        """Return the text for the case that 6062h exists but is not trusted, and no other value shows the controller's target."""
         hidden = image.shown_demand is not None and image.demand is None
         if not hidden or image.state not in ENERGISED or image.mode in TORQUE_MODES or image.pull is not None:
             return ""
@@ -90,14 +90,14 @@ class StandstillCheck:
         return f"its position (6064h) does not change; whether its drive pulls it is not known, because 6062h {why}"
 
     def pulls(self, image: AxisImage) -> bool:
-        """Whether the controller leads the axis to somewhere else than where it is, or pushes it."""
+        """Whether the controller pulls the axis away from its position, or pushes it."""
         if self._pushes(image):
             return True
         pull = None if self._homing else image.pull
         return pull is not None and abs(pull) > self._pull_window
 
     def _pushes(self, image: AxisImage) -> bool:
-        """Whether a torque is left that has not come down yet, or never will (6087h is 0); one that holds a load is to stay."""
+        """Whether torque is left that has not decreased yet, or never will (6087h is 0). A torque that holds a load may stay."""
         if (
             image.mode not in TORQUE_MODES
             or image.state is not PowerState.OPERATION_ENABLED
@@ -107,10 +107,10 @@ class StandstillCheck:
         return self._parameters.holds_load is HoldsLoad.NO and abs(image.torque) > _PUSH
 
     def _knows_demand(self, image: AxisImage) -> bool:
-        """Whether 6062h says where the axis is led now that it rests.
+        """Whether 6062h shows the commanded position of the axis now that it rests.
 
-        One that is polled may be of when it still moved. One that comes as often as the position must be still, too: feedback may
-        be late, and a motion young.
+        A polled value may date from the motion. If 6062h arrives as often as the position, it must be constant too: feedback may be
+        late, and a motion may have just begun.
         """
         if not image.demand_repeats or not image.led.counts(image.demand, image.mode):
             return True
@@ -123,11 +123,11 @@ class StandstillCheck:
         return image.still_demand.since(self._first)
 
     def is_held(self, image: AxisImage) -> bool:
-        """Whether it stands only because something holds it."""
+        """Whether the axis is at standstill only because something holds it."""
         return image.still.since(self._first) and self.pulls(image)
 
     def why_not(self, image: AxisImage) -> str:
-        """Say what is missing, for the error of a stop that was not seen."""
+        """Return the missing condition as text, for the error of a stop that was not confirmed."""
         units = self._parameters.units.position
         if image.position is None:
             return "its position (6064h) is not known"

@@ -1,7 +1,7 @@
-"""What an axis does that nobody commands: enabled and at rest it must stay where it is, with nothing that pulls it.
+"""Monitor an axis at rest: without a command an enabled axis must keep its position, and nothing may pull it.
 
-Where the drive tells no position it is watched by its velocity: by about how far that led it within the last ``_MEMORY`` s, so that
-a velocity which is off by a little adds up to nothing.
+If the drive reports no position, its velocity is monitored: the approximate distance that it adds up to within the last ``_MEMORY``
+s. So a small velocity offset does not accumulate.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from axisbus.errors import UncommandedMotion
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.parameters import AxisParameters
 
-_TWICE = 2  # samples in a row
+_TWICE = 2  # consecutive samples
 _MEMORY = 0.5  # seconds
 
 
 class StandstillMonitor:
-    """Watches an axis that is enabled and at rest; holds the ``place`` where its rest began (None: it has not)."""
+    """Monitors an axis that is enabled and at rest; holds the position at which its rest began in ``place`` (None: it has not)."""
 
     __slots__ = (
         "_allowed",
@@ -44,16 +44,16 @@ class StandstillMonitor:
         self._misses = 0
         units = parameters.units
         self._per_velocity = units.position.factor / units.velocity.factor if units.ratio_known else None
-        self._way = 0.0  # by velocity
+        self._way = 0.0  # distance by velocity
 
     def forget(self) -> None:
-        """Something commands the axis, or its power is off: its next rest begins anew."""
+        """End the monitoring of this rest: a command moves the axis, or its power is off. The next rest starts again."""
         self.place = None
         self._misses = 0
         self._way = 0.0
 
     def error(self, image: AxisImage) -> UncommandedMotion | None:
-        """Return that the axis moves by itself, or is being pulled; None while it rests."""
+        """Return the error if the axis moves without a command, or is being pulled; None while it rests."""
         position = image.position
         if position is None:
             return self._turns(image)
@@ -69,7 +69,7 @@ class StandstillMonitor:
             self._misses = 0
             return None
         if not moved and stamp == self._pulls:
-            return None  # the same demand again
+            return None  # the same demand as before
         self._pulls = stamp
         self._misses += 1
         if self._misses < _TWICE:
@@ -77,20 +77,20 @@ class StandstillMonitor:
         return self._moves(image, position, self.place) if moved else self._pulled(image, position, pull)
 
     def _pull(self, image: AxisImage) -> tuple[float, float]:
-        """Return how far the axis is led from where it is, and when that was sampled; 0 by what was sampled before this rest."""
+        """Return how far the axis is pulled, and the time of the sample; 0 if the sample is older than this rest."""
         pull = image.pull or 0.0
         if image.led.target is not None and image.state is not PowerState.QUICK_STOP_ACTIVE:
             return pull, self._stamp
         return (pull if image.lead_stamp >= self._since else 0.0), image.lead_stamp
 
     def _turns(self, image: AxisImage) -> UncommandedMotion | None:
-        """Return what the velocity tells of an axis whose position is not known."""
+        """Return the error that the velocity shows, for an axis with unknown position."""
         gap = image.velocity_stamp - self._stamp
         if image.velocity is None or self._per_velocity is None or not gap:
             return None
         self._stamp = image.velocity_stamp
         speed = image.velocity * self._per_velocity
-        # What was longer ago than _MEMORY is of no account, nor is a gap in which nobody knows how it went.
+        # Motion longer than _MEMORY ago does not count, nor does a gap during which the velocity is unknown.
         self._way = self._way + speed * gap - self._way * gap / _MEMORY if gap < _MEMORY else 0.0
         goes_on = math.copysign(speed, speed * self._way) * _MEMORY > self._allowed
         if abs(self._way) <= self._allowed or not goes_on:

@@ -1,4 +1,4 @@
-"""What waits until the axis is seen to stand, without commanding anything."""
+"""Commands that wait until the axis is seen at standstill, without commanding any motion."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from axisbus.motion.stop.standstill import StandstillCheck
 
 
 class RestWait:
-    """One command that takes effect at rest; holds its look for standstill, and until when it may take.
+    """One command that takes effect at standstill; holds its standstill check and its deadline.
 
-    Both begin with the first step: a path along which the axis is still being braked comes before.
+    Both begin with the first step, so that a path along which the axis is still braking comes before.
     """
 
     __slots__ = ("_deadline", "_parameters", "_standing", "then", "ticket")
 
     def __init__(self, parameters: AxisParameters, ticket: CommandStatus, then: Callable[[], None]) -> None:
-        """``then`` is done once the axis stands."""
+        """``then`` is called once the axis is at standstill."""
         self._parameters = parameters
         self._standing: StandstillCheck | None = None
         self._deadline = 0.0
@@ -28,10 +28,10 @@ class RestWait:
         self.then = then
 
     def step(self, image: AxisImage) -> bool:
-        """Return True once the axis is seen to stand.
+        """Return True once the axis is seen at standstill.
 
         Raises:
-            StateError: it goes on moving.
+            StateError: the axis continues to move.
         """
         if self._standing is None:
             self._standing = StandstillCheck(self._parameters, image.now)
@@ -48,7 +48,7 @@ class RestWait:
 
 
 class StandstillWaiters:
-    """The commands of one axis that wait for its rest, in ``waiting``."""
+    """The commands of one axis that wait for its standstill, in ``waiting``."""
 
     __slots__ = ("_parameters", "waiting")
 
@@ -57,12 +57,12 @@ class StandstillWaiters:
         self.waiting: list[RestWait] = []
 
     def add(self, ticket: CommandStatus, then: Callable[[], None]) -> None:
-        """Let ``then`` be done once the axis stands; its ticket ends with that."""
+        """Call ``then`` once the axis is at standstill; the ticket ends after that."""
         self.waiting.append(RestWait(self._parameters, ticket, then))
         ticket.begin()
 
     def step(self, image: AxisImage, finish: Callable[[CommandStatus, AxisbusError | None], None]) -> None:
-        """Do what may be done in this cycle; ``finish`` ends a ticket."""
+        """Call the functions that may be called in this cycle; ``finish`` ends a ticket."""
         for waiting in list(self.waiting):
             try:
                 if not waiting.step(image):
@@ -74,6 +74,6 @@ class StandstillWaiters:
             self.waiting.remove(waiting)
 
     def drop(self) -> list[CommandStatus]:
-        """Forget them all; return their tickets."""
+        """Discard all waiting commands; return their tickets."""
         tickets, self.waiting = [waiting.ticket for waiting in self.waiting], []
         return tickets

@@ -1,17 +1,18 @@
-"""The stop ladder: halt in the mode, quick stop, disable voltage, NMT stop; each rung with a deadline.
+"""The stop sequence: halt in the mode, quick stop, disable voltage, NMT stop; each step with a deadline.
 
 Theory of operation
 -------------------
-Standstill (see ``StandstillCheck``: seen since the rung began, and nothing that pulls) on any rung ends the ladder, with the power
-stage taken down first where that was asked for. A deadline only leads further down, and asking again gives no more time. A drive
-that no longer drives its motor (any state but *operation enabled*, *quick stop active*, *fault reaction active*) has stopped as far
-as a master can make it stop; one that this program had driven counts as stopped when it is seen to stand (``CoastDown``).
+If standstill is seen during a step (see ``StandstillCheck``: since the step began, and with nothing that pulls), the sequence ends.
+If that was requested, the power stage is switched off first. A missed deadline can only lead to a harder step, and a repeated
+request gives no more time. A drive that no longer drives its motor (any state but *operation enabled*, *quick stop active*, *fault
+reaction active*) has stopped as far as a master can make it stop. A motor that this master has driven counts as stopped once it is
+seen at standstill (``CoastDown``).
 
-Without a fresh statusword the ladder begins at *quick stop*: that word (0x0002) is safe in every state, whereas the word of *halt*
-contains *enable operation*. It then goes by SDO too, and what it did is read back by SDO (``SdoPath``).
+Without a fresh statusword the sequence begins at *quick stop*: that word (0x0002) is safe in every state, whereas the word of
+*halt* contains *enable operation*. The word is then also sent by SDO, and its effect is read back by SDO (``SdoPath``).
 
-An axis that holds a load is never disabled before it stands, and one whose load hangs on the motor alone not even then, unless that
-was asked for: for them the ladder ends at *quick stop*.
+An axis that holds a load is never disabled before it is at standstill. If only the motor holds the load, the axis is not disabled
+even then, unless that was requested. For such axes the sequence ends at *quick stop*.
 """
 
 from __future__ import annotations
@@ -45,12 +46,12 @@ class StopLevel(IntEnum):
 
     @property
     def text(self) -> str:
-        """The rung's name for a person."""
+        """The name of the step, for the user."""
         return self.name.lower().replace("_", " ").replace("nmt", "NMT")
 
 
 class AfterStop(Enum):
-    """What follows standstill: stay energised and hold, or take the power stage down."""
+    """The action after standstill: stay energised and hold, or switch off the power stage."""
 
     HOLD = "hold"
     DISABLE = "disable"
@@ -63,7 +64,7 @@ _CSV = ModeOfOperation.CYCLIC_SYNC_VELOCITY
 _STARTS = 0.3  # seconds after which a drive has begun to move, unless something holds it
 _MAY_DRIVE = ENERGISED | {PowerState.UNKNOWN}
 _NMT_STOP_TIME = 0.1
-# The entry of [axes.NAME.stop] that gives each rung its time.
+# The key in [axes.NAME.stop] that gives the time of each step.
 _TIMES = {
     StopLevel.HALT: "halt_time",
     StopLevel.QUICK_STOP: "quick_stop_time",
@@ -72,7 +73,7 @@ _TIMES = {
 
 
 class StopSequence:
-    """One axis on its way to a stop; holds the rung, its deadline, and whether the power stage is being taken down."""
+    """The stop of one axis; holds the step, its deadline, and whether the power stage is being switched off."""
 
     def __init__(
         self,
@@ -85,11 +86,12 @@ class StopSequence:
         resisted_since: float = math.inf,
         set_going_at: float = -math.inf,
     ) -> None:
-        """``follow``: the trajectory that is being followed, if any; it is braked along its path.
+        """``follow``: the trajectory that is being followed, if any; the axis brakes along its path.
 
-        ``leaving``: a change out of its mode that the drive has been asked for. The drive may have taken it already, and to be
-        called back for a cycle would be a jolt: it is seen through, along the path. ``resisted_since``: see ``Activity``.
-        ``set_going_at``: when its drive was last asked for motion, in seconds of the scan's clock.
+        ``leaving``: a requested change from the mode of that trajectory to another one. The drive may have accepted the change
+        already, and a return to the old mode for one cycle would cause a jolt. So the change is completed, along the path.
+        ``resisted_since``: see ``Activity``. ``set_going_at``: when motion was last requested from the drive, in seconds of the
+        scan's clock.
         """
         self._parameters = parameters
         self._then = then
@@ -98,56 +100,60 @@ class StopSequence:
         self._resisted_since = resisted_since
         self._set_going_at = set_going_at
         self._deadline: float | None = None
-        self._standing: StandstillCheck  # since the present rung began, the first one with the first step
+        # since the present step began; for the first one, since the first call of step()
+        self._standing: StandstillCheck
         self._relief: HoldSetPoint | None = None
         self._disabling = False
-        self._was_off = False  # or is being led there: whatever enables it now is no wish of ours
+        self._was_off = False  # or is being switched off: the master does not want any later enable
         self._rest_by: float | None = None  # until when a motor without power may turn
         self._by_sdo = SdoPath(parameters)
         self._stands_now = False
-        self._blind_hold = False  # it stood in the middle of a motion when the stop began, and nobody sees whether it is pulled
+        # it was at standstill in the middle of a motion when the stop began, and no value shows whether it is pulled
+        self._blind_hold = False
         self.rung = start
         self.path: list[StopLevel] = [start]
         self.seen = PowerState.UNKNOWN  # by PDO, else by SDO
         self.confirmed = False
-        self.late: list[str] = []  # the times of cell.toml that have passed: further down than was asked for
-        self.on_its_path = False  # when the time of the halt passed it was still being braked along its path
-        self.blind = False  # the statusword was gone when a halt was asked for
+        # the times of cell.toml that have passed: the stop became harder than requested
+        self.late: list[str] = []
+        # when the time of the halt passed, the axis was still braking along its path
+        self.on_its_path = False
+        self.blind = False  # the statusword was missing when a halt was requested
         self.spared = False  # the power was left on because of the load
-        self.unseen = ""  # what was missing for standstill when a time passed
-        self.running_down = ""  # the same, of a motor without power
+        self.unseen = ""  # the missing condition for standstill when a time passed
+        self.running_down = ""  # the same, for a motor without power
         self.held = False  # something held the axis while its drive pulled (or may have)
-        self.witness = ""  # by what less than its position the axis was seen to stand
+        self.witness = ""  # the weaker evidence than its position by which the axis was seen at standstill
 
     @property
     def follow(self) -> Leading | None:
-        """The trajectory that is being braked along, if any."""
+        """The trajectory along which the axis brakes, if any."""
         return self._follow
 
     @property
     def leaving(self) -> ModeSwitch | None:
-        """The change of mode that is to end that trajectory, if one has been asked for."""
+        """The requested change of mode that is to end that trajectory, if any."""
         return self._leaving
 
     @property
     def descended(self) -> bool:
-        """Whether it came further down than was asked for, or (for the load's sake) not as far as it should have."""
+        """Whether the stop became harder than requested, or (because of the load) not as hard as it should have."""
         return bool(self.late) or self.blind or self.spared or self.held
 
     @property
     def takes_power(self) -> bool:
-        """Whether the power stage is to be taken down at the end."""
+        """Whether the power stage is to be switched off at the end."""
         return self._then is AfterStop.DISABLE
 
     def harden(self, then: AfterStop, rung: StopLevel) -> None:
-        """Another stop is asked for: take what is harder of both, and give no more time to what runs already."""
+        """Combine with another requested stop: use the harder one of both, and give no more time to a running step."""
         if then is AfterStop.DISABLE:
             self._then = then
         if rung > self.rung and not self._disabling:
             self._go(rung)
 
     def step(self, image: AxisImage, order: CycleOutputs, run_down: CoastDown) -> bool:
-        """Return True when the axis has stopped, or nothing more can be done; ``confirmed`` tells which.
+        """Return True when the axis has stopped, or nothing more can be done; ``confirmed`` distinguishes the two.
 
         ``run_down``: whether the motor may still turn without power.
         """
@@ -158,7 +164,7 @@ class StopSequence:
         self._stands_now = self._standing.seen(image)
         ended = self._step(image, order, run_down)
         if self._leaving is not None and self.rung is not StopLevel.HALT:
-            self._leaving.cancel(order)  # later nobody would expect it
+            self._leaving.cancel(order)  # a later change of mode would be unexpected
             self._leaving = None
         if ended:
             self.witness = self._standing.witness if self.seen in ENERGISED else ""
@@ -202,7 +208,7 @@ class StopSequence:
         order.goal = PowerState.SWITCH_ON_DISABLED
         if run_down.under_way or (image.state is PowerState.UNKNOWN and self._by_sdo.may_turn):
             self.running_down = f"its power is off, {run_down.why_not(image) or 'and its position (6064h) was not seen to stand'}"
-            self.confirmed = False  # it may have stood, and fall now
+            self.confirmed = False  # it may have been at standstill, and fall now
             if self._rest_by is None:
                 self._rest_by = image.now + self._parameters.stop_times.disable
             return image.now > self._rest_by
@@ -214,26 +220,28 @@ class StopSequence:
             down = not image.flight.may_enable(image.now)
         else:
             down = self.seen is PowerState.SWITCH_ON_DISABLED and image.flight.word_answered(image.now)
-        return down or self._expired(image)  # a word that is still on its way may lead the drive out of it
+        # a word that has not taken effect yet may cause the drive to leave this state
+        return down or self._expired(image)
 
     def _halt(self, image: AxisImage, order: CycleOutputs) -> bool:
         if (
             image.state is PowerState.QUICK_STOP_ACTIVE
-        ):  # the drive is at it already, by its own decision or an earlier command
+        ):  # the drive brakes already, by its own decision or an earlier command
             self._go(StopLevel.QUICK_STOP, image)
             return self._quick_stop(image, order)
         if image.state is PowerState.OPERATION_ENABLED:
-            if self._was_off:  # a word that holds it there would enable it anew where it is just leaving
+            # a word that keeps it enabled could enable a drive again that is just leaving the state
+            if self._was_off:
                 return self._disable(image, order)
             order.goal = PowerState.OPERATION_ENABLED
             if not self._halt_in_mode(image, order):
-                self._end_relief(order)  # it moved on, and would not be where it was to be held
+                self._end_relief(order)  # it has moved, and the relief is for another position
             elif self._relieved(image, order):
                 return self._stands(image, order)
         return self._next_if_late(image, StopLevel.QUICK_STOP)
 
     def _halt_in_mode(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Ask for a halt the way the mode wants it; return whether the axis stands."""
+        """Request a halt in the manner of the mode; return whether the axis is at standstill."""
         if self._leaving is not None and not self._has_left(self._leaving, image, order):
             return False
         if self._follow is not None and _is_led(image, self._follow):
@@ -255,12 +263,13 @@ class StopSequence:
         return self._stands_now
 
     def _relieved(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Whether nothing is left of an interrupted move that may pull; a drive that stays powered is given a new target for it.
+        """Whether nothing remains of an interrupted move that may pull; a drive that stays powered gets a new target for this.
 
-        An axis that stood in the middle of its move, before it was halted, was held by something: only without power is it safe.
+        An axis that was at standstill in the middle of its move, before it was halted, was held by something: it is safe only
+        without power.
         """
         if self._then is AfterStop.DISABLE:
-            return True  # that takes away whatever pulls
+            return True  # the missing power removes any pull
         if self._blind_hold or pushes(image, self._parameters):
             self.held, self.unseen = True, _UNSEEN_PULL if self._blind_hold else _UNSEEN_PUSH
             self._go(StopLevel.QUICK_STOP, image)
@@ -273,7 +282,7 @@ class StopSequence:
             self._end_relief(order)
             self._standing = StandstillCheck(
                 self._parameters, image.now
-            )  # once more: it may have moved by this
+            )  # once more: the axis may have moved because of this
         return False
 
     def _end_relief(self, order: CycleOutputs) -> None:
@@ -282,31 +291,33 @@ class StopSequence:
             self._relief = None
 
     def _brake_along(self, follow: Leading, image: AxisImage, order: CycleOutputs) -> bool | None:
-        """Brake along the path; return whether the axis stands, None where that is not possible (any more)."""
+        """Brake along the path; return whether the axis is at standstill, None if this is not possible (any more)."""
         try:
             if not follow.begin_braking():
                 return None
             follow.step(image, order)
-        except AxisbusError:  # a position that is gone, a limit in the way: the drive's own halt is left
+        except AxisbusError:
+            # the position is unknown, or a limit is in the path: only the drive's own halt remains
             self._follow = None
             return None
         return follow.at_rest and self._stands_now
 
     def _has_left(self, leaving: ModeSwitch, image: AxisImage, order: CycleOutputs) -> bool:
-        """Go on along the path, braking, until the drive is in the mode that it was asked for; True once it is, or will not be."""
+        """Continue along the path, braking, until the drive has the requested mode. Return True once it has, or never will."""
         try:
             if self._follow is not None:
                 self._follow.begin_braking()
             if not leaving.step(image, order):
                 return False
             self._follow = None
-        except AxisbusError:  # it does not take the mode, or the path breaks off: then along the path, else the drive's own halt
+        except AxisbusError:
+            # the drive rejects the mode, or the path ends: brake along the path, else use the drive's own halt
             leaving.cancel(order)
         self._leaving = None
         return True
 
     def _hold_load(self, image: AxisImage, order: CycleOutputs) -> None:
-        """A torque of 0 would drop the load: a mode that holds takes over."""
+        """Change to a mode that holds the position: a torque of 0 would drop the load."""
         modes = [mode for mode in HOLDING_MODES if mode in self._parameters.modes] or list(HOLDING_MODES)
         order.mode = modes[0]
         preload(order, image.reference)
@@ -325,7 +336,7 @@ class StopSequence:
 
     def _take_down(self, image: AxisImage, order: CycleOutputs) -> bool:
         order.goal = PowerState.SWITCH_ON_DISABLED
-        if image.state is PowerState.UNKNOWN:  # only a word that is safe in every state goes to it
+        if image.state is PowerState.UNKNOWN:  # only a word that is safe in every state may be sent
             self._go(StopLevel.DISABLE_VOLTAGE, image)
             return False
         return self._next_if_late(image, StopLevel.DISABLE_VOLTAGE)
@@ -335,7 +346,8 @@ class StopSequence:
         order.goal = PowerState.QUICK_STOP_ACTIVE
         order.target_velocity = 0
         if self._parameters.holds_load is HoldsLoad.NO:
-            order.target_torque = 0  # a drive that does not hear the word would let its load fall
+            # otherwise a drive that does not receive the word would let its load fall
+            order.target_torque = 0
         self._by_sdo.send(order.word, image, order)
         if self.seen is PowerState.QUICK_STOP_ACTIVE and (self._stands_now or self._by_sdo.stands):
             return not self._about_to_leave(image) and self._stands(image, order)
@@ -348,13 +360,13 @@ class StopSequence:
         return True
 
     def _about_to_leave(self, image: AxisImage) -> bool:
-        """Whether the drive will take transition 12 by itself (605Ah 0 to 4, once its brake holds): that belongs to the stop."""
+        """Whether the drive will take transition 12 automatically (605Ah 0 to 4, once its brake holds): part of the stop."""
         if self._parameters.quick_stop_holds or self._then is AfterStop.DISABLE:
             return False
         return not self._expired(image)
 
     def _must_hold(self, image: AxisImage) -> bool:
-        """Whether cutting the power would let the load fall: what only the motor holds always, a brake while it moves."""
+        """Whether power off would let the load fall: always if only the motor holds it; with a brake, only during motion."""
         holds = self._parameters.holds_load
         return holds is HoldsLoad.TORQUE or (holds is HoldsLoad.BRAKE and not image.standstill)
 
@@ -383,7 +395,7 @@ class StopSequence:
         return False
 
     def _expired(self, image: AxisImage) -> bool:
-        assert self._deadline is not None  # each step begins its rung first
+        assert self._deadline is not None  # each step begins its deadline first
         return image.now > self._deadline
 
     def _go(self, rung: StopLevel, image: AxisImage | None = None) -> None:
@@ -406,7 +418,7 @@ class StopSequence:
 
 
 def _is_led(image: AxisImage, follow: Leading) -> bool:
-    """Whether the drive is in the mode in which it is led; where that is not known just now, 0 at once would jolt it in csv."""
+    """Whether the drive is in the mode of the trajectory, or unknown while following in csv, where a sudden 0 would jolt it."""
     return image.mode == follow.mode or (image.mode is None and follow.mode is _CSV)
 
 

@@ -1,4 +1,4 @@
-"""What nobody asked for: lost node, dropped power, stale statusword, an axis astray, limits in danger; looked for in each cycle."""
+"""Detect unexpected events in each cycle: lost node, loss of power, stale statusword, following error, limits in danger."""
 
 from __future__ import annotations
 
@@ -38,14 +38,15 @@ from axisbus.motion.stop_deceleration import CommandedMotion
 _ENABLED, _UNKNOWN = PowerState.OPERATION_ENABLED, PowerState.UNKNOWN
 _ERRORSTOP, _STOPPING = AxisState.ERRORSTOP, AxisState.STOPPING
 POWERED = MOVING | {AxisState.STANDSTILL, AxisState.STOPPING}
-_FLICKER = 0.25  # seconds for which a word of ours that was under way may keep a drive enabled
-_LEAST_GAP = 0.25  # seconds: shorter ones are a busy computer's
-# After one of these a node may have lost its position: it has restarted, or somebody is about to configure it.
+# seconds for which a word of this master that has not taken effect yet may keep a drive enabled
+_FLICKER = 0.25
+_LEAST_GAP = 0.25  # seconds: shorter gaps are normal on a busy computer
+# After one of these states a node may have lost its position: it has restarted, or another master is about to configure it.
 _RESTARTED = frozenset({NmtState.INITIALISING, NmtState.PRE_OPERATIONAL})
 
 
 class StopDemand(NamedTuple):
-    """Why the axis must be stopped, the rung from which it is, and whether a halt may go on along the trajectory that leads it.
+    """Why the axis must be stopped, the first step of the stop sequence, and whether a halt may brake along the axis's trajectory.
 
     ``halts``: the command ends with the error in a halt, and the axis does not go to ErrorStop.
     """
@@ -57,7 +58,10 @@ class StopDemand(NamedTuple):
 
 
 class Supervision:
-    """Watches one axis; holds whether its node was there and is lost, when silence is excused, and the watches over its motion."""
+    """Monitors one axis.
+
+    Holds whether its node was operational and is lost, the time until which silence is excused, and the monitors of its motion.
+    """
 
     def __init__(self, parameters: AxisParameters, capabilities: Capabilities) -> None:
         self._parameters = parameters
@@ -72,15 +76,13 @@ class Supervision:
             oldest if math.isfinite(oldest) else 1.0, 10 * parameters.scan_period, _LEAST_GAP
         )
         self._excused_until = -math.inf
-        self._energised_since = (
-            math.inf
-        )  # though the axis is disabled, again and again until ``_energised_at``
+        self._energised_since = math.inf  # although the axis is disabled, repeatedly until ``_energised_at``
         self._energised_at = -math.inf
         self._duplicate_told = False
         self.lost = False
 
     def node(self, image: AxisImage) -> StopDemand | None:
-        """Return that the node is lost, once, until ``lost`` is set back; in every cycle."""
+        """Return, once, that the node is lost, until ``lost`` is reset. Must be called in every cycle."""
         self.guard.look(image)
         if image.gap > self.longest_gap:
             self._excused_until = image.now + 2 * self.longest_gap
@@ -98,20 +100,20 @@ class Supervision:
         return None
 
     def _excused(self, image: AxisImage) -> bool:
-        """Whether a missing heartbeat may be our own fault: this program did not run, and has only just begun to listen again."""
+        """Whether a missing heartbeat may be this computer's fault: the master did not run, and has just begun to receive again."""
         return image.bus is None and image.nmt in SILENT and image.now < self._excused_until
 
     @staticmethod
     def has_restarted(image: AxisImage) -> bool:
-        """Whether the position of a node that is not operational may be another one than before."""
+        """Whether the position of a node that is not operational may have another origin than before."""
         return image.nmt in _RESTARTED
 
     def power(
         self, image: AxisImage, state: AxisState, activity: Activity | None = None, *, bounded: bool = True
     ) -> StopDemand | None:
-        """Return what endangers an axis that we have enabled and that is not being stopped.
+        """Return the danger to an axis that this master has enabled and that is not being stopped; None: no danger.
 
-        ``activity`` is what moves it (None: nothing does, it must rest); ``bounded``: see ``LimitMonitor.danger``.
+        ``activity`` is the command that moves the axis (None: the axis must rest); ``bounded``: see ``LimitMonitor.danger``.
         """
         if state is _ERRORSTOP:
             return self._unknown(image) if image.state is _UNKNOWN else self.unrest(image, activity)
@@ -126,10 +128,10 @@ class Supervision:
     def motion(
         self, image: AxisImage, state: AxisState, activity: Activity | None, bounded: bool
     ) -> StopDemand | None:
-        """Return what ``power`` finds of an axis that is enabled and heard, after ``guard.look``."""
+        """Return the finding of ``power`` for an axis that is enabled and has a fresh statusword. Call ``guard.look`` before."""
         moving = activity if state in MOVING else None
         astray = self._mode.error(image, moving) or self.following.error(image, moving)
-        if astray is not None:  # not under control: a quick stop is surer than a halt
+        if astray is not None:  # not under control: a quick stop is more certain than a halt
             return StopDemand(astray, StopLevel.QUICK_STOP)
         fast = self._speed.error(image, moving, self.guard.tracks[0])
         if fast is not None:
@@ -152,24 +154,27 @@ class Supervision:
         return finding._replace(halts=True) if stays_inside and finding.rung is StopLevel.HALT else finding
 
     def only_follows(self, activity: Activity) -> bool:
-        """Whether ``motion`` has nothing to do for ``activity`` but to look how close the axis is ``following`` it.
+        """Whether ``motion`` only has to check the following error (``following``) for ``activity``.
 
-        That stays so while ``activity`` leads it along its path in a mode that the drive shows.
+        This remains true while ``activity`` commands the axis along its path in a mode that the drive reports.
         """
         otherwise = self._resting.place is not None or self.guard.is_free
         return not otherwise and self._mode.has_agreed(activity) and self.following.is_used_to(activity)
 
     def forget(self) -> None:
-        """Nothing leads the axis any more: its next motion, and its next rest, are watched from their beginning."""
+        """Reset the monitors: no command moves the axis any more.
+
+        Its next motion, and its next rest, are monitored from their beginning.
+        """
         self.following.forget()
         self._resting.forget()
 
     def at_work(self) -> None:
-        """The axis is being stopped, or is not ours to watch: its next rest begins anew."""
+        """End the monitored rest: the axis is being stopped, or is not this master's to monitor. Its next rest starts again."""
         self._resting.forget()
 
     def unrest(self, image: AxisImage, activity: Activity | None) -> StopDemand | None:
-        """Return that an axis which nothing moves (``activity`` is None) moves by itself, or is being pulled."""
+        """Return that an axis without a command (``activity`` is None) moves, or is being pulled."""
         if activity is not None:
             self._resting.forget()
             return None
@@ -177,7 +182,7 @@ class Supervision:
         return None if error is None else StopDemand(error, StopLevel.QUICK_STOP)
 
     def coasting(self, image: AxisImage, rung: StopLevel, *, bounded: bool) -> StopDemand | None:
-        """Return what endangers an axis that a halt under torque lets coast, where a harder rung than ``rung`` would brake it."""
+        """Return the danger to an axis that a halt under torque lets coast, if a harder step than ``rung`` would brake it."""
         course = CommandedMotion(by_torque=True)
         harder = stop_of(self._parameters, course)[0] > rung
         if not harder or image.mode not in TORQUE_MODES or image.state is not _ENABLED:
@@ -186,7 +191,7 @@ class Supervision:
         return None if danger is None else self._endangered(danger, course)
 
     def energised(self, image: AxisImage, *, at_work: bool) -> DriveError | None:
-        """Return that the drive of a disabled axis has driven its motor for a while; ``at_work``: a command of ours is."""
+        """Return that the drive of a disabled axis has driven its motor for a while; ``at_work``: this master commands it."""
         if at_work or image.now - self._energised_at > _FLICKER:
             self._energised_since = math.inf
         if at_work or image.state is not _ENABLED:
@@ -205,13 +210,14 @@ class Supervision:
 
     @staticmethod
     def _is_held(image: AxisImage, state: AxisState) -> bool:
-        """Whether the drive holds the axis after a quick stop, as it was asked to."""
+        """Whether the drive holds the axis after a quick stop, as requested."""
         return image.state is PowerState.QUICK_STOP_ACTIVE and state is _STOPPING
 
     def _gap(self, image: AxisImage, course: CommandedMotion | None) -> StopDemand:
-        """A program that was suspended comes back with values that look fresh and a world that has moved on.
+        """Return the stop of an axis after the master was suspended: its values look fresh, but the drive has continued meanwhile.
 
-        A drive that is led from cycle to cycle may have gone on, or stopped by itself: only its own quick stop is a ramp for both.
+        A drive with set-points streamed by the master may have continued, or stopped automatically. Only its own quick stop is a
+        ramp in both cases.
         """
         name = self._parameters.name
         led = course is not None and course.by_core
@@ -301,7 +307,7 @@ def duplicate_error(name: str, node: int, seen: str) -> DuplicateNodeError:
 
 
 def bus_lost(name: str, node: int, bus: BusError) -> BusError:
-    """Return the error of an axis that no frame can reach: the drive has only its own watchdog."""
+    """Return the error of an axis that no frame can reach: only the drive's own watchdog can stop it."""
     full = isinstance(bus, TransmitQueueFull)
     what, again = (
         ("cannot be reached", "frames can be sent again") if full else ("is lost", "the bus is back")

@@ -1,27 +1,29 @@
-"""The way that a velocity on ramps should have made, against the way that was made; forgetful, because no speed is exact.
+"""Compare the distance that a ramped velocity command should cover with the distance covered; the difference decays with time.
 
 Theory of operation
 -------------------
-The commanded velocity goes up by the profile acceleration and down by the deceleration, from the velocity that the axis had. Its
-way is integrated from position to position, and what was made is taken off. An exact integral would grow for ever by a speed
-that is one increment off, so the difference decays, and the slower the axis is to turn the longer it takes: an axis that makes
-less than half of the way it should is found out, in about 1.4 times ``window / speed + 0.25 s``; one that makes more is not.
+The commanded velocity rises with the profile acceleration and falls with the deceleration, beginning at the axis's velocity at the
+start. Its distance is integrated from position to position, and the covered distance is subtracted. The exact integral of a speed
+that is one increment off would grow forever, so the difference decays. The slower the commanded velocity is, the longer the decay
+takes. An axis that covers less than half of its distance is detected within about 1.4 times ``window / speed + 0.25 s``. An axis
+that covers more is not detected.
 
-Nobody knows in which cycle the drive takes a new velocity: the frame waits for SYNC, and the drive for its next task. So two ramps
-are integrated: one takes the new velocity at once, the other at the latest moment (``_TAKEN`` periods later, and later by a
-transfer where it goes by SDO). An axis between both is not behind.
+The cycle in which the drive takes a new velocity is not known: the frame waits for SYNC, and the drive for its next task. So two
+ramps are integrated: one takes the new velocity at once, the other at the latest moment (``_TAKEN`` periods later, plus the time of
+the transfer if the velocity is written by SDO). An axis between both ramps has no following error.
 
 After an override of 0, or a velocity of 0, the axis settles later than the ramps, by its lag. ``_SETTLED`` seconds after both ramps
-have come to rest it is taken to be where it should be, and from then on what it moves by counts.
+have come to rest, the axis is assumed to be at its commanded position. Any later motion counts.
 
-A motor with a constant lag is behind by the lag multiplied by the velocity that it has gained itself. Until the ramp ends that is
-less than the ramp has gained, by the lag multiplied by the acceleration: in the first five lags, by more than a fifth. The
-difference and the gain decay alike, so their ratio is the lag (a little more if the lag is long). The earlier ramp is used, so the
-ratio includes the time in which the drive accepts a command. The look-ahead of the limits already allows ``_TAKEN`` periods for
-that; only a longer time is the ``lag``. The lag is measured while the velocity changes and shortly after. Later the gain has
-decayed, and a small velocity error would look like a lag. A motion that begins at speed gives no lag: its demand at that moment is
-unknown, and a demand that is ahead looks like an axis without a lag. A velocity that is given while the drive is still on the ramp
-of the one before is different: the demand is known, so it goes on with that ramp (``succeed``).
+The following distance of a motor with a constant lag is the lag multiplied by the velocity that the motor itself has gained. Until
+the ramp ends, the motor has gained less velocity than the ramp, by the lag multiplied by the acceleration: in the first five lags,
+by more than a fifth. The difference and the gain decay alike, so their ratio is the lag (a little more if the lag is long). The
+earlier ramp is used, so the ratio includes the time in which the drive accepts a command. The look-ahead of the limits already
+allows ``_TAKEN`` periods for that; only a longer time is the ``lag``. The lag is measured while the velocity changes and shortly
+after. Later the gain has decayed, and a small velocity error would look like a lag. A motion that begins at speed gives no lag: its
+demand at that moment is unknown, and a demand that is ahead looks like an axis without a lag. If a new velocity is given while the
+drive is still on the ramp of the previous command, the demand is known. In this case the computation continues with that ramp
+(``succeed``).
 """
 
 from __future__ import annotations
@@ -38,15 +40,15 @@ from axisbus.motion.position_limits import NOISE
 _LAG_TIME = 0.25  # seconds of lag that a drive may have (see ``AxisParameters.lag_allowed``)
 _LONGEST = 60.0  # seconds of memory
 _SETTLED = (
-    0.4  # seconds; less than those for which a commanded speed excuses a lag (``following._SPEED_TIME``)
+    0.4  # seconds; less than the time for which a commanded speed excuses a lag (``following._SPEED_TIME``)
 )
-_TAKEN = 4.0  # scan periods: until the next SYNC, until the drive acts, and until that is seen
+_TAKEN = 4.0  # scan periods: to the next SYNC, to the reaction of the drive, and to its visibility
 
 
 class _Ramp:
-    """One ramp: its velocity, its target, how far the axis is behind it, and the targets that become valid later (when, target).
+    """One ramp: its velocity, its target, the axis's distance behind it, and the targets that become valid later (time, target).
 
-    ``gained``: by how much its velocity has changed, forgotten as ``behind`` is; ``rate``: its last acceleration (per s²).
+    ``gained``: the change of its velocity, which decays as ``behind`` does; ``rate``: its last acceleration (per s²).
     """
 
     __slots__ = ("_due", "behind", "gained", "rate", "speed", "target")
@@ -65,7 +67,7 @@ class _Ramp:
             self.target = self._due.popleft()[1]
 
     def ramp(self, dt: float, up: float, down: float, made: float, kept: float) -> None:
-        """Go on by ``dt`` s, in which the axis has gone ``made``; ``kept``: the share that is not forgotten."""
+        """Advance by ``dt`` s, in which the axis has moved by ``made``; ``kept``: the share that remains after the decay."""
         before, target = self.speed, self.target
         slows = abs(target) < abs(before) or before * target < 0.0
         change = (down if slows else up) * dt
@@ -76,7 +78,7 @@ class _Ramp:
 
 
 class RampedWay:
-    """Holds the velocity that is commanded by now, and how far the axis is behind it (position increments, None: not known).
+    """Holds the present commanded velocity, and the axis's distance behind it (position increments, None: not known).
 
     ``lag``: the lag of the axis behind its commands in seconds, beyond ``delay``; None: not known.
     """
@@ -106,7 +108,7 @@ class RampedWay:
         """``target`` in the drive's velocity increments (signed), each of ``per_velocity`` position increments per s.
 
         ``up`` and ``down`` in position increments per s², above 0; ``window`` in position increments; ``delay``: seconds within
-        which a target that goes by PDO is taken.
+        which the drive takes a target that is sent by PDO.
         """
         self._target = target * per_velocity
         self._per_velocity = per_velocity
@@ -126,23 +128,23 @@ class RampedWay:
 
     @property
     def speed(self) -> float:
-        """The commanded velocity by now, in position increments per s; the higher one while the drive may have taken a new one."""
+        """The present commanded velocity in position increments per s; the higher of two while the drive may take a new one."""
         return max(self._early.speed, self._late.speed, key=abs)
 
     def aim(self, target: float) -> None:
-        """Go on to another target, in the drive's velocity increments."""
+        """Change to another target, in the drive's velocity increments."""
         self._target = target * self._per_velocity
 
     def succeed(self, before: RampedWay) -> None:
-        """Begin with the velocity that the drive has by the command ``before``, which was stepped in this cycle for the last time.
+        """Begin with the commanded velocity of the command ``before``, which was stepped in this cycle for the last time.
 
-        It counts only if it began at rest: else it is not known better than by what the axis does.
+        It counts only if that command began at rest. Otherwise the axis's own motion is the better start value.
         """
         if before._from_rest and before.behind is not None:
             self._succeeded = before
 
     def step(self, image: AxisImage) -> None:
-        """Take this cycle's position; begin from what the axis does, where that is known."""
+        """Evaluate this cycle's position; begin with the axis's motion once it is known."""
         position, stamp = image.position, image.position_stamp
         if position is None:
             self.behind = None
@@ -209,13 +211,13 @@ class RampedWay:
         self.lag = min(max(0.0, lag - self._delay), _LAG_TIME)
 
     def _memory(self) -> float:
-        """Seconds in which a difference is forgotten: twice those in which an axis that stands loses all that is allowed."""
+        """Return the decay time in seconds: twice the time in which an axis at standstill uses up the allowed difference."""
         fastest = max(abs(self.speed), abs(self._target))
         return min(_LONGEST, 2.0 * (self._window / fastest + _LAG_TIME)) if fastest else _LONGEST
 
 
 def ramped_way(profile: MoveProfile, parameters: AxisParameters) -> RampedWay | None:
-    """Return the watch over a velocity move; None where the drive's ramps, or the ratio of its units, are not known."""
+    """Return the monitor of a velocity move; None if the drive's ramps, or the ratio of its units, are not known."""
     units = parameters.units
     if not profile.up or not profile.down or not parameters.has(objects.PROFILE_ACCELERATION):
         return None
@@ -230,7 +232,7 @@ def ramped_way(profile: MoveProfile, parameters: AxisParameters) -> RampedWay | 
 
 
 def led_way(parameters: AxisParameters) -> RampedWay | None:
-    """Return the watch over velocities that are made here, each given with ``aim``; None where the ratio of units is not known."""
+    """Return the monitor of velocities generated by the master, each given with ``aim``; None if the unit ratio is not known."""
     units = parameters.units
     if not units.ratio_known:
         return None
