@@ -1,1 +1,1 @@
-"""One axis: its image, its order, its states, and how commands are accepted and run."""
+"""One axis: its process image, its outputs, its states, and the acceptance and execution of its commands."""

@@ -1,4 +1,4 @@
-"""Taking a command: whether the axis's state allows it, and what carries it out; one function per command."""
+"""Accept commands: check that the axis's state allows the command, and begin its activity; one function per command."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ from axisbus.motion.stop.stop_sequence import AfterStop, StopLevel
 
 
 def accept(core: AxisCore, command: c.Command, ticket: CommandStatus, gate: StartBarrier = OPEN) -> None:
-    """Let ``command`` take effect on ``core``; what the state forbids ends the ticket with the reason.
+    """Begin ``command`` on ``core``; if the axis's state forbids the command, end the ticket with the reason.
 
-    ``gate``: where the axes of a group wait for each other before they start.
+    ``gate``: the start barrier at which the axes of a group wait for each other.
     """
     try:
         _ACCEPT[type(command)](core, command, ticket, gate)
@@ -51,7 +51,7 @@ def accept(core: AxisCore, command: c.Command, ticket: CommandStatus, gate: Star
 
 
 def require(core: AxisCore, command: c.Command, ticket: CommandStatus) -> None:
-    """Raise AxisbusError where ``core`` would refuse a command that several axes begin together: then no axis begins it."""
+    """Raise AxisbusError if ``core`` would refuse a command that several axes must begin together; then no axis begins it."""
     if isinstance(command, c.EnableCommand):
         _require_enable(core, ticket)
     elif isinstance(command, c.Move):
@@ -77,7 +77,7 @@ def _require_enable(core: AxisCore, ticket: CommandStatus) -> None:
     if _runs(core, EnableActivity):
         return
     if _runs(core, Coast) and core.image.state is PowerState.OPERATION_ENABLED:
-        raise StateError(  # taken over now it would be held from one cycle to the next, however fast it is
+        raise StateError(  # an enable now would hold the axis from one cycle to the next, whatever its speed
             f"{ticket.name}: its power is being taken away",
             remedy="wait until it is off: axis.disable(coast=True).wait()",
         )
@@ -90,7 +90,7 @@ def _require_enable(core: AxisCore, ticket: CommandStatus) -> None:
 
 
 def _is_enabled(core: AxisCore) -> bool:
-    """Whether it is enabled by us; a quick stop that may be on its way to the drive takes its power."""
+    """Whether this master has enabled the axis. A quick stop that may already be on its way to the drive removes the power."""
     keeps_power = core.ladder is None or core.ladder.rung is StopLevel.HALT
     return core.powered and keeps_power and core.image.state is PowerState.OPERATION_ENABLED
 
@@ -98,7 +98,7 @@ def _is_enabled(core: AxisCore) -> bool:
 def _enable(core: AxisCore, command: c.EnableCommand, ticket: CommandStatus, gate: StartBarrier) -> None:
     _require_enable(core, ticket)
     if _is_enabled(core):
-        core.finish(ticket)  # it is; and where it is locked in Stopping, it stays so
+        core.finish(ticket)  # already enabled; an axis locked in Stopping stays there
         return
     if _runs(core, EnableActivity):
         core.join(ticket)
@@ -110,12 +110,12 @@ def _enable(core: AxisCore, command: c.EnableCommand, ticket: CommandStatus, gat
 
 
 def _runs(core: AxisCore, activity: type[Activity]) -> bool:
-    """Whether the same command is under way already: it goes on, and both tickets end as it does."""
+    """Whether the same command runs already: it continues, and both tickets end together."""
     return isinstance(core.activity, activity) and core.running.ticket is not None
 
 
 def _resting_modes(core: AxisCore) -> list[ModeOfOperation]:
-    """The resting modes that the drive has; one found energised keeps its mode, if that holds it."""
+    """Return the resting modes that the drive has. A drive found energised keeps its mode, if the mode holds the axis."""
     image = core.image
     if image.state in ENERGISED and image.mode in KEPT_MODES:
         found = ModeOfOperation(image.mode)
@@ -124,7 +124,7 @@ def _resting_modes(core: AxisCore) -> list[ModeOfOperation]:
 
 
 def _takeover(core: AxisCore) -> DriveAdoption | None:
-    """What must be found out of a drive in a mode that follows its targets, where the enable finds it enabled."""
+    """Return the checks for adopting a drive that is found enabled in a mode that follows targets; None for other modes."""
     mode = core.image.mode
     return DriveAdoption(ModeOfOperation(mode), core.parameters) if mode in FOLLOWS_TARGETS else None
 
@@ -138,7 +138,7 @@ def _disable(core: AxisCore, command: c.Disable, ticket: CommandStatus, _: Start
         and core.image.state is PowerState.FAULT
         and not core.run_down.under_way
     ):
-        core.finish(ticket)  # a drive in fault is off already, and its motor stands
+        core.finish(ticket)  # a drive in fault is off already, and its motor is at standstill
         return
     core.stop_because(
         StopKind.DISABLE, AfterStop.DISABLE, StopLevel.HALT, f"{ticket.name} was asked for", ticket
@@ -159,7 +159,7 @@ def _coast(core: AxisCore, ticket: CommandStatus) -> None:
 
 
 def _reset(core: AxisCore, command: c.ResetCommand, ticket: CommandStatus, gate: StartBarrier) -> None:
-    """Reset at once, or when the stop that is under way has ended."""
+    """Reset at once, or after the end of the running stop."""
     image = core.image
     stopping = core.ladder is not None
     if core.state is AxisState.ERRORSTOP and not image.operational:
@@ -202,7 +202,8 @@ def _halt(core: AxisCore, _: c.Halt, ticket: CommandStatus, __: StartBarrier) ->
         core.stopping.join(ticket)
     elif core.image.standstill:  # locked
         core.finish(ticket)
-    else:  # held in quick stop active by its drive, which brakes still: so it is after a stop that was not confirmed
+    else:
+        # the drive holds it in quick stop active and still brakes; this happens after a stop that was not confirmed
         _stop_if_powered(core, ticket, StopKind.STOP, StopLevel.HALT)
 
 
@@ -215,10 +216,10 @@ def _quick_stop(core: AxisCore, _: c.QuickStop, ticket: CommandStatus, __: Start
 
 
 def _stop_if_powered(core: AxisCore, ticket: CommandStatus, kind: StopKind, rung: StopLevel) -> None:
-    """Where the motor is not driven, and nothing sent may still switch it on, there is nothing to stop, and that is success.
+    """Stop the axis. If its motor is not powered, and no word sent may still switch it on, succeed without a stop.
 
-    A drive of which nothing is known may be moving: it is stopped. One that has lost its power in motion is watched until it
-    stands; one that is being enabled, until it is seen off after the last word that was sent to it.
+    A drive in an unknown state may be moving, so it is stopped. An axis that has lost its power in motion is monitored until it is
+    at standstill. An axis that is being enabled is monitored until it is seen off after the last word sent to it.
     """
     off = core.image.state not in ENERGISED and core.image.state is not PowerState.UNKNOWN
     if off and not core.run_down.under_way and not core.may_be_switched_on:
@@ -245,7 +246,7 @@ def _release(core: AxisCore, _: c.Release, ticket: CommandStatus, __: StartBarri
 def _shutdown(core: AxisCore, command: c.Shutdown, ticket: CommandStatus, _: StartBarrier) -> None:
     core.probes.end_all(Stopped, f"was ended: {command.reason}", core.order)
     if not core.touched:
-        core.finish(ticket)  # never commanded by us: left as it was found
+        core.finish(ticket)  # never commanded by this master: leave it unchanged
         return
     holds = core.parameters.holds_load is HoldsLoad.TORQUE
     rung = StopLevel.QUICK_STOP if command.quick else StopLevel.HALT
@@ -299,16 +300,16 @@ def _set_torque_offset(
 
 
 def require_override(core: AxisCore, factor: float, ticket: CommandStatus) -> None:
-    """Raise where ``factor`` is no override, or nothing says with which acceleration the axis is to change its speed.
+    """Check that ``factor`` is a valid override, and that the acceleration for the change of speed is known.
 
     Raises:
-        LimitError: it is not from 0 to 1.5.
+        LimitError: the factor is not from 0 to 1.5.
         StateError: no acceleration is known.
     """
     require_factor(factor, ticket.name)
     name = core.parameters.name
     if core.parameters.encoder:
-        return  # nothing leads it
+        return  # no command moves an encoder
     if factor != 1.0 and not core.parameters.path_deceleration:
         raise StateError(
             f"{ticket.name}: nothing says with which acceleration {name} is to change its speed",
@@ -336,7 +337,7 @@ def _probe_abort(core: AxisCore, command: c.ProbeAbort, ticket: CommandStatus, _
 
 
 def _buffered(core: AxisCore, command: c.Buffered, ticket: CommandStatus, gate: StartBarrier) -> None:
-    """Let a motion wait behind what is under way; with nothing under way it begins."""
+    """Queue a motion behind the running command; if no command runs, begin the motion."""
     accept_motion.require_motion(core, ticket)
     if core.ladder is not None:
         raise StateError(f"{ticket.name}: the axis is being halted", remedy="wait until it stands")
@@ -347,7 +348,7 @@ def _buffered(core: AxisCore, command: c.Buffered, ticket: CommandStatus, gate: 
 
 
 def _blend(core: AxisCore, command: c.BufferedMove, ticket: CommandStatus, gate: StartBarrier) -> None:
-    """Let a move go on with what is under way; where that cannot be passed into it, it waits for its end, and says so."""
+    """Blend a move with the running command; if this is not possible, queue it and write the reason into its ticket."""
     why = accept_blending.blend(core, command, ticket, gate)
     if why is not None:
         ticket.note = why

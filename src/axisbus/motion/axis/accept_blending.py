@@ -1,4 +1,4 @@
-"""Taking a move that is to go on with what is under way, without a stop between them."""
+"""Accept a move that continues the running motion without a stop between them (blending)."""
 
 from __future__ import annotations
 
@@ -31,18 +31,20 @@ MOST = 100  # commands that share one motion
 
 
 def blend(core: AxisCore, command: c.BufferedMove, ticket: CommandStatus, gate: StartBarrier) -> str | None:
-    """Let ``command`` go on with what is under way, or begin where nothing is; else return what its handle is to say of its wait.
+    """Blend ``command`` with the running motion, or begin it if none runs; otherwise return the reason why it must wait.
+
+    The reason is for the handle of ``command``.
 
     Raises:
-        StateError: the axis takes no motion now, or nothing could ever pass into the move, or what is under way into anything.
-        LimitError: it would end beyond the position limits.
+        StateError: the axis takes no motion now, or the move or the running command can never be blended.
+        LimitError: the move would end beyond the position limits.
     """
     accept_motion.require_motion(core, ticket)
     _require_no_halt(core, ticket)
     accept_motion.require_watch(core.parameters, command.move.profile, ticket)
     _require_ramps(core, command, ticket)
     if core.queue:
-        return ""  # it is seen what it can go on with when that has begun
+        return ""  # whether it can be blended is decided when the command before it has begun
     if core.running.ticket is None:
         _begin(core, command, ticket, gate)
         return None
@@ -61,7 +63,7 @@ def blend(core: AxisCore, command: c.BufferedMove, ticket: CommandStatus, gate: 
 
 
 def _begin(core: AxisCore, command: c.BufferedMove, ticket: CommandStatus, gate: StartBarrier) -> None:
-    """Begin from rest in csp, so that the next may join; where that cannot be, as a move without blending."""
+    """Begin from standstill in csp, so that the next move may blend; if this is not possible, begin a move without blending."""
     if core.state is not AxisState.STANDSTILL or not _takes_csp(core, ticket):
         accept_motion.move(core, command.move, ticket, gate)
         return
@@ -77,7 +79,7 @@ def _begin(core: AxisCore, command: c.BufferedMove, ticket: CommandStatus, gate:
 
 
 def _take_up(core: AxisCore, move: CspMove, ticket: CommandStatus) -> None:
-    """Let a move that has begun from the speed of its axis be one that others can join, where it leads straight to its end."""
+    """Make a move that began from the speed of its axis joinable by other moves, if it goes straight to its end."""
     if not ticket.number:
         return
     if isinstance(move, JerkLimitedMove):
@@ -95,7 +97,7 @@ def _take_up(core: AxisCore, move: CspMove, ticket: CommandStatus) -> None:
 
 
 def _take_up_softly(core: AxisCore, move: JerkLimitedMove, ticket: CommandStatus) -> None:
-    """The same of a move with a limit of jerk; one that has moved nothing yet begins anew, as the first of several."""
+    """Do the same for a move with limited jerk; a move that has not moved the axis yet begins again, as the first of several."""
     way, ramp = move.going_softly(), move.ramp
     if way is None and not move.waits:
         return
@@ -110,7 +112,7 @@ def _take_up_softly(core: AxisCore, move: JerkLimitedMove, ticket: CommandStatus
 
 
 def _cycles(core: AxisCore, profile: MoveProfile, ticket: CommandStatus) -> int:
-    """Return of how many cycles the mean is to be with which a move keeps its limit of jerk; 1 where it has none."""
+    """Return the averaging length in cycles by which a move keeps its jerk limit; 1 if it has no limit."""
     assert profile.up
     assert profile.down
     hardest = max(profile.up, profile.down) / abs(core.parameters.units.position.factor)
@@ -136,7 +138,7 @@ def _join(core: AxisCore, moves: BlendedMoves, command: c.BufferedMove, ticket: 
 def _hand_on(
     core: AxisCore, move: PositionMove, command: c.BufferedMove, ticket: CommandStatus
 ) -> str | None:
-    """Let a move that the drive plans go on to another end, where that lies in its direction."""
+    """Let a move that the drive plans continue to another end, if that end lies in its direction."""
     _require_few(move.commands, ticket)
     before, position = core.running.ticket, core.image.position
     assert before is not None
@@ -159,7 +161,7 @@ def _hand_on(
 
 
 def _turned(core: AxisCore, command: c.BufferedMove, end: int | None) -> c.Move:
-    """Return the move; to a place of an endless axis it leads on from ``end`` (unwrapped increments), where the axis will be."""
+    """Return the move; for an absolute target on a modulo axis it counts from ``end``, the future position (increments)."""
     move, modulo, units = command.move, core.parameters.units.modulo, core.parameters.units.position
     if modulo is None or end is None or move.reference is not c.TargetReference.ABSOLUTE:
         return move
@@ -207,7 +209,7 @@ def _require_no_halt(core: AxisCore, ticket: CommandStatus) -> None:
 
 
 def _require_ramps(core: AxisCore, command: c.BufferedMove, ticket: CommandStatus) -> None:
-    """Raise StateError where it is not known how fast the move is."""
+    """Raise StateError if the speed and ramps of the move are not known."""
     profile, name = command.move.profile, core.parameters.name
     if not (profile.speed and profile.up and profile.down):
         raise StateError(

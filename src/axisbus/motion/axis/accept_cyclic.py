@@ -1,4 +1,4 @@
-"""Taking a command in csv or cst: what the drive has, what travels with SYNC, and from where the axis is led on."""
+"""Accept commands in csv or cst: check the drive's objects and synchronous PDOs, and continue from a running cyclic command."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ _M = ModeOfOperation
 
 
 def velocity(core: AxisCore, command: c.CyclicVelocity, ticket: CommandStatus, gate: StartBarrier) -> None:
-    """A velocity in cyclic synchronous velocity mode; one that runs already goes on to it."""
+    """Command a velocity in cyclic synchronous velocity mode; a running velocity command changes to it."""
     down = abs(command.deceleration * core.parameters.units.per_velocity)
     _lead(core, CyclicVelocityMove, command, ticket, gate, down)
 
 
 def torque(core: AxisCore, command: c.CyclicTorque, ticket: CommandStatus, gate: StartBarrier) -> None:
-    """A torque in cyclic synchronous torque mode; one that acts already goes on to it."""
+    """Command a torque in cyclic synchronous torque mode; a running torque command changes to it."""
     _lead(core, CyclicTorqueMove, command, ticket, gate)
 
 
 def control(core: AxisCore, command: c.ControllerCommand, ticket: CommandStatus, gate: StartBarrier) -> None:
-    """A loop of the program's own in one of the two modes."""
+    """Begin the user's own control loop in one of the two modes."""
     if isinstance(command.by, c.CyclicVelocity):
         down = abs(command.by.deceleration * core.parameters.units.per_velocity)
         _begin(core, VelocityAnswered, command, ticket, gate, down)
@@ -51,7 +51,7 @@ def control(core: AxisCore, command: c.ControllerCommand, ticket: CommandStatus,
 
 
 def answer(core: AxisCore, command: c.ControllerOutput, ticket: CommandStatus, _: StartBarrier) -> None:
-    """What a loop has answered; for one that has ended it is let go of, as its own ticket has told why."""
+    """Take the output of a user's control loop; if the loop has ended, discard it, because the loop's ticket has the reason."""
     running = core.activity
     if isinstance(running, VelocityAnswered | TorqueAnswered) and running.take(command):
         core.finish(ticket)
@@ -67,7 +67,7 @@ def _lead(
     gate: StartBarrier,
     down: float | None = None,
 ) -> None:
-    """``command`` is one of ``led``; ``down``: see ``require_braking``."""
+    """``command`` is a command of the type ``led``; ``down``: see ``require_braking``."""
     running: Any = core.activity
     if type(running) is not led:
         _begin(core, led, command, ticket, gate, down)
@@ -86,7 +86,7 @@ def _begin(
     gate: StartBarrier,
     down: float | None = None,
 ) -> None:
-    """Let ``led`` lead the axis, from standstill or from where it is led in the same mode."""
+    """Begin ``led``, from standstill or from a cyclic command in the same mode."""
     _require(core, led.mode, ticket)
     before = _led(core)
     ramp: Any = before if isinstance(before, led.ramp) else None
@@ -105,7 +105,7 @@ def _require(core: AxisCore, mode: ModeOfOperation, ticket: CommandStatus) -> No
 
 
 def _led(core: AxisCore) -> Leading | None:
-    """Return what leads the axis from cycle to cycle in the mode that its drive shows; of a halt only its first rung."""
+    """Return the command that streams set-points in the drive's present mode; of a stop, only its first step (halt) counts."""
     if leaving_switch(core) is not None or core.image.state is not PowerState.OPERATION_ENABLED:
         return None
     ladder = core.ladder

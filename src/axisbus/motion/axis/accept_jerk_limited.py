@@ -1,4 +1,4 @@
-"""Taking a velocity whose jerk is to be limited: by the drive where it can, else led by the master."""
+"""Accept a velocity command with limited jerk: the drive limits the jerk if it can, otherwise the master does."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from axisbus.motion.states import AxisState
 
 
 def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: CommandStatus, gate: StartBarrier) -> None:
-    """MC_MoveVelocity, MC_Jog."""
+    """Begin MC_MoveVelocity or MC_Jog."""
     profile = command.profile
     if profile.softness is None or profile.jerk is not None:
         accept_motion.move_velocity(core, command, ticket, gate)
@@ -23,10 +23,10 @@ def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: CommandStatus
 
 
 def _turn_softly(core: AxisCore, profile: MoveProfile, ticket: CommandStatus, gate: StartBarrier) -> None:
-    """Let a velocity with a limit of jerk be led here: its drive has none.
+    """Begin a velocity command whose set-points the master streams, because its drive cannot limit the jerk.
 
     Raises:
-        StateError: the axis moves otherwise, or cannot be led in csp.
+        StateError: the axis is in another motion, or cannot be commanded in csp.
         LimitError: it could not stop within its position limits, or the jerk is so small that it takes seconds.
     """
     accept_motion.require_motion(core, ticket)

@@ -1,4 +1,4 @@
-"""Taking a motion command: what the axis's state, limits and feedback allow, and the activity that carries it out."""
+"""Accept motion commands: check the axis's state, limits and feedback, and begin the activity that executes the command."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _M = ModeOfOperation
 
 
 class _Needs(NamedTuple):
-    """The values without which a cyclic mode is not begun, beside the statusword."""
+    """The values without which a cyclic mode does not begin, besides the statusword."""
 
     inputs: tuple[str, ...]
     output: str
@@ -58,7 +58,7 @@ _CYCLIC = {
 
 
 def move(core: AxisCore, command: c.Move, ticket: CommandStatus, gate: StartBarrier) -> None:
-    """MC_MoveAbsolute, MC_MoveRelative, MC_MoveAdditive."""
+    """Begin MC_MoveAbsolute, MC_MoveRelative or MC_MoveAdditive."""
     require_motion(core, ticket)
     require_watch(core.parameters, command.profile, ticket)
     target = target_of(core, command, ticket)
@@ -95,7 +95,7 @@ def move(core: AxisCore, command: c.Move, ticket: CommandStatus, gate: StartBarr
 def _move_softly(
     core: AxisCore, target: int, profile: MoveProfile, ticket: CommandStatus, gate: StartBarrier
 ) -> None:
-    """Let a move with a limit of jerk be led here: its drive has none."""
+    """Begin a jerk-limited move whose set-points the master streams, because its drive cannot limit the jerk."""
     soft = core.activity if isinstance(core.activity, JerkLimitedMove) else None
     before = path_of(core) or (soft if soft is not None and soft.has_begun else None)
     require_lead(core, profile, ticket, before)
@@ -108,9 +108,10 @@ def _move_softly(
 
 
 def require_lead(core: AxisCore, profile: MoveProfile, ticket: CommandStatus, before: Follow | None) -> None:
-    """Raise StateError where the master cannot lead an axis in csp with a limit of jerk.
+    """Raise StateError if the master cannot command the axis in csp with limited jerk.
 
-    ``before``: what leads it along a path already. What waits for its mode, and has moved nothing yet, is replaced as at rest.
+    ``before``: the path that already commands the axis. A jerk-limited command that waits for its mode, and has not moved the axis
+    yet, is replaced as at standstill.
     """
     parameters = core.parameters
     lacking = f"{parameters.name}'s drive has no profile jerk (60A4h with 6086h), so that the master must lead it in csp"
@@ -131,14 +132,14 @@ def require_lead(core: AxisCore, profile: MoveProfile, ticket: CommandStatus, be
 
 
 def _go_on(core: AxisCore, going_on: CspMove, ticket: CommandStatus) -> None:
-    """Let a move begin from the velocity with which a trajectory leads the axis."""
+    """Begin a move from the velocity at which a trajectory moves the axis."""
     if core.bounded:
         going_on.require_room(core.image.origin)
     core.begin(going_on, ticket, AxisState.DISCRETE_MOTION)
 
 
 def require_watch(parameters: AxisParameters, profile: MoveProfile, ticket: CommandStatus) -> None:
-    """Raise StateError where a move has no deadline: without 6064h neither distance nor progress is known."""
+    """Raise StateError if a move has no deadline: without 6064h neither its distance nor its progress is known."""
     if profile.timeout is None and not parameters.has(objects.POSITION_ACTUAL):
         raise StateError(
             f"{ticket.name}: nothing tells how long it may take",
@@ -150,9 +151,9 @@ def require_watch(parameters: AxisParameters, profile: MoveProfile, ticket: Comm
 def target_of(
     core: AxisCore, command: c.Move, ticket: CommandStatus, end: int | None = None, shift: int = 0
 ) -> int:
-    """Return the absolute target in unwrapped drive increments; the master always sends absolute ones.
+    """Return the absolute target in unwrapped drive increments; the master always sends absolute targets.
 
-    ``end``: where what is before it ends, from which the others then count; ``shift`` is laid over both.
+    ``end``: the end of the previous motion, from which relative targets count; ``shift``: a superimposed distance on both.
     """
     origin = core.image.origin
     if command.reference is c.TargetReference.ABSOLUTE:
@@ -173,7 +174,7 @@ def target_of(
 
 
 def _within_reach(core: AxisCore, target: int, ticket: CommandStatus) -> int:
-    """Return ``target``, which a drive that counts in INTEGER32 can tell from one a whole count away, and need not wrap to."""
+    """Return ``target`` after checking that it is within half of the drive's INTEGER32 count, and needs no wrap."""
     position, units = core.image.position, core.parameters.units.position
     if position is not None:
         require_count(core.parameters, position, target, core.image.origin, ticket)
@@ -190,7 +191,7 @@ def _within_reach(core: AxisCore, target: int, ticket: CommandStatus) -> int:
 def require_count(
     parameters: AxisParameters, position: int, target: int, origin: int, ticket: CommandStatus
 ) -> None:
-    """Raise LimitError where the count of a drive at ``position`` ends before ``target`` (both unwrapped): 607Ah holds no more."""
+    """Raise LimitError if the drive's count at ``position`` ends before ``target`` (both unwrapped): 607Ah holds no more."""
     if parameters.units.modulo is not None or parameters.virtual or room_of_count(position).has(target):
         return
     units = parameters.units.position
@@ -212,10 +213,10 @@ def require_within_limits(
 ) -> int:
     """Return ``position`` (user increments) as the end of a motion: see ``position_limits.allowed_end``.
 
-    ``start``: where the motion begins, None: within the limits; ``noise``: by how many increments that may be off.
+    ``start``: the start position of the motion, None: within the limits; ``noise``: its possible error in increments.
 
     Raises:
-        LimitError: it lies beyond the axis's limits.
+        LimitError: ``position`` is beyond the axis's limits.
     """
     limits, units = parameters.limits.position, parameters.units.position
     if limits is None:
@@ -233,7 +234,7 @@ def require_within_limits(
 
 
 def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: CommandStatus, gate: StartBarrier) -> None:
-    """MC_MoveVelocity, MC_Jog."""
+    """Begin MC_MoveVelocity or MC_Jog, or renew a running jog."""
     if isinstance(core.activity, Jog) and core.activity.renew(command, core.image):
         core.finish(ticket)
         return
@@ -267,10 +268,11 @@ def _soft(core: AxisCore, profile: MoveProfile) -> float:
 
 
 def require_braking(core: AxisCore, down: float | None, ticket: CommandStatus, soft: float = 0.0) -> None:
-    """Raise LimitError where the axis would leave its position limits because the command brings a weaker deceleration.
+    """Raise LimitError if the axis would leave its position limits because the command brings a weaker deceleration.
 
-    ``down``: that of the command, in position increments per s²; None where it is not known. ``soft``: seconds by which the drive's
-    limit of jerk may prolong its ramps. A drive that brakes may begin its ramp anew with the command, from no deceleration.
+    ``down``: the deceleration of the command, in position increments per s²; None if it is not known. ``soft``: seconds by which
+    the drive's jerk limit may prolong its ramps. A drive that already brakes may begin its ramp again with the command, from no
+    deceleration.
     """
     before = _course(core)
     if down is None or not core.bounded or core.state not in MOVING:
@@ -292,7 +294,7 @@ def require_braking(core: AxisCore, down: float | None, ticket: CommandStatus, s
 def require_stop(
     core: AxisCore, mode: ModeOfOperation, course: CommandedMotion, ticket: CommandStatus
 ) -> None:
-    """Raise StateError where position limits hold, and nobody knows by how much a stop brakes the axis on ``course``."""
+    """Raise StateError if position limits apply, and the deceleration of a stop of the axis on ``course`` is not known."""
     parameters = core.parameters
     if not core.bounded or parameters.limits.position is None or stop_of(parameters, course)[1] is not None:
         return
@@ -305,7 +307,7 @@ def require_stop(
 
 
 def torque(core: AxisCore, command: c.TorqueControl, ticket: CommandStatus, gate: StartBarrier) -> None:
-    """MC_TorqueControl."""
+    """Begin MC_TorqueControl."""
     require_motion(core, ticket)
     require_objects(core.parameters, _M.PROFILE_TORQUE, ticket)
     parameters = core.parameters
@@ -321,7 +323,7 @@ def torque(core: AxisCore, command: c.TorqueControl, ticket: CommandStatus, gate
 
 
 def home(core: AxisCore, command: c.Home, ticket: CommandStatus, _: StartBarrier) -> None:
-    """MC_Home."""
+    """Begin MC_Home."""
     require_motion(core, ticket)
     require_rest(core, ticket)
     require_objects(core.parameters, _M.HOMING, ticket, command.job.method)
@@ -329,7 +331,7 @@ def home(core: AxisCore, command: c.Home, ticket: CommandStatus, _: StartBarrier
 
 
 def set_position(core: AxisCore, command: c.SetPosition, ticket: CommandStatus, _: StartBarrier) -> None:
-    """MC_SetPosition; where the axis stands now it takes effect at once, else when it does."""
+    """Execute MC_SetPosition; at standstill it takes effect at once, otherwise as soon as the axis is seen at standstill."""
     if core.state in MOVING or core.state is AxisState.STOPPING:
         raise StateError(f"{ticket.name}: the axis moves", remedy="set the position at standstill")
     require_position(core.image, core.parameters.name, "setting the position")
@@ -342,15 +344,15 @@ def _call_position(core: AxisCore, position: int) -> None:
 
 
 def follow(core: AxisCore, command: c.FollowTrajectory, ticket: CommandStatus, gate: StartBarrier) -> None:
-    """A trajectory in cyclic synchronous position mode."""
+    """Begin a trajectory in cyclic synchronous position mode."""
     begin_follow(core, Follow(command.trajectory, core.parameters, gate), ticket)
 
 
 def begin_follow(core: AxisCore, follow: Follow, ticket: CommandStatus) -> None:
-    """Let a trajectory begin; cyclic modes need standstill and values that travel with SYNC.
+    """Begin a trajectory; cyclic modes require standstill, and values in synchronous PDOs.
 
     Raises:
-        StateError: the axis is not at standstill, or its values do not travel with SYNC.
+        StateError: the axis is not at standstill, or its values are not in synchronous PDOs.
     """
     require_motion(core, ticket)
     require_cyclic(core, ticket, _M.CYCLIC_SYNC_POSITION)
@@ -359,17 +361,18 @@ def begin_follow(core: AxisCore, follow: Follow, ticket: CommandStatus) -> None:
 
 
 def path_of(core: AxisCore) -> Follow | None:
-    """Return the path that leads the axis, and that another may take over from in its cyclic mode."""
+    """Return the path that commands the axis, and that another path may continue in its cyclic mode; None if there is none."""
     path = core.leading_path if leaving_switch(core) is None else None
     return None if path is None else path.leads_now
 
 
 def begin_coupled(core: AxisCore, coupled: Coupled, ticket: CommandStatus) -> None:
-    """Let a slave be led, from standstill or from a path that leads it already.
+    """Couple a slave, from standstill or from a path that already commands the axis.
 
     Raises:
-        StateError: the axis moves otherwise, its values do not travel with SYNC, or nobody knows where its master will be.
-        LimitError: it is not where it is due, or has no way left to come there.
+        StateError: the axis is in another motion, its values are not in synchronous PDOs, or its master's future position is
+            unknown.
+        LimitError: the axis is not at its required position, or has no path left to reach it.
     """
     require_motion(core, ticket)
     require_cyclic(core, ticket, _M.CYCLIC_SYNC_POSITION)
@@ -380,18 +383,18 @@ def begin_coupled(core: AxisCore, coupled: Coupled, ticket: CommandStatus) -> No
 
 
 def uncouple(core: AxisCore, _: c.GearOut, ticket: CommandStatus, __: StartBarrier) -> None:
-    """MC_GearOut, MC_CamOut."""
+    """Begin MC_GearOut or MC_CamOut."""
     core.begin(Disengaged(_coupled(core, ticket), core.parameters), ticket, AxisState.CONTINUOUS_MOTION)
 
 
 def phase_by(core: AxisCore, command: c.PhaseBy, ticket: CommandStatus, _: StartBarrier) -> None:
-    """MC_PhasingRelative."""
+    """Begin MC_PhasingRelative."""
     _coupled(core, ticket).phase_by(command, ticket.name)
     core.go_on(ticket)
 
 
 def _coupled(core: AxisCore, ticket: CommandStatus) -> Coupled:
-    """Return by what the axis is led by another one; raise StateError where it is not."""
+    """Return the running coupling of the axis to a master axis; raise StateError if there is none."""
     require_motion(core, ticket)
     activity = core.activity
     if not isinstance(activity, Coupled) or not activity.is_led:
@@ -403,13 +406,13 @@ def _coupled(core: AxisCore, ticket: CommandStatus) -> Coupled:
 
 
 def require_cyclic(core: AxisCore, ticket: CommandStatus, mode: ModeOfOperation) -> None:
-    """Raise StateError unless the axis has the mode, and its values travel in synchronous PDOs (DESIGN: freshness)."""
+    """Raise StateError unless the axis has the mode, and its values are in synchronous PDOs (DESIGN: freshness)."""
     require_mode(core.parameters, mode, ticket)
     how, needs = core.capabilities, _CYCLIC[mode]
     sources = {"statusword": how.inputs.get("statusword", ValueTransport.NONE)}
     sources |= {name: how.inputs.get(name, ValueTransport.NONE) for name in needs.inputs}
     if mode is not _M.CYCLIC_SYNC_POSITION and core.parameters.has(objects.POSITION_ACTUAL):
-        # Without it nobody watches limits, or sees a jam.
+        # without a position, limits cannot be monitored and a jam cannot be detected
         sources["position"] = how.inputs.get("position", ValueTransport.NONE)
     sources[needs.output] = how.outputs.get(needs.output, ValueTransport.NONE)
     wrong = [
@@ -441,7 +444,10 @@ def _prepare(
 
 
 def _lead(core: AxisCore, leading: Follow | VelocityRamp) -> Lead:
-    """Return what leads an axis out of a cyclic mode: a drive that is in a velocity mode before we see it finds its speed there."""
+    """Return the function that commands the axis until it has left a cyclic mode.
+
+    If the drive is in a velocity mode before the master sees this, it must find its speed in the target velocity.
+    """
     if isinstance(leading, VelocityRamp):
         return partial(_keep_up, leading)
     units = core.parameters.units
@@ -459,7 +465,7 @@ def _keep_up(leading: VelocityRamp, image: AxisImage, order: CycleOutputs) -> No
 
 
 def leaving_switch(core: AxisCore) -> ModeSwitch | None:
-    """Return the change of mode that is about to end the trajectory which leads the axis still: what takes over sees it through."""
+    """Return the running change of mode that will end the trajectory of the axis; the next command must complete this change."""
     if core.ladder is not None:
         return core.ladder.leaving
     return None if core.activity is None else core.activity.leaving
@@ -480,7 +486,7 @@ def require_motion(core: AxisCore, ticket: CommandStatus) -> None:
 
 
 def require_rest(core: AxisCore, ticket: CommandStatus, led_by: Leading | None = None) -> None:
-    """Raise StateError unless the axis is at standstill, or ``led_by`` what the command can take over from."""
+    """Raise StateError unless the axis is at standstill, or ``led_by`` is a command that the new command can continue."""
     if core.state is not AxisState.STANDSTILL and led_by is None:
         raise StateError(f"{ticket.name}: the axis moves", remedy="halt it first: axis.halt()")
 
@@ -488,7 +494,7 @@ def require_rest(core: AxisCore, ticket: CommandStatus, led_by: Leading | None =
 def require_objects(
     parameters: AxisParameters, mode: ModeOfOperation, ticket: CommandStatus, method: int | None = None
 ) -> None:
-    """Raise StateError where the drive lacks an object without which ``mode`` cannot be run; ``method``: of 6098h."""
+    """Raise StateError if the drive lacks an object that ``mode`` requires; ``method``: the homing method (6098h)."""
     missing = [index for index in modes.needed(mode, method) if not parameters.has(index)]
     if missing:
         raise StateError(
@@ -500,7 +506,7 @@ def require_objects(
 
 
 def require_mode(parameters: AxisParameters, mode: ModeOfOperation, ticket: CommandStatus) -> None:
-    """Raise StateError where the axis is not to use the mode: the cell file leaves it out, or 6502h does not claim it."""
+    """Raise StateError if the axis must not use the mode: the cell file omits it, or 6502h does not claim it."""
     if mode in parameters.modes:
         return
     raise StateError(
@@ -511,7 +517,7 @@ def require_mode(parameters: AxisParameters, mode: ModeOfOperation, ticket: Comm
 
 
 def require_no_stop(core: AxisCore, ticket: CommandStatus) -> None:
-    """Raise StateError where a stop runs that only standstill ends; a mere halt may be interrupted."""
+    """Raise StateError if a stop runs that only standstill ends; a mere halt may be interrupted."""
     if not core.stopping.interruptible:
         raise StateError(
             f"{ticket.name}: {core.parameters.name} is being stopped",
@@ -523,7 +529,8 @@ def require_no_stop(core: AxisCore, ticket: CommandStatus) -> None:
 def refusal(core: AxisCore, ticket: CommandStatus, state: AxisState) -> StateError:
     """Return why a command is not possible in ``state``, and what to do first."""
     what, todo = REFUSAL[state]
-    if state is AxisState.ERRORSTOP and not core.image.operational:  # a reset is of use only once its node is
+    # a reset is of use only if its node is operational
+    if state is AxisState.ERRORSTOP and not core.image.operational:
         todo = not_to_be_reset(ticket.name, core.parameters.node, core.image, stopping=False).remedy
     why = f": {core.error.message}" if core.error is not None else ""
     return StateError(f"{ticket.name}: {core.parameters.name} {what}{why}", remedy=todo)

@@ -1,4 +1,4 @@
-"""Taking a distance that is to be laid over what leads the axis, and its halt."""
+"""Accept a superimposed distance (MC_MoveSuperimposed), and its halt."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from axisbus.motion.superimposed.addition import Addition
 
 
 def move(core: AxisCore, command: c.MoveSuperimposed, ticket: CommandStatus, _: StartBarrier) -> None:
-    """MC_MoveSuperimposed."""
+    """Begin MC_MoveSuperimposed."""
     require_motion(core, ticket)
     path = core.activity
     if core.ladder is not None:
@@ -32,7 +32,7 @@ def move(core: AxisCore, command: c.MoveSuperimposed, ticket: CommandStatus, _: 
 
 
 def halt(core: AxisCore, command: c.HaltSuperimposed, ticket: CommandStatus, _: StartBarrier) -> None:
-    """MC_HaltSuperimposed; where nothing is laid over anything there is nothing to halt, and that is success."""
+    """Execute MC_HaltSuperimposed; without a superimposed distance it succeeds at once."""
     addition = core.running.addition
     if addition is None:
         core.finish(ticket)
@@ -52,7 +52,7 @@ def _end_before(core: AxisCore, how: str) -> None:
 
 
 def _nothing_leads(core: AxisCore, ticket: CommandStatus) -> StateError:
-    """Return why nothing can be laid over what the axis does, and the way out."""
+    """Return why no distance can be superimposed on the axis's state or motion, with the remedy."""
     name = core.parameters.name
     if core.state is AxisState.STANDSTILL:
         observed, remedy = f"{name} stands", "use move_relative"

@@ -1,4 +1,4 @@
-"""The command that runs on one axis: begun, joined by another that asks for the same, and ended, each exactly once."""
+"""The running command of one axis: it begins once, further tickets for the same command may join, and it ends once."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from axisbus.motion.superimposed.addition import Addition
 
 
 class ActiveCommand:
-    """Holds the activity and its ticket (None: nothing runs), and the set-point handshake that an interrupted move has begun.
+    """Holds the activity and its ticket (None: no command runs), and an unfinished set-point handshake of an interrupted move.
 
-    An activity without a ticket has ended well and goes on moving the axis.
+    An activity without a ticket has completed its command and continues to move the axis.
     """
 
     __slots__ = ("activity", "addition", "addition_ticket", "ended", "set_point", "ticket")
@@ -24,26 +24,27 @@ class ActiveCommand:
         self.activity: Activity | None = None
         self.ticket: CommandStatus | None = None
         self.set_point: SetPoint | None = None
-        self.addition: Addition | None = None  # what is laid over the activity, a path
+        self.addition: Addition | None = None  # the distance superimposed on the activity, a path
         self.addition_ticket: CommandStatus | None = None
-        self.ended = False  # whether a ticket of the axis has ended since somebody looked and set it back
+        # whether a ticket of the axis has ended since the flag was last reset by its reader
+        self.ended = False
 
     def begin(self, activity: Activity, ticket: CommandStatus) -> None:
-        """Let ``activity`` run; what ran before must have been dropped."""
+        """Run ``activity``; the caller must have dropped the previous activity before."""
         self.activity, self.ticket = activity, ticket
         if isinstance(activity, PositionMove):
-            self.set_point = None  # it goes on with the handshake by itself
+            self.set_point = None  # the new move continues the handshake
         ticket.begin()
 
     def join(self, ticket: CommandStatus) -> None:
-        """Let ``ticket`` end as the running command does: the same has been asked for again."""
+        """Let ``ticket`` end with the running command: the same command was requested again."""
         running = self.ticket
         assert running is not None
         ticket.begin()
         running.then(lambda: self.finish(ticket, running.error))
 
     def pass_on(self, ticket: CommandStatus) -> None:
-        """Let what runs end with ``ticket``; the one before it ends on the way."""
+        """Let the running activity end with ``ticket``; the previous ticket ends on the way."""
         assert self.ticket is not None
         self.ticket.then(self._note_end)
         self.ticket = ticket
@@ -52,7 +53,7 @@ class ActiveCommand:
         self.ended = True
 
     def drop(self, order: CycleOutputs) -> CommandStatus | None:
-        """Take the running command away, and return its ticket; a handshake that is under way is kept."""
+        """Remove the running command, and return its ticket; an unfinished handshake remains in ``set_point``."""
         if isinstance(self.activity, PositionMove):
             self.set_point = self.activity.in_flight
         if self.activity is not None:
@@ -61,28 +62,28 @@ class ActiveCommand:
         return ticket
 
     def lay_over(self, addition: Addition, ticket: CommandStatus) -> None:
-        """Let ``ticket`` end with ``addition``; the one before must have been taken away."""
+        """Let ``ticket`` end with ``addition``; the caller must have removed the previous superimposed distance before."""
         self.addition, self.addition_ticket = addition, ticket
         ticket.begin()
 
     def take_addition(self) -> CommandStatus | None:
-        """Forget what is laid over the activity; return its ticket."""
+        """Discard the superimposed distance; return its ticket."""
         ticket, self.addition, self.addition_ticket = self.addition_ticket, None, None
         return ticket
 
     def finish(self, ticket: CommandStatus, error: AxisbusError | None = None) -> None:
-        """End a ticket, well (no error) or with the reason."""
+        """End a ticket, successfully (no error) or with the reason."""
         if ticket.busy:
             ticket.finish(Status.DONE if error is None else end_as(error), error)
             self.ended = True
 
     def finish_handshake(self, image: AxisImage, order: CycleOutputs) -> None:
-        """Let a set-point handshake that was under way, if any, come to its end."""
+        """Continue an unfinished set-point handshake, if any, until it ends."""
         if self.set_point is None:
             return
         try:
             taken = self.set_point.step(image, order)
         except DriveError:
-            taken = True  # the next move will find bit 12 as it is, and say so
+            taken = True  # the next move will find bit 12 unchanged, and report it
         if taken:
             self.set_point = None

@@ -4,20 +4,20 @@ Theory of operation
 -------------------
 In each cycle ``step`` does four things, in this order:
 
-1. ``AxisImage`` decodes the inputs; what is too old is unknown.
-2. ``Supervision`` looks for what nobody asked for: node lost, fault, power stage dropped, statusword gone, limits in danger.
-   Each ends in ``fail``: state ErrorStop, stop ladder, the command's ticket ends with the reason.
-3. The running activity is stepped, or the stop ladder if there is one (also when the activity has just failed); without either
-   the last targets hold.
-4. ``CycleOutputs`` turns the wishes into ``Outputs``.
+1. ``AxisImage`` decodes the inputs; values that are too old are unknown.
+2. ``Supervision`` looks for unexpected events: node lost, fault, power stage dropped, statusword missing, limits in danger.
+   Each of them ends in ``fail``: state ErrorStop, stop sequence, and the command's ticket ends with the reason.
+3. The running activity is stepped, or the stop sequence if there is one (also when the activity has just failed). Without either
+   the last targets remain valid.
+4. ``CycleOutputs`` turns the requests into ``Outputs``.
 
-In a *calm* cycle after a calm one (``_is_calm``) only the watches over motion and rest are done of 2.: they alone look at what
-changes from cycle to cycle. The others would find what they found in the cycle before, and note nothing new. Where an axis then
-goes on along its trajectory and nothing else is going on, all of the cycle is done by one function (``cruise``).
+In a *calm* cycle after a calm one (``_is_calm``), only the monitoring of motion and standstill is done from step 2, because only
+these values change from cycle to cycle. The other checks would repeat the result of the previous cycle. If the axis then only
+continues along its trajectory, one function does the whole cycle (``fast_path``).
 
-Nothing is sent to a drive before a command asks for something (``CycleOutputs.goal`` is None until then): a drive found enabled is
-left as it is. Once enabled by us, a drive that leaves *operation enabled* is never enabled again by the planner, whatever state the
-axis is in (``_let_go``): that takes a new command.
+Nothing is sent to a drive before a command requests something (``CycleOutputs.goal`` is None until then): a drive found enabled
+stays unchanged. If a drive that this master has enabled leaves *operation enabled*, the planner never enables it again, whatever
+the state of the axis (``_let_go``). This requires a new command.
 """
 
 from __future__ import annotations
@@ -74,20 +74,20 @@ _ENABLED, _UNKNOWN = PowerState.OPERATION_ENABLED, PowerState.UNKNOWN
 _ERRORSTOP, _SYNCHRONIZED = AxisState.ERRORSTOP, AxisState.SYNCHRONIZED_MOTION
 _FAULTS = frozenset({PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE})
 _LOCKING = frozenset({StopKind.STOP, StopKind.QUICK_STOP})
-_LASTING = _LOCKING | {StopKind.SHUTDOWN}  # a reset that was asked for before does not end these
+_LASTING = _LOCKING | {StopKind.SHUTDOWN}  # an earlier reset request does not end these
 _HELD = frozenset(
     {StopLevel.HALT, StopLevel.QUICK_STOP}
-)  # on which a drive holds an axis that stood when it was stopped
-_NOW = 0.1  # seconds: a position not older than that is of now
+)  # in which a drive holds an axis that was at standstill when it was stopped
+_NOW = 0.1  # seconds: a position not older than this counts as present
 _MAY_BE_ENERGISED = ENERGISED | {_UNKNOWN}
-_tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
+_tuple = tuple.__new__  # makes a named tuple of values known to fit, without the call of its own ``__new__``
 
 
 class AxisCore:
     """State and behaviour of one axis; every public attribute is read-only to others.
 
-    ``state`` is PLCopen's; ``error`` says why it is ErrorStop. ``touched``: this program has commanded the drive, so the way out
-    stops it. ``powered``: an enable of ours has succeeded and power has not been taken away since.
+    ``state`` is PLCopen's; ``error`` is the reason for ErrorStop. ``touched``: this master has commanded the drive, so the shutdown
+    stops it. ``powered``: an enable by this master has succeeded, and the power has not been removed since.
     """
 
     def __init__(self, parameters: AxisParameters, capabilities: Capabilities) -> None:
@@ -125,7 +125,7 @@ class AxisCore:
         self.probes = Probes(parameters, self.running)
         self.last_target: int | None = None
         self.halted = False
-        self._broken: AxisbusError | None = None  # what has tripped it between two cycles
+        self._broken: AxisbusError | None = None  # the reason for a failure between two cycles
         self._story: FaultDiagnosis | None = None
         self._arrival = ArrivalCheck(parameters)
         self._aftermath = FaultReaction(parameters)
@@ -133,66 +133,64 @@ class AxisCore:
         self._has_restarted = False  # since its node was operational
         self._keeps_target = capabilities.outputs.get("target_position") is ValueTransport.SYNC_PDO
         self._stopped_for_sure = False
-        self._was_calm = False  # in the cycle before
-        self._cruise: FastPath | None = (
-            None  # as long as it goes on along a trajectory, with nothing else to be done
-        )
+        self._was_calm = False  # in the previous cycle
+        self._cruise: FastPath | None = None  # while it only continues along a trajectory
 
     @property
     def activity(self) -> Activity | None:
-        """What moves the axis, or brings it into another state; None when nothing does."""
+        """The activity that moves the axis or changes its state; None if there is none."""
         return self.running.activity
 
     @property
     def ladder(self) -> StopSequence | None:
-        """The stop ladder that runs, if any."""
+        """The running stop sequence, if any."""
         return self.stopping.ladder
 
     @property
     def leading_path(self) -> Follow | None:
-        """The trajectory that the axis is on: followed, or being braked along by a halt that may be interrupted."""
+        """The trajectory that the axis follows, or along which a halt that may be interrupted brakes."""
         return follow if isinstance(follow := self.led_along, Follow) else None
 
     @property
     def led_along(self) -> Follow | VelocityRamp | None:
-        """The same, or the ramp of csv: what must lead the axis on until another mode has taken over."""
+        """The same, or the ramp of csv: it must command the axis until another mode has taken over."""
         running = None if self.activity is None else self.activity.leading
         follow = running if self.ladder is None else self.ladder.follow
         return follow if isinstance(follow, (Follow, VelocityRamp)) and not follow.at_rest else None
 
     @property
     def rests(self) -> bool:
-        """Whether the drive may be left alone: it never was commanded, is not driven, or is known to have been stopped."""
+        """Whether the drive needs no further stop: it was never commanded, is not powered, or is known to have been stopped."""
         return not self.touched or self.image.state not in _MAY_BE_ENERGISED or self._stopped_for_sure
 
     @property
     def stopped_for_sure(self) -> bool:
-        """Whether the last stop ladder has seen the axis stopped, and nothing has set it going since."""
+        """Whether the last stop sequence has seen the axis stopped, and nothing has set it in motion since."""
         return self._stopped_for_sure
 
     @property
     def may_be_switched_on(self) -> bool:
-        """Whether an enable is under way, or a word that was sent may still switch the drive on after it was seen off."""
+        """Whether an enable runs, or a word sent earlier may still switch the drive on after it was seen off."""
         if not self.touched or self.image.state in _FAULTS:
             return False
         return isinstance(self.activity, EnableActivity) or self.image.flight.may_enable(self.image.now)
 
     @property
     def disobeyed(self) -> bool:
-        """Whether its drive drives the motor still, in another state than it was asked for; *quick stop active* holds it."""
+        """Whether its drive still powers the motor in another state than the requested one; *quick stop active* does not count."""
         state, goal = self.image.state, self.order.goal
         drives = state in ENERGISED and state is not PowerState.QUICK_STOP_ACTIVE
         return self.touched and drives and goal is not None and goal is not state
 
     @property
     def bounded(self) -> bool:
-        """Whether the position limits hold: where homing is required they promise nothing before it."""
+        """Whether the position limits apply: if homing is required, they apply only after it."""
         return self.homed or not self._needs_homing
 
     # -- one cycle ---------------------------------------------------------------------------------------------------
 
     def step(self, inputs: Inputs) -> Outputs:
-        """Do one cycle's work and return what the drive is to get."""
+        """Do one cycle's work and return the outputs for the drive."""
         if self._cruise is not None:
             outputs = self._cruise.step(inputs)
             if outputs is not None:
@@ -213,7 +211,8 @@ class AxisCore:
             self._step_activity(activity, image, order)
         elif stopping.ladder is None:
             self.running.finish_handshake(image, order)
-        if stopping.ladder is not None:  # in the same cycle: in a cyclic mode one without a target is a jolt
+        # in the same cycle, because a cycle without a target causes a jolt in a cyclic mode
+        if stopping.ladder is not None:
             self._step_ladder(stopping.ladder, image, order)
         self.halted = order.halt
         if order.target_position is None:
@@ -224,7 +223,7 @@ class AxisCore:
         is_edge = bool(order.bits & cw.NEW_SET_POINT)
         if (
             is_edge or order.target_velocity or order.target_torque
-        ):  # a target in csp pulls as long as the axis is not there
+        ):  # a target in csp pulls as long as the axis has not reached it
             self.stopping.set_going_at = image.now
         image.led.note(image.now, image.mode, image.shown_demand, order.target_position, is_edge)
         if image.override == 0.0:
@@ -234,12 +233,13 @@ class AxisCore:
         outputs = order.outputs(image.state)
         if outputs.controlword != image.flight.word or outputs.mode is not None:
             image.flight.note(outputs, image.now)
-        order.clear()  # now, not at the start: what a command takes back between two cycles goes out with the next
+        # now, not at the start: requests that a command cancels between two cycles are sent with the next one
+        order.clear()
         self._cruise = cruise_of(self) if calm and self.state is _SYNCHRONIZED else None
         return outputs
 
     def may_cruise(self) -> bool:
-        """Whether the axis, calm in the cycle before, is still so as far as others may change it between two cycles."""
+        """Whether an axis that was calm in the previous cycle is still calm, as far as others may change it between two cycles."""
         return (
             self.powered
             and self.touched
@@ -252,7 +252,7 @@ class AxisCore:
         )
 
     def _is_calm(self, image: AxisImage) -> bool:
-        """Whether the drive is enabled, heard and asked to stay so, and nothing but a command's motion or a rest is going on."""
+        """Whether the drive is enabled, fresh and requested to stay enabled, and the axis only executes a motion or rests."""
         return (
             image.state is _ENABLED
             and image.operational
@@ -269,10 +269,11 @@ class AxisCore:
         )
 
     def _watch_motion(self, image: AxisImage) -> None:
-        """What is left of ``_look_at_all`` in a cycle that is calm as the one before was.
+        """Do the part of ``_look_at_all`` that a calm cycle after a calm one requires.
 
-        The others would find what they found then: ``history`` and ``run_down`` the same state, ``_supervise`` a node and a drive
-        in which nothing has changed, ``_let_go`` a drive that is where it was asked to be; no story is told, and nobody waits.
+        The other checks would repeat their last result: ``history`` and ``run_down`` the same state, ``_supervise`` an unchanged
+        node and drive, ``_let_go`` a drive in its requested state. No fault is being diagnosed, and no command waits for
+        standstill.
         """
         supervision = self.supervision
         supervision.guard.look(image)
@@ -289,7 +290,8 @@ class AxisCore:
         self.history.note(image)
         self.run_down.look(image, self.touched)
         self._supervise(image)
-        if image.state is not _ENABLED or order.goal is not _ENABLED:  # else it is where it was asked to be
+        # otherwise the drive is in its requested state
+        if image.state is not _ENABLED or order.goal is not _ENABLED:
             self._let_go(image)
         if self._story is not None:
             self._step_story(self._story, image, order)
@@ -299,12 +301,12 @@ class AxisCore:
             self.stopping.begin_resets()
 
     def _leave_no_old_target(self, image: AxisImage, order: CycleOutputs) -> None:
-        """A drive that falls from a velocity or torque mode into a position mode goes to its 607Ah: that is where it is now."""
+        """Set 607Ah to the actual position: a drive that falls from a velocity or torque into a position mode moves to 607Ah."""
         if self._keeps_target and self.touched and image.state is _ENABLED:
             order.target_position = image.position
 
     def snapshot(self) -> Snapshot:
-        """Return what other threads may see of this axis."""
+        """Return the values of this axis for other threads."""
         image = self.image
         values = (
             image.now,
@@ -330,7 +332,7 @@ class AxisCore:
         return _tuple(Snapshot, values)
 
     def abandon(self, ended: Callable[[str], AxisbusError]) -> None:
-        """End every ticket, with the error that ``ended`` makes for its name: the scan has ended."""
+        """End every ticket, with the error that ``ended`` creates for its name: the scan has ended."""
         tickets = self.stopping.drop() + self.stopping.drop_resets()
         tickets += self.rest_waits.drop()
         tickets += self.probes.drop()
@@ -366,16 +368,15 @@ class AxisCore:
             supervision.at_work()
         if finding is None and self.powered and ladder is None:
             finding = supervision.power(image, self.state, self.running.activity, bounded=self.bounded)
-        elif finding is None and ladder is not None:  # which may have been begun after its power was to go
+        elif finding is None and ladder is not None:
+            # The stop may have begun after the power was to be removed.
             finding = supervision.coasting(image, ladder.rung, bounded=self.bounded)
-            # One that stood, and moves nevertheless, is not left to the halt's time; without power its rest begins anew above.
+            # An axis that was at standstill but moves does not wait for the halt's time. Without power its rest starts again above.
             if finding is None and halts_at_rest:
                 finding = supervision.unrest(image, None)
         elif finding is None and self.touched and self.state is AxisState.DISABLED:
             taken = supervision.energised(image, at_work=self.activity is not None)
-            if (
-                taken is not None
-            ):  # it is taken out of operation again as gently as any disable: by ``order.goal``
+            if taken is not None:  # ``order.goal`` takes it out of operation again, as gently as any disable
                 self._trip(taken)
         if finding is not None:
             self._act_on(finding)
@@ -383,7 +384,7 @@ class AxisCore:
             self._show_found(image)
 
     def _look_after_fault(self, image: AxisImage) -> None:
-        """A drive in fault stops its motor by itself; where it does not, what is left is its power and its node."""
+        """React to a drive in fault that does not stop its motor: remove its power; the node's stop is the last step."""
         error = self._aftermath.error(image, self.run_down, self.touched)
         if error is None:
             return
@@ -392,7 +393,7 @@ class AxisCore:
             self._stop(StopKind.ERROR, AfterStop.HOLD, StopLevel.DISABLE_VOLTAGE, error.message)
 
     def _show_found(self, image: AxisImage) -> None:
-        """A drive that nobody has commanded yet: its axis is in the state that the drive shows."""
+        """Set the axis's state to the state that the drive shows, for a drive that this master has not commanded yet."""
         if image.state is _UNKNOWN:
             return
         if image.state not in ENERGISED:
@@ -401,9 +402,10 @@ class AxisCore:
             self.state = AxisState.STANDSTILL if image.standstill else AxisState.CONTINUOUS_MOTION
 
     def _let_go(self, image: AxisImage) -> None:
-        """Do not ask again for a state that the drive has left by itself; only an enable under way may."""
+        """Do not request again a state that the drive has left on its own; only a running enable may do so."""
         if image.state is not _ENABLED:
-            self.running.set_point = image.led.taken = None  # what the drive had taken, or begun to, is void
+            # a set-point that the drive had taken, or begun to take, is void
+            self.running.set_point = image.led.taken = None
         goal = self.order.goal
         if image.state is goal or goal not in ENERGISED or isinstance(self.activity, EnableActivity):
             return
@@ -416,7 +418,7 @@ class AxisCore:
     # -- failure -----------------------------------------------------------------------------------------------------
 
     def fail(self, error: AxisbusError, rung: StopLevel = StopLevel.HALT, *, along: bool = True) -> None:
-        """Go to ErrorStop because of ``error``, and stop the axis from ``rung`` on; ``along`` the path that leads it."""
+        """Go to ErrorStop because of ``error``, and stop the axis from ``rung`` on; ``along`` its present path if True."""
         self._trip(error)
         enrich(error, self.image, self.history)
         activity = self.activity if along else None
@@ -429,14 +431,14 @@ class AxisCore:
             self.order.goal = PowerState.SWITCH_ON_DISABLED
 
     def break_off(self, error: AxisbusError) -> None:
-        """What moves the axis cannot go on, for a reason that was found between two cycles: fail, and stop as hard as it takes."""
+        """Fail for a reason that was found between two cycles and that ends the running motion; stop as hard as necessary."""
         self._activity_failed(error)
         self._broken = self.tripped
 
     def intruded(self, error: SecondMasterError) -> None:
-        """Another master commands the drive, found between two cycles: stop it, if this program has ever commanded it.
+        """Stop the drive because another master commands it (found between two cycles), if this master has ever commanded it.
 
-        A drive that the other one enables again after it had been stopped takes no RPDO of anybody any more: its node leaves
+        If the other master enables the drive again after the stop, the drive must take no RPDO from any master. So its node leaves
         operational, unless a load may hang on the motor.
         """
         if not self.touched:
@@ -454,12 +456,12 @@ class AxisCore:
 
     @property
     def _doing(self) -> str:
-        """What moves the axis, for a person."""
+        """The name of the running motion, for the user."""
         ran = self.running.ticket
         return ran.name if ran is not None else f"{self.parameters.name}'s motion"
 
     def _trip(self, error: AxisbusError) -> None:
-        """Be in ErrorStop; what comes later is added to the first reason, and its remedy goes first."""
+        """Go to ErrorStop. A later error is added to the first reason, and its remedy comes first."""
         if self.error is None or self.state is not AxisState.ERRORSTOP:
             self.error = error
         elif error.message not in f"{self.error.message}{self.error.observed}":
@@ -470,12 +472,12 @@ class AxisCore:
         self._end_resets(error)
 
     def _end_resets(self, error: AxisbusError) -> None:
-        """End the resets that wait: they were asked for before ``error``."""
+        """End the waiting resets: they were requested before ``error``."""
         for ticket in self.stopping.drop_resets():
             self.finish(ticket, error)
 
     def _fault(self, image: AxisImage) -> None:
-        """The drive reports a fault: stop asking for anything, find out why, then tell."""
+        """React to a fault of the drive: request nothing more, diagnose the fault, then report it."""
         story = FaultDiagnosis(self.parameters, image.now)
         doing, ticket, addition = self._doing, self.running.drop(self.order), self.running.take_addition()
         self._drop_waiting(doing, None)
@@ -486,7 +488,8 @@ class AxisCore:
             story.tickets.append(ticket)
         story.tickets += self.stopping.drop_resets()
         self._story = story
-        self._stopped_for_sure = False  # an earlier ladder's: the drive itself brakes now, or coasts
+        # it came from an earlier stop sequence: the drive itself brakes now, or coasts
+        self._stopped_for_sure = False
         self._trip(story.tell(image, self.history))
         story.tickets += self.stopping.drop()
         self.powered = False
@@ -506,7 +509,7 @@ class AxisCore:
     # -- commands and their ends -------------------------------------------------------------------------------------
 
     def begin(self, activity: Activity, ticket: CommandStatus, state: AxisState | None = None) -> None:
-        """Let ``activity`` take over; the running command, or the halt, ends as replaced."""
+        """Begin ``activity``; the running command, or the halt, ends as replaced."""
         self.end_command(Replaced(f"{self._doing} was replaced by {ticket.name}"))
         if self.ladder is not None:
             self._end_stop(Replaced(f"{self.stopping.name} was replaced by {ticket.name}"))
@@ -522,7 +525,7 @@ class AxisCore:
             self.state = state
 
     def go_on(self, ticket: CommandStatus) -> None:
-        """Let what runs go on for another command, which it has been given; the one before ends as replaced."""
+        """Continue the running activity for another command, which it has already received; the previous one ends as replaced."""
         doing, before = self._doing, self.running.ticket
         error = Replaced(f"{doing} was replaced by {ticket.name}")
         self.running.ticket = ticket
@@ -532,11 +535,11 @@ class AxisCore:
         self._drop_waiting(doing, error)
 
     def aim(self, target: int | None) -> None:
-        """Note where the motion that has begun leads, in increments of the drive; None: to no position."""
+        """Record the target of the motion that has begun, in increments of the drive; None: it has no target position."""
         self.last_target = target
 
     def set_override(self, own: float | None = None, cell: float | None = None) -> None:
-        """Multiply velocities by another factor: of the axis, or of its cell; what is under way takes it up in its next cycle."""
+        """Set another override: of the axis, or of its cell. The running command applies it in its next cycle."""
         if own is not None:
             self.override.set_own(own)
         if cell is not None:
@@ -544,30 +547,30 @@ class AxisCore:
         self.image.override = self.override.factor
         if self.activity is not None:
             self.activity.override(self.image)
-        self._cruise = None  # what goes on now needs the whole step
+        self._cruise = None  # the next cycle needs the whole step
 
     def coast(self, coast: Activity, ticket: CommandStatus) -> None:
-        """Let ``coast`` take the power away: from now on nothing of ours drives the motor."""
+        """Let ``coast`` remove the power: from now on this master does not power the motor."""
         self.powered = False
         self.begin(coast, ticket)
         if self.state is not AxisState.ERRORSTOP:
             self.state = AxisState.DISABLED
 
     def unlock(self) -> None:
-        """End the lock of a stop, where the drive is in operation."""
+        """End the lock of a stop, if the drive is in *operation enabled*."""
         if self.image.state is _ENABLED:
             self.state = AxisState.STANDSTILL
 
     def confirm_position(self, origin: int) -> None:
-        """Count positions from ``origin`` (increments of the drive) on: they are confirmed ones."""
+        """Count positions from ``origin`` (increments of the drive): the position is confirmed."""
         self.image.origin = origin
-        self.last_target = None  # it was one in the old count
+        self.last_target = None  # it had the old origin
         self.homed = True
 
     def forget(self, loss: Loss) -> None:
-        """Forget what is void by ``loss``; this is the one list of it, and a test walks all attributes of an axis by it.
+        """Discard the values that ``loss`` makes void; this is the only list of them, and a test checks all attributes of an axis.
 
-        A command that ends leaves nothing else behind: an activity holds its own state, and goes with it.
+        A command that ends leaves nothing else behind: an activity holds its own state, which ends with it.
         """
         image, led = self.image, self.image.led
         self.running.set_point = None
@@ -582,15 +585,15 @@ class AxisCore:
             self.supervision.guard.forget()
 
     def forget_position(self) -> None:
-        """Where the axis is is to be found out anew: until then its position is not a confirmed one."""
+        """Mark the position as not confirmed, until it has been determined again."""
         self.homed = False
 
     def join(self, ticket: CommandStatus) -> None:
-        """Let ``ticket`` end as the running command does: the same has been asked for again."""
+        """Let ``ticket`` end with the running command: the same command was requested again."""
         self.running.join(ticket)
 
     def end_command(self, error: AxisbusError | None) -> None:
-        """End the running command, and what waits for its end, keeping a set-point handshake that is under way."""
+        """End the running command, and the commands that wait for its end; an unfinished set-point handshake remains."""
         doing = self._doing
         ticket, addition = self.running.drop(self.order), self.running.take_addition()
         if ticket is not None:
@@ -600,12 +603,12 @@ class AxisCore:
         self._drop_waiting(doing, error)
 
     def _drop_waiting(self, before: str, error: AxisbusError | None) -> None:
-        """End what waits for the end of ``before``, which has not ended well."""
+        """End the commands that wait for the end of ``before``, which has not ended well."""
         if self.queue and self.queue.drop(before, error):
             self.running.ended = True
 
     def at_rest(self, ticket: CommandStatus, then: Callable[[], None]) -> None:
-        """Let something be done at rest: now, where the axis is seen to stand and no path leads it, else as soon as that is so."""
+        """Call ``then`` at standstill: now, if the axis is seen at standstill and not on a path, else as soon as this is so."""
         image = self.image
         stands = image.standstill and image.now - image.position_stamp <= _NOW
         if stands and not self.run_down.under_way and self.led_along is None:
@@ -615,12 +618,12 @@ class AxisCore:
             self.rest_waits.add(ticket, then)
 
     def finish(self, ticket: CommandStatus, error: AxisbusError | None = None) -> None:
-        """End a ticket, well (no error) or with the reason."""
+        """End a ticket, successfully (no error) or with the reason."""
         self.running.finish(ticket, error)
 
     def _step_activity(self, activity: Activity, image: AxisImage, order: CycleOutputs) -> None:
         if self.running.set_point is not None and not isinstance(activity, PositionMove):
-            self.running.set_point = None  # another mode gives bit 4 another meaning
+            self.running.set_point = None  # bit 4 has another meaning in another mode
         try:
             done = activity.step(image, order)
             seen_later = (
@@ -628,8 +631,8 @@ class AxisCore:
             )
             if done or not seen_later:
                 done = self._arrival.complete(activity, done, image)
-            # Else it is on its way: the look for its rest begins anew after this cycle, with what is then received.
-        except Exception as error:  # noqa: BLE001  # whatever it is, it ends this command and stops this axis
+            # Otherwise the axis still moves: the check for standstill starts again after this cycle, with the values received then.
+        except Exception as error:  # noqa: BLE001  # any exception ends this command and stops this axis
             self._activity_failed(broken(error, self._doing))
             return
         if self.running.addition is not None and self.running.addition.over:
@@ -639,7 +642,7 @@ class AxisCore:
             self.queue.next()
 
     def _addition_ended(self, addition: Addition) -> None:
-        """What was laid over the path goes no farther; the path goes on, displaced."""
+        """End a superimposed distance: the path continues, displaced by it."""
         ticket = self.running.take_addition()
         if self.state is not _SYNCHRONIZED and self.last_target is not None:
             self.last_target += self.parameters.units.position.to_increments(addition.value)
@@ -647,15 +650,15 @@ class AxisCore:
             self.finish(ticket, addition.error)
 
     def _completed(self, activity: Activity) -> None:
-        """The activity has ended well: set the state that follows it."""
+        """Set the state that follows an activity that has ended well."""
         ticket, self.running.ticket = self.running.ticket, None
         if ticket is not None:
             self.finish(ticket)
         if activity.goes_on:
-            return  # until something else is wanted
+            return  # until another command follows
         self.running.activity = None
         if activity.clears_error:
-            self.supervision.lost = False  # a node that is lost still, or once more, is told again
+            self.supervision.lost = False  # a node that is still lost, or lost again, is reported again
         if activity.mode is ModeOfOperation.HOMING:
             self._homed()
         if self.state is AxisState.ERRORSTOP and not activity.clears_error:
@@ -664,7 +667,7 @@ class AxisCore:
             self._settle()
 
     def _settle(self) -> None:
-        """Take the state that the power stage shows, after a command that has ended well."""
+        """Set the state that the power stage shows, after a command that has ended well."""
         image = self.image
         self.error = None
         held = image.state is PowerState.QUICK_STOP_ACTIVE
@@ -677,7 +680,7 @@ class AxisCore:
             self.state = AxisState.STANDSTILL if self.powered else AxisState.DISABLED
 
     def clear_error(self) -> None:
-        """Leave ErrorStop, where the drive itself is in no fault; nothing moves by this."""
+        """Leave ErrorStop, if the drive itself is not in fault; this moves nothing."""
         if self.state is AxisState.ERRORSTOP:
             self.supervision.lost = False
             self._settle()
@@ -694,7 +697,7 @@ class AxisCore:
             self.fail(finding.error, finding.rung, along=finding.along)
 
     def _end_in_halt(self, error: AxisbusError) -> None:
-        """The command ends by its own rule, as a jog does, or could not begin: the axis halts."""
+        """Halt the axis because its command ends by its own rule, as a jog does, or could not begin."""
         activity = self.activity
         self.end_command(error)
         self._stop(StopKind.HALT, AfterStop.HOLD, StopLevel.HALT, error.message, led_by=activity)
@@ -706,19 +709,19 @@ class AxisCore:
             return
         resetting = self.activity is not None and self.activity.clears_error
         along = isinstance(self.activity, Follow) and self.activity.brakes_along
-        if along or isinstance(error, MotionTimeout):  # what leads it still leads it: it is only late
+        # the trajectory still commands the axis: the axis is only late
+        if along or isinstance(error, MotionTimeout):
             self.fail(error, StopLevel.HALT)
             return
         astray = self._runs_on_targets or isinstance(error, UncommandedMotion)
         self.fail(error, StopLevel.QUICK_STOP if astray else StopLevel.HALT)
         if resetting:
-            self.tripped = (
-                None  # the failure itself has been told; that it stays is no reason to stop others again
-            )
+            # The failure itself has been reported; that it persists is no reason to stop other axes again.
+            self.tripped = None
 
     @property
     def _runs_on_targets(self) -> bool:
-        """Whether the axis moves from target to target: without a next one it is jolted, and only a quick stop is a ramp."""
+        """Whether the axis moves from target to target: without a next target it jolts, and only a quick stop is a ramp."""
         if isinstance(self.activity, Follow):
             return not self.activity.at_rest
         return self.image.mode == Follow.mode and not self.image.standstill
@@ -728,7 +731,7 @@ class AxisCore:
     def stop_because(
         self, kind: StopKind, then: AfterStop, rung: StopLevel, reason: str, ticket: CommandStatus | None
     ) -> None:
-        """Stop the axis: the running command ends with ``reason``; a trajectory is braked along its path."""
+        """Stop the axis: the running command ends with ``reason``; the axis brakes along the path of its trajectory."""
         activity = self.activity
         self.end_command(Stopped(reason, remedy=REMEDIES.get(kind, "")))
         if kind in _LASTING:
@@ -746,7 +749,7 @@ class AxisCore:
         ticket: CommandStatus | None = None,
         led_by: Activity | None = None,
     ) -> None:
-        """``led_by``: the command that has just ended; along the trajectory on which it had the axis it is braked."""
+        """``led_by``: the command that has just ended; the axis brakes along the trajectory of this command."""
         if kind is not StopKind.HALT and self.leading_path is not None:
             self.leading_path.brake_hard()
         self.stopping.ask(kind, then, rung, reason, ticket, led_by)
@@ -757,16 +760,16 @@ class AxisCore:
             self.running.finish_handshake(image, order)
         ended = ladder.step(image, order, self.run_down)
         if self.state is AxisState.STANDSTILL and ladder.seen not in _MAY_BE_ENERGISED:
-            self.state = AxisState.DISABLED  # it may turn without power, and is waited for
+            self.state = AxisState.DISABLED  # it may turn without power, so the stop waits for it
         elif self.state is AxisState.STANDSTILL and ladder.blind:
-            self.state = AxisState.STOPPING  # nobody sees any more that it stands
+            self.state = AxisState.STOPPING  # its standstill can no longer be seen
         if ended:
             self._stopped(ladder, image)
 
     def _stopped(self, ladder: StopSequence, image: AxisImage) -> None:
         seen = (
             ladder.seen if image.state is PowerState.UNKNOWN else image.state
-        )  # by SDO, where PDOs tell nothing
+        )  # by SDO, if no PDO brings the state
         self.powered = ladder.confirmed and seen in ENERGISED
         self._stopped_for_sure = ladder.confirmed
         self.last_target = image.reference if self.powered else None  # without power it may be turned by hand
@@ -779,7 +782,7 @@ class AxisCore:
         self._end_stop(error)
 
     def _state_after_stop(self, seen: PowerState) -> AxisState:
-        """Return what the axis is in after a stop that has ``seen`` its drive so, by PDO or by SDO."""
+        """Return the axis state after a stop that has ``seen`` its drive in this state, by PDO or by SDO."""
         if seen not in ENERGISED:
             return AxisState.DISABLED
         locked = self.stopping.locks or seen is PowerState.QUICK_STOP_ACTIVE

@@ -1,4 +1,4 @@
-"""What one axis wants its drive to get in this cycle, collected by the running command and turned into ``Outputs``."""
+"""The requests of one axis to its drive in this cycle, collected by the running command and turned into ``Outputs``."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from axisbus.cia402.port import Outputs, SdoRequest
 from axisbus.cia402.state import PowerState, plan
 from axisbus.units import INT32_HALF, INT32_LEAST, wrap
 
-_tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
+_tuple = tuple.__new__  # makes a named tuple of values known to fit, without the call of its own ``__new__``
 _ENABLED, _UNKNOWN = PowerState.OPERATION_ENABLED, PowerState.UNKNOWN
-# The word that keeps a drive in the state it is in. In fault nothing is asked, and bit 7 is low so that a reset is an edge.
+# The word that keeps a drive in its present state. In fault nothing is requested, and bit 7 is low so that a reset is an edge.
 _HOLD = {
     PowerState.SWITCH_ON_DISABLED: cw.PowerCommand.DISABLE_VOLTAGE.word,
     PowerState.READY_TO_SWITCH_ON: cw.PowerCommand.SHUTDOWN.word,
@@ -24,10 +24,11 @@ GO_ON = _HOLD[_ENABLED]
 
 
 class CycleOutputs:
-    """One cycle's wishes; holds state across cycles only in ``goal``, ``asked_mode`` and the request counter.
+    """One cycle's requests; holds state across cycles only in ``goal``, ``asked_mode`` and the request counter.
 
-    ``goal`` is the power-stage state wanted (None: nothing is asked of the drive, no frame holds a controlword). ``word`` overrides
-    the planner for one cycle. ``asked_mode`` is what we set 6060h to last (None: never). Positions are unwrapped increments.
+    ``goal`` is the requested power-stage state (None: nothing is requested from the drive, no frame contains a controlword).
+    ``word`` overrides the planner for one cycle. ``asked_mode`` is the last value that this master wrote to 6060h (None: none).
+    Positions are unwrapped increments.
     """
 
     __slots__ = (
@@ -55,13 +56,13 @@ class CycleOutputs:
         self.sdo: list[SdoRequest] = []
         self.cancel: list[int] = []
         self.velocity_offset: int | None = (
-            None  # these two are set anew in each cycle where they are not None for good
+            None  # these two are set again in each cycle, unless they are always None
         )
         self.torque_offset: int | None = None
         self.clear()
 
     def clear(self) -> None:
-        """Forget the last cycle's wishes, except the goal."""
+        """Discard the last cycle's requests, except the goal."""
         self.word: int | None = None
         self.bits = 0
         self.halt = False
@@ -74,7 +75,7 @@ class CycleOutputs:
             self.sdo, self.cancel = [], []
 
     def is_clear(self) -> bool:
-        """Whether nothing is wished for but the goal."""
+        """Whether nothing is requested but the goal."""
         return (
             self.mode is None
             and self.word is None
@@ -85,18 +86,18 @@ class CycleOutputs:
         )
 
     def request(self, index: int, subindex: int, value: int | None) -> int:
-        """Ask for an SDO transfer (``value`` None reads) and return its id."""
+        """Request an SDO transfer (``value`` None reads) and return its id."""
         self._next_id += 1
         self.sdo.append(SdoRequest(self._next_id, index, subindex, value))
         return self._next_id
 
     def stopping(self, command: cw.PowerCommand, state: PowerState) -> int:
-        """Return a stop's word, with the halt bit if it stood: a drive that stays enabled all the same would go on without it."""
+        """Return a stop's word, with the halt bit if it was set: without it, a drive that stays enabled would move on."""
         stays = state in (_ENABLED, _UNKNOWN) and self.halt
         return command.word | (cw.HALT if stays else 0)
 
     def controlword(self, state: PowerState) -> int | None:
-        """Return the controlword for a drive seen in ``state``; None where nothing must be sent."""
+        """Return the controlword for a drive seen in ``state``; None if none must be sent."""
         if self.word is not None:
             return self.word
         if self.goal is None or state is _UNKNOWN:
@@ -107,7 +108,7 @@ class CycleOutputs:
             command = plan(state, self.goal)
             word = _HOLD[state] if command is None else command.word
         if state is _ENABLED:
-            # Also on the way down: until the drive has left the state, a halted motion would go on without it.
+            # also when leaving the state: until the drive has left it, a halted motion would continue without the halt bit
             if self.halt:
                 word |= cw.HALT
             if self.goal is state:

@@ -1,18 +1,19 @@
-"""Whether 6062h (position demand value) is what leads the axis, judged by what it does.
+"""Decide from its behaviour whether 6062h (position demand value) is the set-point of the drive's position controller.
 
 Theory of operation
 -------------------
-A drive may have 6062h in its dictionary and mean nothing by it: it stays 0, it is the target of a move at once, or it is another
-name of 6064h. So a demand is believed only after it has been seen to lead the axis and to be the drive's own:
+A drive may have 6062h in its dictionary without this meaning: 6062h stays 0, it jumps to the target of a move at once, or it is a
+copy of 6064h. So a demand is trusted only after it has been seen to be ahead of the axis and to be the drive's own:
 
-- it was where the axis is (within ``standstill_window``), and then went ahead of the axis in ``_SAMPLES`` samples in a row,
-- in each of them it had moved, and farther than the axis was at the moment of the sample (a copy of 6064h is never ahead, and a
+- it was at the axis's position (within ``standstill_window``), and then went ahead of the axis in ``_SAMPLES`` consecutive samples,
+- in each of them it had moved, and was ahead of the axis's position at the moment of the sample (a copy of 6064h is never ahead,
+  and a
   demand that stays 0 never moves),
-- in pp it was none of the set-points that were given (a demand that equals the target jumps from one set-point to the next).
+- in pp it was none of the given set-points (a demand that equals the target jumps from one set-point to the next).
 
-A jammed axis proves its demand within these samples, because the demand runs away from it; so does any axis that lags a little.
-What was seen in pp holds in every mode: there the drive makes the demand itself. What was seen in another mode holds in that mode
-only, because in csp a demand that is no more than the target moves as well.
+A jammed axis proves its demand within these samples, because the demand runs away from it; so does any axis that lags a little. A
+proof in pp is valid in every mode, because in pp the drive generates the demand itself. A proof in another mode is valid in that
+mode only, because in csp a demand that is only the target moves as well.
 """
 
 from __future__ import annotations
@@ -24,23 +25,23 @@ from axisbus.motion.modes import TORQUE_MODES
 from axisbus.motion.parameters import DemandUse
 
 _PP = int(ModeOfOperation.PROFILE_POSITION)
-# In homing the drive renames its positions; under torque nothing leads to a position.
+# In homing the drive changes the origin of its positions; under torque there is no commanded position.
 _PROVES_NOTHING = frozenset({int(ModeOfOperation.HOMING), *map(int, TORQUE_MODES)})
 _SAMPLES = 3
-OWN = 4.0  # increments: two values that are closer are the same; an encoder may be noisy by half of it
-_SET_POINTS = 8  # that are remembered: one that comes by SDO may still be an earlier one
+OWN = 4.0  # increments: two values that are closer are the same; an encoder may have a noise of half of it
+_SET_POINTS = 8  # that are remembered: a demand that arrives by SDO may still be an earlier set-point
 
 
 class DemandTrust:
-    """Judges the demand of one drive; holds the modes in which it was seen to lead, and what was seen of it lately."""
+    """Judges the demand of one drive; holds the modes in which it is proven, and the recent observations."""
 
     __slots__ = ("_anchored", "_before", "_given", "_seen", "_use", "_window", "everywhere", "proven")
 
     def __init__(self, use: DemandUse, window: float) -> None:
-        """``window``: increments between demand and position within which nothing pulls a standing axis."""
+        """``window``: increments between demand and position within which nothing pulls an axis at standstill."""
         self._use = use
         self._window = window
-        self.everywhere = use is not DemandUse.AUTO  # there is nothing to be judged (any more)
+        self.everywhere = use is not DemandUse.AUTO  # no judgement is needed (any more)
         self.proven: set[int | None] = set()
         self._given: deque[int] = deque(maxlen=_SET_POINTS)
         self.begin()
@@ -50,24 +51,24 @@ class DemandTrust:
         return self._use is not DemandUse.IGNORE and (self.everywhere or mode in self.proven)
 
     def begin(self) -> None:
-        """Look again from the next sample on: the drive counts, or leads its motor, in another way now."""
+        """Start the observation again with the next sample: the drive's count, or its control of the motor, has changed."""
         self._before: int | None = None
         self._anchored = False
         self._seen = 0
 
     def recount(self) -> None:
-        """The drive's count is another one now."""
+        """Start again: the drive's count has another origin now."""
         self._given.clear()
         self.begin()
 
     def gives(self, set_point: int) -> None:
-        """A set-point is given to the drive (unwrapped increments)."""
+        """Record a set-point given to the drive (unwrapped increments)."""
         self._given.append(set_point)
 
     def look(self, demand: int, lead: float, doubt: float, mode: int | None) -> None:
-        """Take a new sample of a drive in *operation enabled* that is not believed yet.
+        """Evaluate a new sample of a drive in *operation enabled* whose demand is not trusted yet.
 
-        ``lead``: by how much the demand was ahead of the axis when it was sampled; ``doubt``: by how much that may be wrong.
+        ``lead``: the distance of the demand ahead of the axis when it was sampled; ``doubt``: the possible error of this distance.
         """
         before, self._before = self._before, demand
         if mode is None or mode in _PROVES_NOTHING:

@@ -1,14 +1,14 @@
-"""The cycle of an axis that goes on along its trajectory, with nothing new but where it is and where it is to go next.
+"""Do the whole cycle of an axis that continues along its trajectory, with no news but its position and its next target.
 
 Theory of operation
 -------------------
-Nearly every cycle of a trajectory is of this kind, and there is one for each axis. The whole step asks two dozen objects for what
-none of them has to say then; after a sleep of the scan each of them has to come from far away in memory. So the questions are
-asked here, in one function: first all of them, while nothing is changed; one answer out of the ordinary leaves the cycle to the
-whole step. Then what is left is noted, as the whole step notes it.
+Nearly every cycle of a trajectory is of this kind, and there is one for each axis. In such a cycle the whole step
+(``AxisCore.step``) asks two dozen objects that have nothing to report, and after a sleep of the scan each of them must be loaded
+from slow memory. So one function makes all checks here. First it checks everything without changing anything; if any check finds
+something unusual, the whole step does the cycle. Then it stores the remaining values, as the whole step stores them.
 
-A ``FastPath`` is made at the end of a whole step (``cruise_of``), and ends with the next one. What only a whole step changes is
-asked then; what commands, groups and the scan may change between two cycles is asked in every one.
+A ``FastPath`` is made at the end of a whole step (``cruise_of``), and ends with the next one. Conditions that only a whole step
+changes are checked then. Conditions that commands, groups and the scan may change between two cycles are checked in every cycle.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 _ENABLED, _SYNCHRONIZED = PowerState.OPERATION_ENABLED, AxisState.SYNCHRONIZED_MOTION
 _CSP = int(Follow.mode)
 _HALF = float(INT32_HALF)
-_tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
+_tuple = tuple.__new__  # makes a named tuple of values known to fit, without the call of its own ``__new__``
 
 
 class FastPath:
-    """Holds what the cycles of one axis need, close together, and the NMT state that is to stay as it is."""
+    """Holds the objects that the cycles of one axis need, close together, and the NMT state that must not change."""
 
     __slots__ = (
         "_core",
@@ -70,7 +70,7 @@ class FastPath:
         self._nmt = image.nmt
 
     def step(self, inputs: Inputs) -> Outputs | None:
-        """Do what ``AxisCore.step`` does in such a cycle, and return what the drive is to get; in any other do nothing: None."""
+        """Do the work of ``AxisCore.step`` in such a cycle and return its outputs; in any other cycle do nothing, return None."""
         (
             now,
             operational,
@@ -90,7 +90,7 @@ class FastPath:
             _,
         ) = inputs
         if (
-            not operational  # nor restarted, then
+            not operational  # a restarted node is not operational
             or emcy
             or sdo
             or nmt != self._nmt
@@ -113,7 +113,7 @@ class FastPath:
             or not self._order.is_clear()
         ):
             return None
-        # The values: fresh, the drive still enabled and in its mode, and not far from where it is led.
+        # The values must be fresh, the drive still enabled and in its mode, and the axis near its commanded position.
         late = now - image.now - self._period
         since = now - late if late > 0.0 else now
         raw, came = position
@@ -146,7 +146,7 @@ class FastPath:
         ahead = self._follow.foresee()
         if ahead is None:
             return None
-        # Nothing is out of the ordinary.
+        # Nothing is unusual.
         image.go_on(now, word, mode, position)
         if velocity is None:
             image.velocity = None
@@ -169,7 +169,7 @@ class FastPath:
 
 
 def cruise_of(core: AxisCore) -> FastPath | None:
-    """Return how a calm axis goes on, after a whole step; None where more than that may be to be done."""
+    """Return the fast path of a calm axis after a whole step; None if the next cycle may require more."""
     follow, image = core.running.activity, core.image
     if (
         not isinstance(follow, Follow)

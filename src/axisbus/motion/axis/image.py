@@ -1,4 +1,4 @@
-"""What is known of a drive in one cycle: fresh values or None, the power-stage state, and whether the axis stands."""
+"""The process image of a drive in one cycle: fresh values or None, the power-stage state, and the standstill of the axis."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from axisbus.motion.parameters import DemandUse
 from axisbus.motion.stop.settled_value import SettledValue
 from axisbus.units import INT32_HALF, INT32_LEAST, unwrap
 
-_HALF = float(INT32_HALF)  # what is compared in every cycle is of one type
+_HALF = float(INT32_HALF)  # one type for all values compared in every cycle
 _ENABLED = PowerState.OPERATION_ENABLED
-_SLOWEST_DEMAND = 0.5  # seconds: a demand that is sent on change, and moves, comes within that
-_SLOWEST = 1.0  # seconds: positions that are farther apart tell no velocity
+_SLOWEST_DEMAND = 0.5  # seconds: a demand that is sent on change arrives within this time if it moves
+_SLOWEST = 1.0  # seconds: positions farther apart give no velocity
 _TRANSFER = 0.25  # seconds that an SDO may wait for others, and take
-_DELAY = (
-    0.005  # seconds by which the times of two values that came in different ways may differ from their stamps
-)
-_LATE = 1.5  # of the usual distance of two positions: one that did not come by then has not changed
+# Seconds by which the sampling times of two values from different sources may differ from their stamps.
+_DELAY = 0.005
+_LATE = 1.5  # of the usual interval of two positions: if none arrives by then, the position has not changed
 
 
 class AxisImage:
-    """The decoded inputs of one axis; holds state: the unwrapped position, and whether it and the demand are still.
+    """The decoded inputs of one axis; holds state: the unwrapped position, and whether it and the demand are constant.
 
-    A value older than its maximum age, or never received, is None: *unknown*. Positions are unwrapped increments: they go on past
-    the wrap of INTEGER32, also over a time in which none was known. ``origin`` is the position that the user calls 0 (set by
-    ``set_position``). ``led``: what leads the axis. ``flight``: what it was sent and may not have answered. ``override``: by what
-    the velocities of commands are to be multiplied. ``shown_demand`` is 6062h as the drive shows it, ``demand`` the same where it
-    is believed, and ``lead`` how far it was ahead of the axis when it was sampled. ``loss``: see ``AxisCore.forget``.
+    A value older than its maximum age, or never received, is None: *unknown*. Positions are unwrapped increments: they continue
+    past the wrap of INTEGER32, also across a time without a known position. ``origin`` is the position that the user calls 0 (set
+    by ``set_position``). ``led``: the set-points of the axis (``ReferenceTracker``). ``flight``: the outputs that the drive may not
+    have answered yet. ``override``: the factor for the velocities of commands. ``shown_demand`` is 6062h as the drive reports it,
+    ``demand`` the same if it is trusted, and ``lead`` its distance ahead of the axis when it was sampled. ``loss``: see
+    ``AxisCore.forget``.
 
-    ``restarted``, ``duplicate``: see ``Inputs``. What comes by PDO is unknown after a restart; ``heard`` has the statusword and
-    position received since (each may be None), as evidence against a stop.
+    ``restarted``, ``duplicate``: see ``Inputs``. Values received by PDO are unknown after a restart; ``heard`` has the statusword
+    and position received since (each may be None), as evidence against a stop.
     """
 
     __slots__ = (
@@ -104,7 +104,7 @@ class AxisImage:
         pull_window: float = math.inf,
         quick: float | None = None,
     ) -> None:
-        """``period``: of the scan, in seconds; ``tolerance``: increments that a standing axis may wander within ``window`` s.
+        """``period``: scan period in seconds; ``tolerance``: increments that an axis at standstill may move within ``window`` s.
 
         ``demand``, ``pull_window``: see ``AxisParameters``. ``quick``: deceleration of a quick stop in increments per s².
         """
@@ -116,21 +116,22 @@ class AxisImage:
         self._period = period
         self.still = SettledValue(tolerance, window)
         self.still_demand = SettledValue(tolerance, window)
-        # Then silence means that it has not changed.
+        # in this case silence means that the statusword has not changed
         self.statusword_by_event = capabilities.inputs.get("statusword") is ValueTransport.EVENT_PDO
         self.edge_delay = capabilities.edge_delay
         self.guarded = capabilities.guarded
         by_sdo = capabilities.outputs.get("target_velocity") is ValueTransport.SDO
         self.velocity_transfer = (
             _TRANSFER if by_sdo else 0.0
-        )  # seconds that a target velocity may be on its way
+        )  # seconds that the transfer of a target velocity may take
         self._raw_position: int | None = None
-        self.last_position = 0  # the last one that was known, however old (0: there was none), unwrapped
-        self.fastest = _HALF  # increments per s: more than 606Ch can say
-        self.loss: Loss | None = None  # by the state that is shown; until the core has forgotten what is void
+        self.last_position = 0  # the last known one, however old (0: there was none), unwrapped
+        self.fastest = _HALF  # increments per s: more than 606Ch can represent
+        # by the state that the drive shows; until the core has discarded the void values
+        self.loss: Loss | None = None
         self.lost_count = False  # in this cycle: half the drive's count may have passed unseen
         self.now = -math.inf
-        self.gap = 0.0  # seconds since the cycle before
+        self.gap = 0.0  # seconds since the previous cycle
         self.origin = 0
         self.operational = False
         self.overdue = self.restarted = False
@@ -156,13 +157,14 @@ class AxisImage:
         self.led = ReferenceTracker(demand, pull_window, quick and quick * period**2)
         self.flight = PendingOutputs(period)
         self.demand_stamp = -math.inf
-        self.had_demand = False  # in the cycle before one had come
-        self.demand_repeats = math.isfinite(self.max_age[5])  # else its silence says that it has not changed
+        self.had_demand = False  # one had arrived in the previous cycle
+        # otherwise its silence means that it has not changed
+        self.demand_repeats = math.isfinite(self.max_age[5])
         sources = [capabilities.inputs.get(name) for name in ("position", "demand")]
-        # Then those that come in one cycle are of one SYNC, whichever frame came first.
+        # in this case values that arrive in one cycle belong to one SYNC, whatever the order of their frames
         self._demands_with_positions = sources == [ValueTransport.SYNC_PDO] * 2
         self._demand_spacing = 0.0  # seconds between the last two
-        self.lead_stamp = -math.inf  # when the two values were sampled that ``lead`` compares
+        self.lead_stamp = -math.inf  # when the two values compared by ``lead`` were sampled
         self._before = 0  # the position before the last one
         self._before_stamp = -math.inf
         self.starvation = Starvation()
@@ -170,7 +172,7 @@ class AxisImage:
         self.emcy: tuple[Emcy, ...] = ()
 
     def update(self, inputs: Inputs) -> None:
-        """Take the inputs of this cycle."""
+        """Evaluate the inputs of this cycle."""
         (
             now,
             self.operational,
@@ -194,7 +196,7 @@ class AxisImage:
             word = mode = position = velocity = torque = demand = None
         if sdo or self.replies:
             self.replies = {reply.id: reply for reply in sdo}
-        # In a late cycle the values are as old as it is late, because no SYNC went out meanwhile: that is not the drive's silence.
+        # In a late cycle the values are older by its delay, because no SYNC was sent meanwhile: this is not the drive's silence.
         self.gap = gap = now - self.now
         self.now = now
         since, late, ages = now, gap - self._period, self.max_age
@@ -221,12 +223,12 @@ class AxisImage:
         self.torque = None if torque is None or torque.stamp < since - ages[4] else torque.value
         if (
             demand is not None or self.had_demand
-        ):  # where there is none, there is nothing to be judged but that once
+        ):  # without a demand there is nothing to evaluate, except once after its loss
             self.had_demand = demand is not None
             self.take_demand(demand, since - ages[5])
 
     def go_on(self, now: float, word: Sample, mode: Sample, position: Sample) -> None:
-        """Take the cycle at ``now`` as ``update`` does, where state and mode are as they were and the position has not wrapped."""
+        """Evaluate the cycle at ``now`` as ``update`` does, if state and mode are unchanged and the position has not wrapped."""
         self.gap = now - self.now
         self.now = now
         self.statusword, self.statusword_stamp = word
@@ -239,13 +241,13 @@ class AxisImage:
         self._raw_position = self.position = self.last_position = raw
 
     def rebase(self) -> None:
-        """Count from the drive's own value again: after homing, where the drive's position jumps."""
+        """Count from the drive's own value again: after homing, when the drive's position jumps."""
         if self._raw_position is not None:
             self.position = self.last_position = self._raw_position
         self.recount()
 
     def recount(self) -> None:
-        """Forget what was told in the old count."""
+        """Discard the values that refer to the old origin."""
         self.still.forget()
         self.still_demand.forget()
         self.shown_demand = self.demand = self.lead = None
@@ -253,16 +255,16 @@ class AxisImage:
         self.led.recount(self.now)
 
     def restart(self) -> None:
-        """Count from the drive's own value with the next one: it counts anew."""
+        """Begin again with the drive's next own value: its count has another origin now."""
         self._raw_position = None
 
     @property
     def standstill(self) -> bool:
-        """Whether the position has not moved over the window, by what is fresh; ``StandstillCheck`` asks more of a stop."""
+        """Whether the position has not moved over the window, by its fresh values; ``StandstillCheck`` requires more for a stop."""
         return self.still.still
 
     def speed(self, per_velocity: float) -> float | None:
-        """Return the speed in increments/s: 606Ch, or that of the last two positions where they are newer; None where unknown.
+        """Return the speed in increments/s: 606Ch, or that of the last two positions if they are newer; None if unknown.
 
         ``per_velocity``: increments/s of one velocity increment of the drive.
         """
@@ -274,9 +276,9 @@ class AxisImage:
 
     @property
     def demand_lead(self) -> float | None:
-        """How far the demand was ahead of the axis when it was sampled; None where there is none that counts.
+        """The distance of the demand ahead of the axis when it was sampled; None if no demand counts.
 
-        What was sampled before the present mode, power or count began does not count, unless silence says that it still holds.
+        A sample from before the present mode, power or count does not count, unless silence means that the value is still valid.
         """
         if not self.led.counts(self.demand, self.mode):
             return None
@@ -284,7 +286,7 @@ class AxisImage:
 
     @property
     def awaits_demand(self) -> bool:
-        """Whether the next demand has to come before anything can be said of it."""
+        """Whether the next demand must arrive before the demand can be evaluated."""
         return self.demand_repeats and self.demand_stamp <= self.led.since
 
     @property
@@ -298,7 +300,7 @@ class AxisImage:
         return self.demand if self.demand is not None else self.position
 
     def _late(self, late: float) -> float:
-        """Note that cycles were missed; return by how many seconds this one is late: the first one is not."""
+        """Record that cycles were missed; return by how many seconds this one is late (0 for the first cycle)."""
         self.starvation.note(self.now, late)
         return late if late < math.inf else 0.0
 
@@ -322,14 +324,14 @@ class AxisImage:
         self.position = self.last_position = position
 
     def _enter(self, state: PowerState) -> None:
-        """The drive shows another state; a demand from before its power came, or went, says nothing of now."""
+        """Enter the state that the drive shows. A demand from before a change of power is not valid any more."""
         if (state in ENERGISED) is not (self.state in ENERGISED):
             self.led.begin(self.now)
         self.loss = loss_between(self.state, state) or self.loss
         self.state = state
 
     def take_demand(self, sample: Sample | None, oldest: float) -> None:
-        """Take 6062h; what is older than ``oldest`` is unknown."""
+        """Evaluate 6062h; a sample older than ``oldest`` is unknown."""
         position = self.position
         if sample is None or position is None or sample.stamp < oldest:
             if sample is not None:
@@ -338,7 +340,7 @@ class AxisImage:
             return
         raw, stamp = sample
         trust = self.led.trust
-        # One that was there before the count began anew is none of the new count, unless silence says that it still holds.
+        # A demand from before the new count does not belong to it, unless silence means that it is still valid.
         if stamp != self.demand_stamp or (self.shown_demand is None and not self.demand_repeats):
             if not -INT32_HALF <= raw - position < INT32_HALF:
                 raw = unwrap(position, raw)
@@ -353,16 +355,16 @@ class AxisImage:
             if not trust.everywhere and self.state is _ENABLED:
                 trust.look(raw, self.lead, doubt, self.mode)
         elif not self.demand_repeats and self.now - stamp > _LATE * self._demand_spacing:
-            # Its silence is no inhibit time any more: it has not changed.
+            # The silence is too long for an inhibit time: the demand has not changed.
             assert self.shown_demand is not None
             self.lead, self.lead_stamp = self.shown_demand - position, self.position_stamp
         self.demand = self.shown_demand if trust.believes(self.mode) else None
 
     def _lead_at(self, demand: int, stamp: float) -> tuple[float, float]:
-        """Return by how much a demand that was received at ``stamp`` was ahead of the axis, and by how much that may be wrong.
+        """Return how far a demand received at ``stamp`` was ahead of the axis, and the possible error of this distance.
 
-        Between two positions the axis moved evenly. After the last one it was somewhere between that and where it has gone since,
-        if it went on as before: what lies between is no lead.
+        Between two positions the axis is assumed to move evenly. After the last position, the axis was between that position and
+        the one that it has reached since if it continued at its speed. A demand within this range has no lead.
         """
         position = self.last_position
         passed, spacing = stamp - self.position_stamp, self.position_stamp - self._before_stamp

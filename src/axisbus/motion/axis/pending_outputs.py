@@ -1,4 +1,4 @@
-"""What a drive was sent so recently that what it shows may not be an answer to it yet."""
+"""Outputs sent so recently that the drive's inputs may not answer them yet."""
 
 from __future__ import annotations
 
@@ -7,27 +7,27 @@ import math
 from axisbus.cia402.controlword import PowerCommand
 from axisbus.cia402.port import Outputs
 
-# Scan periods: the SYNC that brings it into effect, the one at which the answer is sampled, and the cycle that reads it; half a one
-# less, because times do not add up exactly.
+# Scan periods: to the SYNC that makes the output effective, to the SYNC that samples the answer, and to the cycle that reads it;
+# less half a period, because times do not add up exactly.
 _ANSWERED = 2.5
 _ENABLE = PowerCommand.ENABLE_OPERATION.word
-_MODE_TAKEN = 3.5  # a drive looks at 6060h in a slower task
+_MODE_TAKEN = 3.5  # a drive evaluates 6060h in a slower task
 
 
 class PendingOutputs:
-    """Holds the last controlword (``word``) and mode that were sent, and since when; times in seconds of the scan's clock."""
+    """Holds the last controlword (``word``) and mode that were sent, and their times in seconds of the scan's clock."""
 
     __slots__ = ("_enabled_until", "_mode", "_mode_since", "_period", "_word_since", "word")
 
     def __init__(self, period: float) -> None:
-        """``period``: of the scan, in seconds."""
+        """``period``: scan period in seconds."""
         self._period = period
         self.word: int | None = None
         self._mode: int | None = None
         self._word_since = self._mode_since = self._enabled_until = -math.inf
 
     def note(self, outputs: Outputs, now: float) -> None:
-        """Take what goes out in this cycle; None goes on as it was."""
+        """Record the outputs of this cycle; None leaves a value unchanged."""
         word, mode = outputs.controlword, outputs.mode
         if word is not None and word != self.word:
             if self._enables:
@@ -41,13 +41,13 @@ class PendingOutputs:
         return self.word is not None and self.word & _ENABLE == _ENABLE
 
     def may_enable(self, now: float) -> bool:
-        """Whether a word *enable operation* is the last one, or may not have taken effect yet although another has followed it."""
+        """Whether the last word is *enable operation*, or an earlier such word may still take effect before the last one does."""
         return self._enables or now < self._enabled_until + _ANSWERED * self._period
 
     def word_answered(self, now: float) -> bool:
-        """Whether the state that is shown at ``now`` follows the controlword, and none before it is still on its way."""
+        """Whether the state shown at ``now`` is the answer to the last controlword, and no earlier word can still take effect."""
         return now >= self._word_since + _ANSWERED * self._period
 
     def mode_answered(self, now: float) -> bool:
-        """Whether the mode that is shown at ``now`` follows the one that was asked for last."""
+        """Whether the mode shown at ``now`` is the answer to the last requested mode."""
         return now >= self._mode_since + _MODE_TAKEN * self._period

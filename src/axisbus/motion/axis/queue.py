@@ -1,4 +1,4 @@
-"""Commands that wait until the one before them has ended (PLCopen's buffer mode *Buffered*)."""
+"""Commands that wait until the command before them has ended (PLCopen's buffer mode *Buffered*)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MOST = 100  # commands that wait for one axis or group
 
 
 class _Waiting(NamedTuple):
-    """A command, what begins it, and whether it does so as soon as the one before it has begun, to go on with that."""
+    """A command, the function that begins it, and whether it begins as soon as the one before it has begun, to blend with it."""
 
     ticket: CommandStatus
     begin: Callable[[], None]
@@ -21,7 +21,7 @@ class _Waiting(NamedTuple):
 
 
 class Queue:
-    """Holds what waits, in order, each with what begins it; what ends a command badly ends those that wait behind it."""
+    """Holds the waiting commands in order, each with the function that begins it; a failed command ends all that wait behind it."""
 
     __slots__ = ("_waiting",)
 
@@ -32,10 +32,10 @@ class Queue:
         return bool(self._waiting)
 
     def add(self, ticket: CommandStatus, begin: Callable[[], None], *, joins: bool = False) -> None:
-        """Let a command wait; one that ``joins`` the command before it begins with that, or waits for its end by itself.
+        """Queue a command. If it ``joins`` the command before it, it begins with that command, or itself waits for its end.
 
         Raises:
-            StateError: too many wait already.
+            StateError: too many commands wait already.
         """
         if len(self._waiting) >= MOST:
             raise StateError(
@@ -45,12 +45,13 @@ class Queue:
         self._waiting.append(_Waiting(ticket, begin, joins))
 
     def next(self) -> None:
-        """Begin what waits first, if anything does, and what joins it: what was before it has ended well."""
+        """Begin the first waiting command, if any, and the commands that join it: the command before it has ended well."""
         while self._waiting:
             ticket, begin, _ = self._waiting.popleft()
-            rest, self._waiting = self._waiting, deque()  # what takes over ends what waits behind another
+            # a command that takes over ends those that wait behind another one
+            rest, self._waiting = self._waiting, deque()
             begin()
-            waits = bool(self._waiting)  # it does so itself
+            waits = bool(self._waiting)  # it has queued itself again
             self._waiting.extend(rest)
             if ticket.error is not None:
                 self.drop(ticket.name, ticket.error)
@@ -58,7 +59,7 @@ class Queue:
                 return
 
     def drop(self, before: str, error: AxisbusError | None) -> bool:
-        """End all that waits: ``before`` (a command's name) has ended by ``error``, or is not gone on with; return if any did."""
+        """End all waiting commands, because the command ``before`` failed with ``error`` or was replaced; return if any waited."""
         found = bool(self._waiting)
         while self._waiting:
             _end(self._waiting.popleft().ticket, before, error)

@@ -1,14 +1,13 @@
-"""What leads an axis: the targets that were sent, and the drive's own demand (6062h) as far as it can be believed.
+"""The set-points of an axis: the targets that were sent, and the drive's own demand (6062h) as far as it can be trusted.
 
 Theory of operation
 -------------------
-6062h is what the drive's position controller is led to, and so tells what pulls a standing axis. Not every drive means that by it:
-``DemandTrust`` says whether it counts. In modes without a position controller some drives lead a position along, others leave 6062h
-as it was: there it counts once it has moved.
+6062h is the set-point of the drive's position controller, and so shows what pulls an axis at standstill. Some drives use 6062h for
+something else: ``DemandTrust`` decides whether it counts. In modes without a position controller some drives update 6062h, others
+leave it unchanged. In these modes it counts once it has moved.
 
-The demand is compared with the position of its own sample time (``AxisImage.lead``); what was sampled before the present mode,
-power or count began is not compared at all (``since``). In a cyclic position mode the last target leads as well, whatever 6062h
-says.
+The demand is compared with the position at its own sample time (``AxisImage.lead``). Samples from before the present mode, power or
+count are not compared at all (``since``). In a cyclic position mode the last target counts as well, whatever the value of 6062h.
 
 In *quick stop active* a drive ignores 607Ah: it brakes from the last target with the velocity of that target, and holds the
 position at which it stops. So the last target is no pull if the axis has passed it by about the braking distance, or by any
@@ -28,18 +27,19 @@ from axisbus.motion.parameters import DemandUse
 
 _M = ModeOfOperation
 _CSP, _HOMING, _PP = int(_M.CYCLIC_SYNC_POSITION), int(_M.HOMING), int(_M.PROFILE_POSITION)
-_MOVED = 20  # increments: more than a quiet value wanders
+_MOVED = 20  # increments: more than the noise of a constant value
 _BRAKES = 1.25  # factor by which a braking distance may differ from the ramp's; a larger difference counts as a pull
-_ON_ITS_WAY = 2.0  # cycles: a target is taken with the next SYNC and reached with the SYNC after it; the quick stop may be earlier
+# cycles: a target is taken with the next SYNC and reached with the SYNC after it; the quick stop may be earlier
+_ON_ITS_WAY = 2.0
 
 
 class ReferenceTracker:
-    """Holds what was sent last, and what has been found out of 6062h; positions are unwrapped increments.
+    """Holds the last outputs, and the results about 6062h; positions are unwrapped increments.
 
-    ``target`` is that of csp (None: there was none in this mode), ``set_point`` that of pp, given at ``set_point_at``; ``taken`` is
-    that set-point once the axis was seen to go by it (only ``SetPointConfirmation`` looks). A homing runs since ``searching_since``
-    (infinite: none does). ``since``: a demand that was received at or before this moment is of before. ``trust``: whether 6062h
-    counts. ``rate`` is the last step of the target, in increments per cycle.
+    ``target`` is the target of csp (None: there was none in this mode). ``set_point`` is the set-point of pp, given at
+    ``set_point_at``; ``taken`` is that set-point once the axis was seen to move to it (only ``SetPointConfirmation`` checks this).
+    ``searching_since``: when the running homing began (infinite: none runs). ``since``: a demand received at or before this moment
+    is outdated. ``trust``: whether 6062h counts. ``rate`` is the last step of the target, in increments per cycle.
     """
 
     __slots__ = (
@@ -67,18 +67,18 @@ class ReferenceTracker:
         self.forget(-math.inf)
 
     def drop_set_point(self) -> None:
-        """The set-point, or the search of a homing, leads nothing any more."""
+        """Discard the set-point and the search of a homing: they no longer move the axis."""
         self.set_point: int | None = None
         self.set_point_at = -math.inf
         self.taken: int | None = None
         self.searching_since = math.inf
 
     def forget(self, now: float) -> None:
-        """Nothing that was sent leads the axis any more, and what is in 6062h is of before."""
+        """Discard all outputs, and the present demand: none of them moves the axis any more."""
         self.drop_set_point()
         self.target: int | None = None
         self.rate = 0
-        self._before: int | None = None  # 6062h when the drive came into its mode
+        self._before: int | None = None  # 6062h when the drive changed to its mode
         self.begin(now)
 
     def begin(self, now: float) -> None:
@@ -87,19 +87,19 @@ class ReferenceTracker:
         self.trust.begin()
 
     def recount(self, now: float) -> None:
-        """The drive's count is another one now."""
+        """Start again: the drive's count has another origin now."""
         self.forget(now)
         self.trust.recount()
 
     def note(
         self, now: float, mode: int | None, demand: int | None, target: int | None, is_edge: bool
     ) -> None:
-        """Take what is sent in this cycle: a target (None: none), and whether bit 4 (new set-point, homing start) goes with it."""
+        """Record this cycle's outputs: a target (None: none), and whether bit 4 (new set-point, homing start) is set with it."""
         if mode is None:
-            return  # not known now; it has not changed by that
+            return  # unknown now, but not changed
         if mode != self._mode:
             if self._mode == _PP:
-                self.set_point, self.set_point_at = None, -math.inf  # the drive has left it
+                self.set_point, self.set_point_at = None, -math.inf  # the drive has left pp
             self._mode, self._before, self.taken = mode, demand, None
             self.begin(now)
         if mode != _CSP:
@@ -121,11 +121,11 @@ class ReferenceTracker:
             self.set_point_at = now
 
     def leads_on(self, mode: int | None) -> bool:
-        """Whether a target in csp is all that a ``note`` of the present ``mode`` would change."""
+        """Whether a ``note`` in the present ``mode`` would change nothing but a csp target."""
         return mode == _CSP and mode == self._mode and self.searching_since == math.inf
 
     def counts(self, demand: int | None, mode: int | None) -> bool:
-        """Whether ``demand``, where it is believed, leads the motor in this mode."""
+        """Whether ``demand``, if it is trusted, is the motor's set-point in this mode."""
         if demand is None:
             return False
         return mode not in WITHOUT_POSITION_DEMAND or self._lives(demand, mode)
@@ -135,12 +135,12 @@ class ReferenceTracker:
         return self._before is None or self.counts(demand, mode)
 
     def pull(self, lead: float | None, position: int | None, state: PowerState) -> float | None:
-        """Return how far the axis is led from where it is; None where nobody knows, or nothing leads it.
+        """Return the distance to which the axis is pulled from its position; None if it is unknown, or nothing pulls.
 
-        ``lead``: how far the demand was ahead of the axis when it was sampled; None where that does not count.
+        ``lead``: the distance of the demand ahead of the axis when it was sampled; None if the demand does not count.
         """
         if position is None or state not in ENERGISED:
-            return None  # without power nothing pulls
+            return None  # nothing pulls without power
         target = self.target
         if target is None or (
             state is PowerState.QUICK_STOP_ACTIVE and self._has_braked(target, lead, position)
@@ -161,7 +161,7 @@ class ReferenceTracker:
         return way / _BRAKES - late <= past <= way * _BRAKES + late
 
     def _lives(self, demand: int, mode: int | None) -> bool:
-        """Whether 6062h has moved since the drive is in its present mode."""
+        """Whether 6062h has moved since the drive changed to its present mode."""
         if mode != self._mode:
             return False
         if self._before is None:
