@@ -1,1 +1,1 @@
-"""What an axis can be doing: one file for each kind of motion, and what they share."""
+"""The activities of an axis: one module for each kind of motion, and the parts that they share."""

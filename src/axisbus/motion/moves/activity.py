@@ -1,4 +1,4 @@
-"""What every command is made of: a step function that is called once per cycle until it says that it has ended."""
+"""The base of every command: a step function that is called once per cycle until it reports its end."""
 
 from __future__ import annotations
 
@@ -18,22 +18,23 @@ from axisbus.motion.modes import WITHOUT_POSITION_DEMAND
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
 from axisbus.motion.stop_deceleration import CommandedMotion
 
-# What a drive answers that has an object only on paper, or for reading.
+# Abort codes of a drive that only lists an object, or has it read-only.
 _DOES_WITHOUT = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING, abort.READ_ONLY})
 
 
 class Activity(ABC):
-    """A running command. It is pure: image in, wishes out; failure is raised as an ``AxisbusError``.
+    """A running command. It is pure: process image in, requests out; a failure is raised as an ``AxisbusError``.
 
-    ``mode`` is the mode of operation that it works in. One that ``goes_on`` is stepped on after it has ended well, because the
-    axis goes on moving. Only one that ``clears_error`` leads out of ErrorStop; one that ``ends_at_rest`` has ended well only
-    when the axis is seen to stand; one that ``stops_at_limit`` ends in a halt ahead of a position limit. ``ramp`` is what a
-    halt brakes it with, in position increments per s² (None: not known). ``behind`` is how many increments the axis is behind
-    what has been asked of it by now, where the command knows that better than 6062h, and ``led_speed`` the speed that was asked
-    for, in increments per s. ``lag``: see ``RampedWay`` (None: not known). ``rests_from`` is the moment (s) from which on its
-    end may be seen: an axis that stood before had perhaps not set off yet. ``resisted_since`` is the moment (s) since which an
-    axis that is to turn stands, where nobody sees by what its drive is led (infinite: it turns, or that is seen). Until it is
-    ``in_effect``, the axis may go on as the command before asked for.
+    ``mode`` is the mode of operation in which it works. If ``goes_on``, it is stepped further after it has ended well, because the
+    axis continues to move. Only an activity that ``clears_error`` can leave ErrorStop. An activity that ``ends_at_rest`` has ended
+    well only when the axis is seen at standstill. One that ``stops_at_limit`` ends in a halt ahead of a position limit. ``course``
+    describes the commanded motion (None: unknown).
+
+    ``behind``: increments by which the axis is behind its commanded position, if the command knows this better than 6062h.
+    ``led_speed``: the commanded speed in increments per s. ``lag``: see ``RampedWay`` (None: not known). ``rests_from``: the time
+    (s) from which its end may be seen, because an axis at standstill may not have started yet. ``resisted_since``: the time (s)
+    since which an axis that must turn is at standstill, while no value shows its drive's set-point (infinite: it turns, or the
+    set-point is seen). Until it is ``in_effect``, the axis may continue as the previous command requested.
     """
 
     mode: ClassVar[ModeOfOperation | None] = None
@@ -52,29 +53,29 @@ class Activity(ABC):
 
     @property
     def leading(self) -> Leading | None:
-        """The trajectory that the axis is on: its own, or the one before until the drive is in the mode of this command."""
+        """The trajectory of the axis: its own, or the previous one until the drive is in the mode of this command."""
         return None
 
     @property
     def leaving(self) -> ModeSwitch | None:
-        """The change of mode that has been asked for and is to end that trajectory; what takes over must see it through."""
+        """The requested change of mode that will end that trajectory; the next command must complete this change."""
         return None
 
     @abstractmethod
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Do one cycle's work; return True when the command has ended well."""
 
-    def override(self, image: AxisImage) -> None:  # noqa: B027  # most take it up in their step
+    def override(self, image: AxisImage) -> None:  # noqa: B027  # most activities do this in their step
         """Update ``course`` for a new override, because the supervision reads it before the next step."""
 
-    def cancel(self, order: CycleOutputs) -> None:  # noqa: B027  # most have nothing to take back
-        """Take back what is queued: the command has been interrupted."""
+    def cancel(self, order: CycleOutputs) -> None:  # noqa: B027  # most activities have nothing to cancel
+        """Cancel queued requests: the command has been interrupted."""
 
 
 class SdoTransfers:
-    """SDO transfers of one command, asked for together and awaited together; holds the outstanding request ids.
+    """SDO transfers of one command, requested together and awaited together; holds the outstanding request ids.
 
-    An entry that the EDS does not let be written is read instead, and has to hold the value.
+    If an entry is read-only in the EDS, it is read instead, and must have the value.
     """
 
     __slots__ = (
@@ -96,22 +97,22 @@ class SdoTransfers:
     ) -> None:
         """``items`` are (index, sub-index, value to write or None to read).
 
-        Of the objects ``optional`` a drive may say that it does not have them, or does not let them be written.
+        For the objects ``optional`` the drive may reply that they are missing or read-only.
         """
         self._items = items
         self._optional = optional
         self._parameters = parameters
-        self._read_only: dict[tuple[int, int], int] = {}  # the values that they have to hold
+        self._read_only: dict[tuple[int, int], int] = {}  # the values that they must have
         self._deadline = parameters.timing.sdo
         self._pending: dict[int, tuple[int, int]] = {}
         self._started = False
         self.values: dict[tuple[int, int], int] = {}
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Return True when all have succeeded.
+        """Return True when all transfers have succeeded.
 
         Raises:
-            DriveError: the drive refused one, or did not answer in time.
+            DriveError: the drive refused a transfer, or did not answer in time.
         """
         if not self._started:
             self._start(image, order)
@@ -129,7 +130,7 @@ class SdoTransfers:
         return not self._pending
 
     def cancel(self, order: CycleOutputs) -> None:
-        """Take back what is still queued."""
+        """Cancel the transfers that are still queued."""
         order.cancel.extend(self._pending)
         self._pending.clear()
 
@@ -181,27 +182,27 @@ Lead = Callable[[AxisImage, CycleOutputs], object]
 
 
 class ModeSwitch:
-    """Brings the drive into a mode of operation and waits until 6061h shows it; the targets are preloaded meanwhile.
+    """Changes the mode of operation and waits until 6061h shows it; the targets are preloaded meanwhile.
 
     Nothing jumps: while the mode changes, the position target is ``reference`` (actual position from disabled, demand when
-    enabled), velocity and torque targets are 0 (on an axis that holds a load, the torque is the actual one). An axis that follows a
-    trajectory goes on along it (``lead``): in a cyclic mode a target that stays behind is a jolt.
+    enabled), and velocity and torque targets are 0 (on an axis that holds a load, the torque is the actual one). An axis that
+    follows a trajectory continues along it (``lead``), because in a cyclic mode a target that does not continue causes a jolt.
     """
 
     __slots__ = ("_deadline", "_lead", "_left", "_mode", "_parameters", "_reference")
 
     def __init__(self, mode: ModeOfOperation, parameters: AxisParameters, lead: Lead | None = None) -> None:
-        """``lead``: the step of what moves the axis until the drive has left its mode, where something does."""
+        """``lead``: the step that commands the axis until the drive has left its present mode; None if nothing commands it."""
         self._mode = mode
         self._parameters = parameters
         self._lead = lead
-        self._left: int | None = None  # the mode that the drive shows while the other one is asked for
+        self._left: int | None = None  # the mode that the drive shows while the other one is requested
         self._deadline: float | None = None
         self._reference: int | None = None
 
     @property
     def mode(self) -> ModeOfOperation:
-        """The mode that is asked for."""
+        """The requested mode."""
         return self._mode
 
     @property
@@ -211,7 +212,7 @@ class ModeSwitch:
 
     @property
     def under_way(self) -> bool:
-        """Whether the mode has been asked for and is not shown yet."""
+        """Whether the mode has been requested and is not shown yet."""
         return self._left is not None
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
@@ -223,7 +224,7 @@ class ModeSwitch:
         if self._deadline is None:
             self._deadline = image.now + self._parameters.timing.mode
             self._reference = image.reference
-        if image.mode in WITHOUT_POSITION_DEMAND:  # it moves, or 6062h is of long ago
+        if image.mode in WITHOUT_POSITION_DEMAND:  # it moves, or 6062h is old
             self._reference = image.position
         if self._is_shown(image, order):
             self._left = None
@@ -232,30 +233,30 @@ class ModeSwitch:
         preload(order, self._reference)
         self.lead(image, order)
         if self._parameters.holds_load is not HoldsLoad.NO and image.torque is not None:
-            order.target_torque = image.torque  # what holds the load now; 0 would let it fall
+            order.target_torque = image.torque  # the actual torque holds the load; 0 would let it fall
         if image.now > self._deadline:
-            order.mode = image.mode  # not to be taken later, when nobody expects it
+            order.mode = image.mode  # the drive must not take the mode later, unexpectedly
             raise self._refused(image)
         return False
 
     def lead(self, image: AxisImage, order: CycleOutputs) -> None:
-        """Let what moves the axis go on, before the mode is asked for and as long as it changes."""
+        """Continue the present motion, before the mode is requested and while it changes."""
         if self._lead is not None:
             self._lead(image, order)
 
     def cancel(self, order: CycleOutputs) -> None:
-        """Take back a mode that the drive has not taken yet: later, nobody would expect it."""
+        """Cancel a mode that the drive has not taken yet: a later change would be unexpected."""
         if self._left is not None:
             order.mode = self._left
 
     def _is_shown(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Whether 6061h shows the mode, and no other one that was asked for before is still on its way."""
+        """Whether 6061h shows the mode, and no mode requested earlier can still take effect."""
         if not self._parameters.has(objects.MODES_OF_OPERATION_DISPLAY):
             return True  # a drive without 6061h has one mode, and is in it
         if image.mode != self._mode:
             return False
         if order.asked_mode not in (None, self._mode):
-            return False  # it is on its way, and must be called back first
+            return False  # another requested mode may still take effect, and must be cancelled first
         return image.flight.mode_answered(image.now)
 
     def _refused(self, image: AxisImage) -> ModeError:
@@ -285,7 +286,7 @@ class ModeSwitch:
 
 
 def shown_modes(parameters: AxisParameters) -> str:
-    """Return the modes that an axis is used in, and where they are from."""
+    """Return the modes in which an axis is used, and their source."""
     shown = ", ".join(modes.short(each) for each in sorted(parameters.modes)) or "none"
     return f"{shown} (by modes in cell.toml, else by 6502h, else by its objects)"
 
@@ -298,7 +299,7 @@ def preload(order: CycleOutputs, reference: int | None) -> None:
 
 
 def present_speed(image: AxisImage, parameters: AxisParameters) -> float:
-    """Return the speed in position increments per second; 0 where it is not known."""
+    """Return the speed in position increments per second; 0 if it is not known."""
     units = parameters.units
     speed = image.speed(units.per_velocity) if units.ratio_known else None
     return 0.0 if speed is None else abs(speed)
@@ -312,12 +313,12 @@ def object_text(index: int, subindex: int = 0) -> str:
 
 
 def age_text(age: float) -> str:
-    """Return how old a value is that is not known any more, ``age`` in seconds (infinite: there never was one)."""
+    """Return the age of an outdated value as text; ``age`` in seconds (infinite: it was never received)."""
     return f"the last one is {age:.3g} s old" if math.isfinite(age) else "it was never received"
 
 
 def where_text(image: AxisImage, parameters: AxisParameters) -> str:
-    """Return where the axis is, for a person, such as ``12.5 deg``."""
+    """Return the position of the axis as text for the user, such as ``12.5 deg``."""
     units = parameters.units.position
     if image.position is None:
         return "unknown"
@@ -325,7 +326,7 @@ def where_text(image: AxisImage, parameters: AxisParameters) -> str:
 
 
 def timed_out(target: int, timeout: float, image: AxisImage, parameters: AxisParameters) -> MotionTimeout:
-    """Return how a move that the master leads ends where its ``timeout`` (s) has passed; ``target`` in unwrapped increments."""
+    """Return the error of a move commanded in csp whose ``timeout`` (s) has passed; ``target`` in unwrapped increments."""
     units = parameters.units.position
     return MotionTimeout(
         f"{parameters.name}: has not arrived at {units.to_units(target - image.origin):g} {units.unit}",
@@ -339,7 +340,7 @@ def require_position(image: AxisImage, name: str, why: str) -> int:
     """Return the unwrapped actual position.
 
     Raises:
-        StaleError: it is unknown.
+        StaleError: the position is unknown.
     """
     if image.position is None:
         raise StaleError(

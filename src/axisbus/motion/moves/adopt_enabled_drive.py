@@ -1,12 +1,12 @@
-"""Taking over a drive that was found enabled in a mode that follows its targets: nothing changes until it has left that mode.
+"""Adopt a drive found enabled in a mode that follows its targets: nothing changes until the drive has left that mode.
 
 Theory of operation
 -------------------
-In pp and pv a drive stands, or brakes on its ramp, with the targets that move nothing. In csp, csv and cst it adds offsets (60B0h,
-60B1h, 60B2h) to the target that it gets, and in tq and cst a torque of 0 lets go of what is being held. So targets and offsets are
-read by SDO before the first frame. Where all offsets of csp, or of a csv at rest, are 0, the mode may stay. Else the targets are
-such that *target plus offset* is what the drive does now, until it shows a mode in which they do not act; only then are the offsets
-set to 0.
+In pp and pv a drive is at standstill, or brakes on its ramp, with the targets that move nothing. In csp, csv and cst it adds
+offsets (60B0h, 60B1h, 60B2h) to its target, and in tq and cst a torque of 0 releases whatever is being held. So targets and offsets
+are read by SDO before the first frame. If all offsets of csp, or of a csv at standstill, are 0, the mode may stay. Otherwise the
+targets are chosen so that *target plus offset* is the drive's present motion, until the drive shows a mode in which they have no
+effect. Only then are the offsets set to 0.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ _ADDED = {
     _M.CYCLIC_SYNC_VELOCITY: frozenset({objects.VELOCITY_OFFSET, objects.TORQUE_OFFSET}),
 }
 _TARGETS = (objects.TARGET_POSITION, objects.TARGET_VELOCITY, objects.TARGET_TORQUE)
-_SAME = 20  # increments between a target and what the drive says that it follows
+_SAME = 20  # increments between a target and the value that the drive follows
 
 
 class DriveAdoption:
-    """What a drive was found doing in ``mode``; holds the targets and offsets that were read."""
+    """The state of a drive found in ``mode``; holds the targets and offsets that were read."""
 
     def __init__(self, mode: ModeOfOperation, parameters: AxisParameters) -> None:
         """``mode``: one of ``FOLLOWS_TARGETS``."""
@@ -47,16 +47,16 @@ class DriveAdoption:
         """Return True once targets and offsets are known; nothing else is sent to the drive before.
 
         Raises:
-            DriveError: the drive does not give them.
+            DriveError: the drive does not return them.
         """
         return self._read.step(image, order)
 
     def cancel(self, order: CycleOutputs) -> None:
-        """Take back what is queued."""
+        """Cancel the queued transfers."""
         self._read.cancel(order)
 
     def choose(self, image: AxisImage, candidates: Sequence[ModeOfOperation]) -> list[ModeOfOperation]:
-        """Return those of ``candidates`` (resting modes, best first) that the drive can be brought into without a jump.
+        """Return those ``candidates`` (resting modes, best first) to which the drive can change without a jump.
 
         Raises:
             StateError: there is none.
@@ -80,15 +80,15 @@ class DriveAdoption:
         raise self._stuck(offsets)
 
     def holds_until(self, mode: ModeOfOperation | None) -> bool:
-        """Whether the targets are to be held while ``mode`` is being asked for.
+        """Whether the targets must be held while ``mode`` is being requested.
 
-        A drive that has profile torque alone stays in it: its torque goes to 0 on the drive's slope, unless a load hangs on it.
+        A drive that has only profile torque stays in it: its torque goes to 0 on the drive's slope, unless it holds a load.
         """
         loaded = self._parameters.holds_load is not HoldsLoad.NO and self.mode in TORQUE_MODES
         return mode is not self.mode or mode is _M.CYCLIC_SYNC_POSITION or loaded
 
     def hold(self, image: AxisImage, order: CycleOutputs) -> None:
-        """Wish for targets that leave the drive doing what it does, in the mode that it was found in."""
+        """Request targets that do not change the drive's motion, in the mode in which it was found."""
         order.target_position, order.target_velocity, order.target_torque = image.reference, 0, 0
         if self.mode is _M.CYCLIC_SYNC_POSITION:
             order.target_position = self._held_position(image)
@@ -101,7 +101,7 @@ class DriveAdoption:
         return self._read.values.get((index, 0), 0)
 
     def _held_position(self, image: AxisImage) -> int | None:
-        """Return the target to be sent again in each cycle; found out once, so that it does not wander with the feedback."""
+        """Return the target to send in each cycle; determined once, so that it does not drift with the feedback."""
         if self._position is None:
             self._position = resting_target(
                 image,
@@ -111,7 +111,7 @@ class DriveAdoption:
         return self._position
 
     def _held_velocity(self, image: AxisImage) -> int:
-        """Standing, it is 0 with the offset: the target that was left may be one that a halt keeps back."""
+        """Return the velocity target; at standstill, target plus offset is 0, because a halt may suppress the target found."""
         offset = self._value(objects.VELOCITY_OFFSET)
         return -offset if image.standstill else self._value(objects.TARGET_VELOCITY)
 
@@ -132,10 +132,10 @@ class DriveAdoption:
 
 
 def resting_target(image: AxisImage, found: int | None, offset: int) -> int | None:
-    """Return the csp target with which a drive that adds ``offset`` stays where it is; ``found`` is 607Ah as it was read.
+    """Return the csp target with which a drive that adds ``offset`` keeps its position; ``found`` is 607Ah as read.
 
-    The target that was found stays where the drive says that it follows it: some count the offset into the demand (6062h), others
-    do not. Where it does not follow it (a halt, a limit), the actual position less the offset is safe with both.
+    The target found remains if the drive shows that it follows it: some drives include the offset in the demand (6062h), others do
+    not. If the drive does not follow it (a halt, a limit), the actual position minus the offset is safe with both kinds.
     """
     target = None if found is None else image.unwrapped(found)
     if target is not None and _follows(image, target, offset):
@@ -153,4 +153,4 @@ def _follows(image: AxisImage, target: int, offset: int) -> bool:
         return False
     return abs(image.position - summed) < abs(
         image.position - target
-    )  # a demand without the offset, and not a halt there
+    )  # a demand without the offset, and not a halt at this position

@@ -1,4 +1,4 @@
-"""The end of a command that ends at rest: it is done when the axis is seen to stand, not when the drive says so."""
+"""Decide the end of a command that ends at rest: it is done when the axis is seen at standstill, not when the drive reports it."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from axisbus.motion.moves.activity import Activity
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.standstill import StandstillCheck
 
-_PASSED = 0.5  # seconds without it after which an end that was reported was none: a target that is run over is passed twice
+# seconds after which a reported end no longer counts: an axis that overshoots passes its target twice
+_PASSED = 0.5
 
 
 class ArrivalCheck:
-    """Holds the look for standstill of the running command, and until when it may take after the command's own end."""
+    """Holds the standstill check of the running command, and the deadline for standstill after the command's own end."""
 
     __slots__ = ("_deadline", "_parameters", "_reported", "_since", "_standing")
 
@@ -21,11 +22,11 @@ class ArrivalCheck:
         self._parameters = parameters
         self._standing: StandstillCheck | None = None
         self._since = 0.0
-        self._reported = 0.0  # when the end was reported the last time
+        self._reported = 0.0  # when the end was last reported
         self._deadline: float | None = None
 
     def begin(self, activity: Activity, now: float) -> None:
-        """A command begins; what was received before does not count."""
+        """Begin with a new command; values received before do not count."""
         self._standing = self._deadline = None
         if activity.ends_at_rest:
             self._since = now
@@ -33,7 +34,7 @@ class ArrivalCheck:
             self._standing = StandstillCheck(self._parameters, now, homing=homing)
 
     def complete(self, activity: Activity, done: bool, image: AxisImage) -> bool:
-        """Return whether a command has ended that is ``done`` by its own rule.
+        """Return whether a command that is ``done`` by its own rule has ended.
 
         Raises:
             MotionTimeout: the axis does not come to rest.
@@ -41,7 +42,7 @@ class ArrivalCheck:
         standing = self._standing
         if standing is None:
             return done
-        if activity.rests_from > self._since:  # in every cycle of a motion that is not at its end yet
+        if activity.rests_from > self._since:  # in every cycle of a motion that has not reached its end yet
             self._since = activity.rests_from
             standing.begin(self._since)
         stands = standing.seen(image)

@@ -1,4 +1,4 @@
-"""Cutting the power by name, and fault reset (MC_Power off by transition 9, MC_Reset)."""
+"""Remove the power on request (MC_Power off by transition 9), and reset faults (MC_Reset)."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from axisbus.motion.parameters import AxisParameters
 
 
 class Coast(Activity):
-    """MC_Power(FALSE) by transition 9, which must be asked for by name: power off at once, nothing brakes the motor."""
+    """MC_Power(FALSE) by transition 9, which must be requested explicitly: power off at once, nothing brakes the motor."""
 
     def __init__(
         self, parameters: AxisParameters, before: Leading | None = None, leaving: ModeSwitch | None = None
     ) -> None:
-        """``before``: the trajectory that led the axis, and ``leaving`` the change of mode that was to end it.
+        """``before``: the trajectory that commanded the axis, and ``leaving`` the change of mode that was to end it.
 
-        A halt in the same cycle brakes along the one, and sees the other through.
+        A halt in the same cycle brakes along the trajectory, and completes the change of mode.
         """
         self._walk = StateWalk(parameters)
         self._before = before
@@ -29,12 +29,12 @@ class Coast(Activity):
 
     @property
     def leading(self) -> Leading | None:
-        """The trajectory before, as long as nothing was sent."""
+        """The previous trajectory, until something has been sent."""
         return self._before
 
     @property
     def leaving(self) -> ModeSwitch | None:
-        """The change of mode that was under way, as long as nothing was sent."""
+        """The change of mode that was running, until something has been sent."""
         return self._leaving
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
@@ -50,12 +50,12 @@ class Coast(Activity):
 
 
 class ResetActivity(Activity):
-    """MC_Reset: a rising edge of bit 7 and nothing else; never enables. Harmless where there is no fault."""
+    """MC_Reset: a rising edge of bit 7 and nothing else; never enables. Harmless without a fault."""
 
     clears_error = True
 
     def __init__(self, parameters: AxisParameters, fault: str = "") -> None:
-        """``fault``: what is known of the fault, to be told again where it does not go away."""
+        """``fault``: the known facts about the fault, to be reported again if it persists."""
         self._parameters = parameters
         self._fault = fault
         self._low_since: float | None = None
@@ -64,9 +64,9 @@ class ResetActivity(Activity):
         self._reacts_until: float | None = None
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Return True when the drive has left *fault* (at once where it is in none).
+        """Return True when the drive has left *fault* (at once if it is not in fault).
 
-        While the drive brakes because of its fault (605Eh), its time to do so counts first.
+        While the drive brakes because of its fault (605Eh), its time for this counts first.
         """
         if self._reacts_until is None:
             times = self._parameters.stop_times
@@ -85,7 +85,7 @@ class ResetActivity(Activity):
         return False
 
     def _edge(self, image: AxisImage, order: CycleOutputs) -> None:
-        """Bit 7 low until the drive has surely seen it, then high until the fault is gone, then (once) again."""
+        """Keep bit 7 low until the drive has certainly seen it, then high until the fault is gone; if it persists, repeat."""
         order.goal = PowerState.SWITCH_ON_DISABLED
         period = self._parameters.scan_period
         if self._low_since is None:

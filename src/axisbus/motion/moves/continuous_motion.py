@@ -1,4 +1,4 @@
-"""Moves that go on until something else is wanted: at a velocity (pv), with a torque (tq)."""
+"""Moves without an end of their own: at a velocity (pv), with a torque (tq)."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from axisbus.motion.stop.velocity_following import RampedWay, ramped_way
 from axisbus.motion.stop_deceleration import CommandedMotion
 
 VELOCITY_FLOOR = 2  # velocity increments
-VELOCITY_SHARE = 0.05  # of the velocity asked for
+VELOCITY_SHARE = 0.05  # of the commanded velocity
 TORQUE_FLOOR = 10  # per mille of rated torque
-TORQUE_SHARE = 0.05  # of the torque asked for
+TORQUE_SHARE = 0.05  # of the commanded torque
 _UNKNOWN_SLOPE = 10.0  # seconds
 
 
 class VelocityMove(Prepared):
-    """A move at constant velocity in profile velocity mode; ends well when the velocity is reached, and goes on moving."""
+    """A move at constant velocity in profile velocity mode; ends well when the velocity is reached, and continues to move."""
 
     mode = ModeOfOperation.PROFILE_VELOCITY
     goes_on = True
@@ -39,13 +39,13 @@ class VelocityMove(Prepared):
         before: CommandedMotion | None = None,
         ramped: RampedWay | None = None,
     ) -> None:
-        """``profile.velocity`` is signed here: the direction. ``before``: where the axis was led until now.
+        """``profile.velocity`` is signed here: the direction. ``before``: the motion commanded until now.
 
-        ``ramped``: the ramp of the velocity before, if the drive is on one.
+        ``ramped``: the ramp of the previous velocity command, if the drive is on one.
         """
         self._soft = profile.soft_seconds(abs(parameters.units.position.factor))
         self.course = _course(profile, self._soft, before)
-        self._fastest = 0.0  # position increments per s, since the velocity was asked for
+        self._fastest = 0.0  # position increments per s, since the velocity was commanded
         self._profile = profile
         self._parameters = parameters
         self._prepare = prepare
@@ -54,12 +54,12 @@ class VelocityMove(Prepared):
         self._begun = False
         self._ramped: RampedWay | None = None
         self._ramped_before = ramped
-        self._factor = 1.0  # the override of the velocity that is asked for
-        self._target = profile.velocity  # under it
+        self._factor = 1.0  # the override of the commanded velocity
+        self._target = profile.velocity  # with the override
         self.reached = False
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Return True once the velocity is reached, and not while an override holds it; to be stepped on afterwards, to keep it."""
+        """Return True once the velocity is reached, unless an override of 0 holds the axis. Must be stepped further to keep it."""
         if self._ramped_before is not None:
             self._ramped_before.step(image)
         if not self._prepare.step(image, order):
@@ -88,7 +88,7 @@ class VelocityMove(Prepared):
         return self.reached and self._factor > 0.0
 
     def _begin(self) -> None:
-        """Reckon from now on with the ramps that the drive has."""
+        """Compute from now on with the ramps that the drive has."""
         self._begun = True
         self._profile = require_ramps(self._prepare.ramps.applied(self._profile), self._parameters)
         self._ramped, before = ramped_way(self._profile, self._parameters), self._ramped_before
@@ -98,11 +98,11 @@ class VelocityMove(Prepared):
 
     @property
     def ramped(self) -> RampedWay | None:
-        """The ramp that the drive is on: that of the velocity before until this one has been given."""
+        """The present ramp of the drive: that of the previous velocity until this one has been given."""
         return self._ramped if self._begun else self._ramped_before
 
     def _behind(self, way: float | None) -> float | None:
-        """Return how far it is behind its ramp, without what a limit of jerk takes: drives differ in how they keep to one."""
+        """Return the distance behind the ramp, without the share of a jerk limit: drives differ in how they apply it."""
         if way is None or not self._soft:
             return way
         return math.copysign(max(0.0, abs(way) - self._fastest * self._soft), way)
@@ -132,10 +132,10 @@ class VelocityMove(Prepared):
         )
 
     def _in_velocity(self, image: AxisImage) -> bool:
-        """The measured velocity itself; where it is noisy, or does not travel, the drive's word for it.
+        """Whether the measured velocity has reached the target; if it is noisy, or not received, bit 10 of the drive counts.
 
-        More than half of the velocity must be there in any case: in coarse units (rpm) a standing axis may be two increments off,
-        and a drive with a wide window (606Dh) says *reached* of a blocked one.
+        More than half of the velocity must be measured in any case: in coarse units (rpm) an axis at standstill may be two
+        increments off, and a drive with a wide window (606Dh) reports *reached* for a blocked axis.
         """
         target, velocity = self._target, image.velocity
         if velocity is None:
@@ -150,7 +150,7 @@ class VelocityMove(Prepared):
         return _says_reached(image, self._commanded_at, self._parameters)
 
     def _allowed(self, speed: float) -> float:
-        """Four times the ramp from ``speed`` (perhaps the other way) through zero to the new one, and a margin."""
+        """Return four times the ramp from ``speed`` (of either direction) through zero to the new one, plus a margin."""
         profile = self._profile
         if profile.timeout is not None:
             return profile.timeout
@@ -166,7 +166,7 @@ class VelocityMove(Prepared):
 
 
 class TorqueMove(Prepared):
-    """A torque in profile torque mode; ends well when the drive reports it as reached, and keeps it."""
+    """A torque in profile torque mode; ends well when it is measured (or, without 6077h, reported) as reached, and keeps it."""
 
     mode = ModeOfOperation.PROFILE_TORQUE
     goes_on = True
@@ -180,7 +180,7 @@ class TorqueMove(Prepared):
         prepare: Prepare,
         slope: int | None = None,
     ) -> None:
-        """``torque`` in 0.1 % of rated torque; ``slope`` in the same per second, None where nobody knows it."""
+        """``torque`` in 0.1 % of rated torque; ``slope`` in the same per second, None if it is unknown."""
         self._torque = torque
         self._slope = slope
         self._timeout = timeout
@@ -190,7 +190,7 @@ class TorqueMove(Prepared):
         self.reached = False
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Return True once the torque is reached; to be stepped on afterwards, to keep it."""
+        """Return True once the torque is reached. Must be stepped further to keep it."""
         if not self._prepare.step(image, order):
             return False
         order.target_torque = self._torque
@@ -205,11 +205,11 @@ class TorqueMove(Prepared):
         return self.reached
 
     def _allowed(self, torque: int) -> float:
-        """Four times the slope from the present ``torque`` to the new one, and a margin."""
+        """Return four times the slope from the present ``torque`` to the new one, plus a margin."""
         return 4.0 * (abs(torque) + abs(self._torque)) / self._slope + 2.0 if self._slope else _UNKNOWN_SLOPE
 
     def _in_torque(self, image: AxisImage) -> bool:
-        """The measured torque itself, more than half of it; a small one is lost in noise, and the drive's word counts."""
+        """Whether the measured torque is close to its target. A small torque is lost in noise, so bit 10 of the drive counts."""
         assert self._commanded_at is not None
         says = _says_reached(image, self._commanded_at, self._parameters)
         if image.torque is None:
@@ -232,13 +232,13 @@ class TorqueMove(Prepared):
 
 
 def pushed(ramps: RampTransfers) -> CommandedMotion:
-    """Return the course of an axis under torque, with the deceleration that its drive has (6084h), where that was written."""
+    """Return the commanded motion of an axis under torque, with its drive's deceleration (6084h) if that was written."""
     down = ramps.parameters.acceleration_increments(ramps.deceleration)
     return CommandedMotion(by_torque=True, down=down, unknown=ramps.was_asked and down is None)
 
 
 def is_resisted(image: AxisImage, velocity: int) -> bool:
-    """Whether an axis that is to turn with ``velocity`` (increments) stands, and nobody sees by what its drive is led."""
+    """Whether an axis that must turn with ``velocity`` (increments) is at standstill, and no value shows its drive's set-point."""
     if image.pull is not None or abs(velocity) <= VELOCITY_FLOOR:
         return False
     if image.position is not None:
@@ -247,7 +247,7 @@ def is_resisted(image: AxisImage, velocity: int) -> bool:
 
 
 def velocity_missed(image: AxisImage, parameters: AxisParameters, target: int) -> MotionTimeout:
-    """Return the error of a velocity (increments) that the axis has not come to in time."""
+    """Return the error of a velocity (increments) that the axis has not reached in time."""
     name, velocity = parameters.name, parameters.units.velocity
     shown = "unknown" if image.velocity is None else f"{velocity.to_units(image.velocity):g} {velocity.unit}"
     return MotionTimeout(
@@ -275,9 +275,10 @@ def torque_missed(
 
 
 def _course(profile: MoveProfile, soft: float, before: CommandedMotion | None = None) -> CommandedMotion:
-    """Return where a velocity move leads; as long as its ramp is not written, the weaker of it and of the one ``before`` counts.
+    """Return the commanded motion of a velocity move.
 
-    ``soft``: seconds by which a limit of jerk may prolong its ramps.
+    Until its ramp is written, the weaker ramp of this move and of the motion ``before`` counts. ``soft``: seconds by which a jerk
+    limit may prolong its ramps.
     """
     speed = None if profile.speed is None else math.copysign(profile.speed, profile.velocity)
     ramps = [ramp for ramp in (profile.down, None if before is None else before.down) if ramp is not None]
@@ -286,7 +287,7 @@ def _course(profile: MoveProfile, soft: float, before: CommandedMotion | None = 
 
 
 def _says_reached(image: AxisImage, commanded_at: float | None, parameters: AxisParameters) -> bool:
-    """Return bit 10, in a word received well after the new target went out: before, it speaks of the target before."""
+    """Return bit 10 of a word received well after the new target was sent; earlier words refer to the previous target."""
     if image.statusword is None or commanded_at is None:
         return False
     return image.statusword_stamp >= commanded_at + parameters.timing.settle and bool(

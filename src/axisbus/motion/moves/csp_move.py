@@ -1,14 +1,14 @@
-"""A move to a position that begins while the axis follows a trajectory: from its present velocity, in the mode that it is in.
+"""A move to a position that begins while the axis follows a trajectory: from its present velocity, in its present mode.
 
 Theory of operation
 -------------------
-A drive that is put into profile position mode while it moves has no set-point there until the handshake has given it one: for a
-cycle or more it brakes as hard as it sees fit, and then speeds up again. Drives differ in that, and a master cannot know it. In
-cyclic synchronous position mode it is the master that leads: so the axis stays in it, and the master plans the rest of the way from
-where its last target was and how fast it came there. Nothing is written, nothing changes but the path. The next move that begins at
-rest goes in profile position mode, as ever.
+If a drive changes to profile position mode while it moves, it has no set-point in this mode until the handshake has given it one.
+For a cycle or more it brakes as hard as its firmware decides, and then accelerates again. Drives differ in this behaviour, and a
+master cannot know it. In cyclic synchronous position mode the master generates the profile. So the axis stays in this mode, and the
+master plans the rest of the path from the last target and its velocity. No object is written; only the path changes. The next move
+that begins at standstill uses profile position mode, as usual.
 
-While a group's axes wait for each other, the trajectory before goes on.
+While a group's axes wait for each other, the previous trajectory continues.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from axisbus.motion.position_limits import widened
 
 
 class MoveProgress(NamedTuple):
-    """The way of a move that goes on as it was planned, and the time along it."""
+    """The profile of a move that continues as planned, and the time along it."""
 
     way: ProfileFromSpeed
     clock: PathClock
@@ -51,16 +51,17 @@ class CspMove(PathHandover):
         gate: StartBarrier,
         before: Follow | None,
     ) -> None:
-        """``target`` in unwrapped increments; ``profile`` with ``speed``, ``up`` and ``down`` known."""
-        # One that has not begun itself is led by what leads it.
+        """``target`` in unwrapped increments; ``profile`` with known ``speed``, ``up`` and ``down``."""
+        # If ``before`` has not begun itself, its own predecessor still commands the axis.
         super().__init__(parameters, gate, (isinstance(before, CspMove) and before._before) or before)
         self._goal = target
         self._profile = profile
         self._deadline: float | None = None
-        self._factor = 1.0  # the override of the plan; at 0 it leads to rest, and the axis is held there
+        # the override of the plan; with 0 the plan brakes to rest, and the axis is held there
+        self._factor = 1.0
 
     def plan(self, origin: int) -> ProfileFromSpeed:
-        """Return the way from what the axis was given last; ``origin``: the position that the user calls 0."""
+        """Return the profile from the last set-point; ``origin``: the position that the user calls 0."""
         units, profile, last = self._parameters.units.position, self._profile, self.path_step
         unit = abs(units.factor)
         assert profile.speed
@@ -77,7 +78,7 @@ class CspMove(PathHandover):
         return ProfileFromSpeed(start, end, speed, up, down)
 
     def require_room(self, origin: int) -> None:
-        """Raise LimitError where the axis could not brake within its position limits."""
+        """Raise LimitError if the axis could not brake within its position limits."""
         limits, unit = self._parameters.limits.position, self._parameters.units.position
         if limits is None or self._before is None:
             return
@@ -94,21 +95,21 @@ class CspMove(PathHandover):
 
     @property
     def target(self) -> int:
-        """Where it ends, in unwrapped increments."""
+        """The position of its end, in unwrapped increments."""
         return self._goal
 
     @property
     def profile(self) -> MoveProfile:
-        """Its profile, as it was asked for."""
+        """Its profile, as commanded."""
         return self._profile
 
     @property
     def deadline(self) -> float | None:
-        """Until when it must have arrived (s, monotonic), where the caller said so."""
+        """The time (s, monotonic) until which it must have arrived, if the caller gave a timeout."""
         return self._deadline
 
     def going(self) -> MoveProgress | None:
-        """Return its way and its time on it, where that goes on as it was planned, straight to its end; None where it does not."""
+        """Return its profile and its time on it, if it continues as planned, straight to its end; None otherwise."""
         way, t = self._told, self.clock.t
         if not isinstance(way, ProfileFromSpeed) or self._addition is not None or self._before is not None:
             return None
@@ -119,14 +120,14 @@ class CspMove(PathHandover):
         return MoveProgress(way, self._time) if straight else None
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Return True when the axis has come up with its target."""
+        """Return True when the axis has reached its target."""
         if self._deadline is None and self._profile.timeout is not None:
             self._deadline = image.now + self._profile.timeout
         if self._deadline is not None:
             self._deadline += spared(image.override, self._parameters.scan_period)
         self._check_deadline(
             image
-        )  # before it goes on: what fails is braked in this cycle, from where it was
+        )  # before the next step: if this fails, the axis brakes in this cycle, from its present set-point
         self._go_ahead(image)
         if self._before is not None:
             if (
@@ -140,14 +141,14 @@ class CspMove(PathHandover):
         return super().step(image, order)
 
     def _go_ahead(self, image: AxisImage) -> None:
-        """Let what is in front of the axis go on by one cycle; here nothing is."""
+        """Advance a profile ahead of the axis by one cycle; this class has none."""
 
     def _may_follow(self, _before: Follow, _image: AxisImage) -> bool:
-        """Whether it can take over from what leads the axis now."""
+        """Whether it can take over from the command that commands the axis now."""
         return True
 
     def _keep_pace(self, override: float) -> None:
-        """Lay the rest of the way anew where the override has changed: with its ramps, from the speed that the axis has."""
+        """Replan the rest of the path if the override has changed: with its ramps, from the present speed of the axis."""
         if override == self._factor:
             return
         self._factor = override

@@ -1,4 +1,4 @@
-"""Enabling the power stage of one axis in a mode that stands still (MC_Power)."""
+"""Enable the power stage of one axis in a mode at standstill (MC_Power)."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class _EnableStep(Enum):
 
 
 class EnableActivity(Activity):
-    """MC_Power(TRUE): choose a resting mode, preload every target, walk to *operation enabled*.
+    """MC_Power(TRUE): choose a resting mode, preload every target, and bring the power stage to *operation enabled*.
 
-    The targets follow the actual position until the drive is enabled, so that nothing jumps in whatever mode it wakes up.
+    The targets follow the actual position until the drive is enabled, so that nothing jumps, whatever the drive's mode.
     """
 
     def __init__(
@@ -42,9 +42,9 @@ class EnableActivity(Activity):
         *,
         moving: bool = False,
     ) -> None:
-        """``candidates``: the modes to be enabled in, best first. ``gate``: where several axes wait for each other.
+        """``candidates``: the modes in which to enable, best first. ``gate``: the start barrier of several axes.
 
-        ``takeover``: of a drive found enabled in a mode that follows its targets. ``moving``: an axis that moves is not waited for.
+        ``takeover``: for a drive found enabled in a mode that follows its targets. ``moving``: do not wait for an axis that moves.
         """
         self._parameters = parameters
         self._takeover = takeover
@@ -98,7 +98,7 @@ class EnableActivity(Activity):
         return self._confirmed(image) and self._braked(image, order) and rests
 
     def _braked(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Whether a drive that was found moving has come to rest: its halt brakes it on its own ramp, whatever moved it."""
+        """Whether a drive found moving has come to rest: its halt brakes it on its own ramp, whatever the cause of the motion."""
         if not self._found_enabled or image.standstill or image.position is None:
             return True
         order.halt = True
@@ -122,12 +122,12 @@ class EnableActivity(Activity):
             )
 
     def _found_out(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Whether it is known what the drive was found doing; until then nothing is sent to it."""
+        """Whether the drive's targets and offsets are known; until then nothing is sent to it."""
         assert self._takeover is not None
         if image.state is PowerState.OPERATION_ENABLED and not self._takeover.step(image, order):
             return False
         self._taken_over = True
-        if image.state is not PowerState.OPERATION_ENABLED:  # somebody else has switched it off meanwhile
+        if image.state is not PowerState.OPERATION_ENABLED:  # another master has switched it off meanwhile
             self._takeover.cancel(order)
             self._takeover = None
         else:
@@ -135,7 +135,7 @@ class EnableActivity(Activity):
         return True
 
     def _awaits_position(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Whether the targets cannot follow the position just now; one that comes late is awaited, without a step towards power."""
+        """Whether the targets cannot follow the position now; a late position is awaited, without a step towards power."""
         if image.position is not None or image.state in ENERGISED or not self._needs_position:
             self._position_deadline = None
             return False
@@ -149,7 +149,7 @@ class EnableActivity(Activity):
         return True
 
     def _awaits_rest(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Whether the axis still moves without power (coasts, sags, is turned): it is caught only where that was asked for."""
+        """Whether the axis still moves without power (coasts, sags, is turned): it is enabled in motion only on request."""
         if not self._rest.before(image):
             return False
         preload(order, None)
@@ -170,7 +170,7 @@ class EnableActivity(Activity):
         order.mode = self._mode
 
     def _is_held(self, image: AxisImage) -> bool:
-        """Whether the drive is still in the mode in which it was found, and its targets act."""
+        """Whether the drive is still in the mode in which it was found, and its targets have an effect."""
         if self._takeover is None or image.state is not PowerState.OPERATION_ENABLED:
             return False
         self._left = self._left or image.mode == self._mode != self._takeover.mode
@@ -178,11 +178,11 @@ class EnableActivity(Activity):
 
     @property
     def _needs_position(self) -> bool:
-        """A drive that has no 6064h at all is enabled in a mode that takes no position by itself."""
+        """Whether a position is required: a drive without 6064h is enabled in a mode that takes no position before a command."""
         return self._parameters.has(objects.POSITION_ACTUAL) or self._mode not in WAITS_FOR_COMMAND
 
     def _mode_settled(self, image: AxisImage) -> bool:
-        """A drive may show its mode only when enabled (6061h = 0 until then); any other mode must have gone."""
+        """Whether the drive has the mode. A drive may show 6061h = 0 until it is enabled; any other mode must have ended."""
         if self._mode is None or image.mode == self._mode or self._has_one_mode:
             return True
         if self._mode_deadline is None:
@@ -198,9 +198,9 @@ class EnableActivity(Activity):
         return False
 
     def _offsets_settled(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """A cyclic mode adds its offsets to the target from the first SYNC on: they are taken back before it can act on them.
+        """Whether the offsets of a cyclic mode are 0 before they have an effect: the drive adds them from the first SYNC on.
 
-        That is before there is power; on a drive found enabled, in another mode than the one in which it added them.
+        They are set before there is power; on a drive found enabled, in another mode than the one in which it added them.
         """
         if image.state is PowerState.OPERATION_ENABLED:
             return self._offsets.step(image, order) if self._left else True
@@ -209,7 +209,7 @@ class EnableActivity(Activity):
         return self._offsets.step(image, order)
 
     def cancel(self, order: CycleOutputs) -> None:
-        """Take back what is queued."""
+        """Cancel the queued transfers."""
         if self._takeover is not None:
             self._takeover.cancel(order)
         self._offsets.cancel(order)
@@ -220,9 +220,9 @@ class EnableActivity(Activity):
         return not self._parameters.has(objects.MODES_OF_OPERATION_DISPLAY)
 
     def _switched_on(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Wait for the others of a group in *switched on*; the last step is then taken in one SYNC.
+        """Wait for the other axes of a group in *switched on*; all then take the last step in one SYNC.
 
-        A drive that is energised already keeps its power: from *quick stop active* it takes transition 16, once it stands.
+        A drive that is already energised keeps its power: from *quick stop active* it takes transition 16 at standstill.
         """
         if image.state is PowerState.QUICK_STOP_ACTIVE and not self._stands(image, order):
             return False
@@ -235,7 +235,7 @@ class EnableActivity(Activity):
         return True
 
     def _stands(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Whether a quick stop that was under way has come to rest; without 6064h nobody knows, and the drive decides."""
+        """Whether a running quick stop has come to rest; without 6064h this is unknown, and the drive decides."""
         if image.standstill or image.position is None:
             return True
         order.goal = image.state
@@ -250,7 +250,7 @@ class EnableActivity(Activity):
         return False
 
     def _check_kept(self, image: AxisImage) -> None:
-        """Power that was lost while the mode was awaited is not switched on a second time."""
+        """Raise DriveError if power was lost while the mode was awaited: it is not switched on a second time."""
         if self._enabled and image.state is not PowerState.UNKNOWN:
             raise DriveError(
                 f"{self._parameters.name}: the drive left operation enabled right after it was enabled",

@@ -1,4 +1,4 @@
-"""The rest around an enable: the axis stands before it gets power, and stands with it before the enable is done."""
+"""Check standstill around an enable: the axis must be at standstill before the power is switched on, and after it."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from axisbus.motion.stop.standstill_monitor import StandstillMonitor
 
 
 class EnableRest:
-    """Holds the look for standstill before and after the power comes, and until when each may take."""
+    """Holds the standstill checks before and after the power is switched on, and the deadline of each."""
 
     __slots__ = ("_after", "_before", "_deadline", "_done", "_moving", "_parameters", "_watch")
 
     def __init__(self, parameters: AxisParameters, moving: bool) -> None:
-        """``moving``: an axis that moves is caught, on purpose."""
+        """``moving``: an axis that moves is enabled in motion, on purpose."""
         self._parameters = parameters
         self._moving = moving
         self._before: StandstillCheck | None = None
@@ -29,10 +29,10 @@ class EnableRest:
         self._done = moving or not parameters.has(objects.POSITION_ACTUAL)
 
     def before(self, image: AxisImage) -> bool:
-        """Return whether the power must wait, because the axis was not yet seen to stand.
+        """Return whether the power must wait, because the axis was not yet seen at standstill.
 
         Raises:
-            StateError: it goes on moving.
+            StateError: the axis continues to move.
         """
         if self._done or image.state in ENERGISED:
             return False
@@ -45,7 +45,7 @@ class EnableRest:
         return not self._done
 
     def after(self, image: AxisImage, *, found: bool) -> bool:
-        """Return whether the axis stands with its power on; ``found``: it was found enabled, and may have been moving.
+        """Return whether the axis is at standstill with its power on; ``found``: it was found enabled, and may have been moving.
 
         Raises:
             UncommandedMotion: it was at rest and begins to move.

@@ -1,4 +1,4 @@
-"""Following a trajectory in cyclic synchronous position mode: one target per cycle, taken by the drive at SYNC."""
+"""Follow a trajectory in cyclic synchronous position mode: one target per cycle, which the drive takes at SYNC."""
 
 from __future__ import annotations
 
@@ -51,22 +51,22 @@ from axisbus.motion.superimposed.headroom import admit, look_ahead
 from axisbus.motion.trajectory import SampledTrajectory, Trajectory
 from axisbus.units import INT32_HALF, INT32_LEAST
 
-START_TOLERANCE = 20  # increments between where the axis stands and where its trajectory begins
-_BRAKING = 1.1  # by how much a path that is braked may be harder than its deceleration: it bends meanwhile
+START_TOLERANCE = 20  # increments between the axis's position and the start of its trajectory
+_BRAKING = 1.1  # factor by which a braked path may exceed its deceleration, because the path curves meanwhile
 _NEAR_ITS_END = 0.05  # of a drive's count: no axis needs more to brake
-_ARRIVAL = 2.0  # seconds that the axis may need to come up with the last target
-# The next place, the velocity with which the path comes there, and the target there.
+_ARRIVAL = 2.0  # seconds that the axis may need to reach the last target
+# The next position, the velocity of the path there, and the target in increments.
 Foreseen = tuple[float, float, int]
-# Of a path: the position at a time, its duration, whether it is to be looked at ahead, the period, how fast and how hard it may be,
-# between which limits, and how a place becomes a target: by a factor, and from the origin.
+# Of a path: the position at a time, its duration, whether the look-ahead is needed, the period, the highest velocity and
+# acceleration, the limits, and the conversion of a position to a target: its factor, and the origin.
 _Way = tuple[Callable[[float], float], float, bool, float, float, float, float, float, float, int]
-_tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
+_tuple = tuple.__new__  # makes a named tuple of values known to fit, without the call of its own ``__new__``
 
 
 class Follow(Activity):
     """One axis on a trajectory: 60C2h and the mode first, then a target in each cycle; holds the last target.
 
-    ``brakes_along``: it has failed before it went too far, so that it is stopped along its path.
+    ``brakes_along``: it has failed before a limit was exceeded, so the stop brakes along its path.
     """
 
     mode = ModeOfOperation.CYCLIC_SYNC_POSITION
@@ -80,13 +80,13 @@ class Follow(Activity):
         gate: StartBarrier,
         travel: Guided | None = None,
     ) -> None:
-        """``trajectory`` None: the group sets it with ``begin`` while all wait at the gate, and goes on along its own ``travel``.
+        """``trajectory`` None: the group sets it with ``begin`` while all axes wait at the start barrier; its clock is ``travel``.
 
-        Without that, time is what goes on, and a halt brakes the axis's own path with its deceleration.
+        Without ``travel``, the path is followed by time, and a halt brakes the axis's own path with its deceleration.
         """
         self._trajectory: CheckedTrajectory | None = None
-        self._told: Trajectory | None = None  # itself: what it tells in advance is looked for there
-        self._stream: Streamed | None = None  # the trajectory, where it comes bit by bit
+        self._told: Trajectory | None = None  # the trajectory itself, for its properties known in advance
+        self._stream: Streamed | None = None  # the trajectory, if it arrives in parts
         self._parameters = parameters
         self._units = parameters.units.position
         self._period = parameters.scan_period
@@ -100,35 +100,33 @@ class Follow(Activity):
         self._prepared = False
         self._running = False
         self._last: int | None = None
-        self._origin = 0  # from when it began: what is counted anew meanwhile must move nothing
+        self._origin = 0  # from its beginning: a later change of the origin must move nothing
         self._arrive_by: float | None = None
-        self._edges: tuple[float, float] | None = None  # the position limits that hold for it
-        self._count: Room | None = None  # what its drive counts; None: it goes on past the end of that
-        self._limits: Room | None = (
-            None  # where it may be led: within both, the limits widened to where it starts
-        )
-        self._comes_back = False  # from beyond them
-        self._is_known = False  # in advance, and checked as a whole
+        self._edges: tuple[float, float] | None = None  # the position limits that apply to it
+        # the range of the drive's count; None: the axis may continue past its end
+        self._count: Room | None = None
+        self._limits: Room | None = None  # the permitted range: within both, the limits widened to its start
+        self._comes_back = False  # the axis moves back from beyond the limits
+        self._is_known = False  # the path is known in advance, and checked as a whole
         self._stepped = False
         self._pace: PathLimitCheck | None = None
-        self._step: PathSample | None = None  # to the last target, before it was rounded to increments
-        self._brake = 0.0  # unit/s²: by which it brakes alone; 0: it does not
+        # the step to the last target, before it was rounded to increments
+        self._step: PathSample | None = None
+        self._brake = 0.0  # unit/s²: its own braking deceleration; 0: it does not brake on its own
         self._known_way: _Way | None = None
-        self._most = 1.0  # the highest override: by how much it can be faster within the limits of its axis
+        self._most = 1.0  # the highest override that keeps the path within the limits of its axis
         self.brakes_along = False
-        self.shifted = (
-            0.0  # by how much it leads the axis elsewhere than where its path has it: what was laid over it
-        )
-        self._addition: Addition | None = None  # that still changes that
+        self.shifted = 0.0  # distance of the commanded position from the path: the superimposed distance
+        self._addition: Addition | None = None  # that still changes ``shifted``
         if trajectory is not None:
             self.begin(trajectory)
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Return True when the axis has come up with the trajectory's end."""
+        """Return True when the axis has reached the end of the trajectory."""
         self._stepped = True
         goes_on = (
             self._running and image.position is not None
-        )  # one that runs is prepared, and its gate stays open
+        )  # a running one is prepared, and its start barrier stays open
         if goes_on and self._own_clock and not self.clock.braking:
             self._keep_pace(image.override)
         if self._addition is not None:
@@ -152,15 +150,15 @@ class Follow(Activity):
         return self._arrived(image)
 
     def lay_over(self, addition: Addition) -> None:
-        """Lay a distance over the path from the next cycle on, from the rate of another one that it supersedes."""
+        """Superimpose a distance on the path from the next cycle on; it continues at the rate of the one that it replaces."""
         if self._addition is not None:
             addition.go_on_from(self._addition)
         self._addition = addition
 
     def foresee(self) -> Foreseen | None:
-        """Return the next target where it is as most are: on the way, and nowhere near too much; ``step`` finds the same.
+        """Return the next target in the usual case (not at the end, and within all limits); ``step`` computes the same target.
 
-        Nothing changes by this.
+        Nothing changes by this. None: not the usual case.
         """
         clock, before = self.clock, self._step
         if (
@@ -183,7 +181,7 @@ class Follow(Activity):
                 self._look_beyond()
             place = position(t)
             target = round(place * factor) + origin
-        except (AxisbusError, OverflowError):  # ``step`` finds that again, and raises it
+        except (AxisbusError, OverflowError):  # ``step`` finds this error again, and raises it
             self.brakes_along = braked
             return None
         velocity = (place - before.position) / period
@@ -197,7 +195,7 @@ class Follow(Activity):
         return None
 
     def _get_to_know(self) -> _Way:
-        """Keep together what is asked of the path in every cycle, and stays as it is as long as the axis is on it."""
+        """Collect the values that every cycle needs from the path, and that stay constant while the axis is on it."""
         trajectory, pace, limits = self._trajectory, self._pace, self._limits or UNLIMITED
         assert trajectory is not None
         assert pace is not None
@@ -218,17 +216,17 @@ class Follow(Activity):
         return way
 
     def go_on(self, foreseen: Foreseen, now: float) -> int:
-        """Take what was foreseen in the cycle at ``now``, as ``step`` does; return the target in increments."""
+        """Use the foreseen target in the cycle at ``now``, as ``step`` does; return the target in increments."""
         self._stepped = True
         if self._own_clock:
-            self._time.run_on(self._period)  # what is foreseen is on an even clock
+            self._time.run_on(self._period)  # a foreseen target implies an even clock
         place, velocity, self._last = foreseen
         self._step = _tuple(PathSample, (place, velocity))
         self.rests_from = now
         return self._last
 
     def reference(self, image: AxisImage) -> int:
-        """Return the position to start from, in increments: the demand, else the actual position."""
+        """Return the position at which to start, in increments: the demand, else the actual position."""
         if self._mode.reference is not None:
             return self._mode.reference
         return (
@@ -246,13 +244,13 @@ class Follow(Activity):
             trajectory.brakes_with(self._parameters.path_deceleration, self._parameters.scan_period)
 
     def guide_by(self, guide: Guided, trajectory: Trajectory) -> None:
-        """Be led by what goes on by itself, not by time."""
+        """Follow the clock ``guide`` instead of time, along ``trajectory``."""
         self._travel = self.clock = guide
         self._own_clock = False
         self.begin(trajectory)
 
     def lead_on(self, trajectory: Trajectory) -> None:
-        """Go on along another one, which has the same place and speed as the one before at this time."""
+        """Continue along another trajectory, which has the same position and speed as the previous one at this time."""
         self.begin(trajectory)
         if self._running:
             self._pace = pace_of(self._parameters, trajectory)
@@ -264,7 +262,7 @@ class Follow(Activity):
         return stepped
 
     def resume(self, before: Follow) -> None:
-        """Go on from the last target of ``before``, which lies one cycle back, with the trajectory that has been begun."""
+        """Continue from the last target of ``before``, one cycle ago, with the trajectory that has been begun."""
         assert self._told is not None
         self._prepared = self._running = True
         self._known_way = None
@@ -277,24 +275,24 @@ class Follow(Activity):
 
     @property
     def is_under_way(self) -> bool:
-        """Whether it leads the axis: there is a ``last_step``."""
+        """Whether it commands the axis: there is a ``last_step``."""
         return self._step is not None
 
     @property
     def last_step(self) -> PathSample:
-        """Where the path was in the last cycle, and how fast it came there; only once it runs."""
+        """The position of the path in the last cycle, and its velocity there; only once it runs."""
         assert self._step is not None
         return self._step
 
     @property
     def path_step(self) -> PathSample:
-        """Where the path itself was in the last cycle, and how fast, without what is laid over it."""
+        """The position and velocity of the path itself in the last cycle, without the superimposed distance."""
         rate = 0.0 if self._addition is None else self._addition.rate
         return PathSample(self.last_step.position - self.shifted, self.last_step.velocity - rate)
 
     @property
     def acceleration(self) -> float:
-        """With which acceleration it leads the axis (unit/s²), where that is known; else 0."""
+        """The present acceleration of the trajectory (unit/s²) if it is known; else 0."""
         way, t = self._told, self.clock.t
         if not isinstance(way, ProfileFromSpeed) or self._addition is not None:
             return 0.0
@@ -304,11 +302,11 @@ class Follow(Activity):
 
     @property
     def leads_now(self) -> Follow:
-        """What leads the axis in this cycle: itself, once it has begun."""
+        """The path that commands the axis in this cycle: itself, once it has begun."""
         return self
 
     def begin_braking(self) -> bool:
-        """Begin to slow down along the path; False where nothing moves yet, or no deceleration is known to do it with."""
+        """Begin to brake along the path; return False if nothing moves yet, or no deceleration is known."""
         if self._trajectory is None or not self._running:
             return False
         if self._addition is not None:
@@ -322,13 +320,13 @@ class Follow(Activity):
         return self.clock.braking
 
     def brake_hard(self) -> None:
-        """Let a soft halt be as hard as any other stop from now on; most are that already."""
+        """Make a soft halt as hard as any other stop from now on; most paths brake like this already."""
 
     def brake_alone(self) -> bool:
-        """Begin to brake by the axis's own deceleration, from the last target and its speed, whatever way it was on.
+        """Begin to brake with the axis's own deceleration, from the last target and its speed, whatever its path was.
 
-        It brakes harder where that keeps it within its position limits: it may have been led to them by a harder deceleration.
-        False where nothing moves yet, or no deceleration is known.
+        It brakes harder if this keeps it within its position limits: the path may have approached them with a harder deceleration.
+        Return False if nothing moves yet, or no deceleration is known.
         """
         usual = self._parameters.path_deceleration
         if self._step is None or not usual:
@@ -347,21 +345,21 @@ class Follow(Activity):
             self._brake = down = braking(room, at, speed, usual, max(usual, self._hardest), self._period)
             self.begin(SampledTrajectory(steps_to_rest(at, speed, down, self._period), self._period))
         self._travel, self._own_clock = None, True
-        self.shifted, self._addition = 0.0, None  # it is the sum that is braked
+        self.shifted, self._addition = 0.0, None  # the sum of both is braked
         self.clock = self._time = PathClock()
         self.clock.braking = True
         return True
 
     @property
     def _hardest(self) -> float:
-        """The hardest deceleration that a stop may have: that of a stop of this axis, or of what leads it, if that is harder."""
+        """The hardest permitted deceleration of a stop: that of a stop of this axis, or that of its trajectory if it is harder."""
         limit, told = self._parameters.limits.acceleration, self._told
         own = told.top_acceleration if limit is None and isinstance(told, Ramped) else 0.0
         return max(own, self._parameters.hardest_deceleration or 0.0)
 
     @property
     def at_rest(self) -> bool:
-        """Whether the commanded motion stands still: before the start, after braking, at the end."""
+        """Whether the commanded motion is at standstill: before the start, after braking, at the end."""
         ended = self._trajectory is not None and self.clock.t >= self._trajectory.duration
         rests = self.clock.stopped or ended
         return not self._running or self._step is None or (rests and self._addition is None)
@@ -372,7 +370,7 @@ class Follow(Activity):
         return self
 
     def cancel(self, order: CycleOutputs) -> None:
-        """Take back what is queued."""
+        """Cancel the queued requests."""
         self._setup.cancel(order)
         self._mode.cancel(order)
 
@@ -387,7 +385,7 @@ class Follow(Activity):
         return self._prepared and self._may_begin(image) and self._gate.pass_through(self)
 
     def _may_begin(self, image: AxisImage) -> bool:
-        """Whether enough is known of a trajectory that comes bit by bit."""
+        """Whether enough is known of a trajectory that arrives in parts."""
         return self._running or self._stream is None or self._stream.ready(image.now, self._parameters.name)
 
     def _start(self, image: AxisImage) -> None:
@@ -417,7 +415,7 @@ class Follow(Activity):
         self._require_count(self._told)
 
     def _bind(self, edges: tuple[float, float] | None, *places: float) -> None:
-        """Keep from now on to the room of ``edges`` (None: no limits) and of the drive's count; ``places``: where the axis is."""
+        """Apply the limits ``edges`` (None: no limits) and the drive's count from now on; ``places``: positions of the axis."""
         units = self._parameters.units
         self._edges, self._count, self._comes_back = edges, None, False
         if units.modulo is None and not self._parameters.virtual:
@@ -431,17 +429,17 @@ class Follow(Activity):
         room = edges
         for place in places:
             room = widened(room, place, 0.0)
-        margin = abs(units.position.to_units(1))  # what a trajectory's arithmetic may be off
+        margin = abs(units.position.to_units(1))  # possible error of a trajectory's arithmetic
         low, high = self._count or UNLIMITED
         self._limits = Room(max(room[0] - margin, low), min(room[1] + margin, high))
 
     @property
     def _noise(self) -> float:
-        """By how much two positions of the axis at one place may differ, in units."""
+        """The possible difference of two positions of an axis at rest, in units."""
         return abs(self._parameters.units.position.to_units(NOISE))
 
     def _require_count(self, trajectory: Trajectory | None) -> None:
-        """Raise LimitError where a trajectory that tells its span leads beyond the drive's count."""
+        """Raise LimitError if a trajectory with a known span would leave the drive's count."""
         if self._count is None or not isinstance(trajectory, LookaheadTrajectory):
             return
         for end in trajectory.span:
@@ -450,7 +448,7 @@ class Follow(Activity):
                 raise self._leaves_count("the trajectory", seen, "left where it was")
 
     def _keep_pace(self, override: float) -> None:
-        """Let the time of the trajectory run at ``override``, as far as that lifts no limit."""
+        """Let the time of the trajectory run at ``override``, as far as this exceeds no limit."""
         time, factor = self._time, min(override, self._most)
         if factor == 1.0 and time.is_even:
             return
@@ -460,9 +458,10 @@ class Follow(Activity):
         time.aim(factor, partial(self._way, self._trajectory), min(ramps, default=None))
 
     def _look_ahead(self, trajectory: CheckedTrajectory) -> PathSample:
-        """Return the step to the next target; raise what is wrong where it is too much, or what follows could not be braked.
+        """Return the step to the next target; raise an error if it exceeds a limit, or the path after it could not be braked.
 
-        The path is then braked from where it is (``brakes_along``), or where it breaks off by the drive's quick stop.
+        The path is then braked from its present position (``brakes_along``). If the path is interrupted, the drive's quick stop
+        brakes.
         """
         self._look_beyond()
         assert self._pace is not None
@@ -478,7 +477,7 @@ class Follow(Activity):
         return after
 
     def _look_beyond(self) -> None:
-        """Raise where the axis could not be braked any more within what is known, or within its limits."""
+        """Raise an error if the axis could soon no longer brake within the known path, or within its limits."""
         trajectory = self._trajectory
         assert trajectory is not None
         if self._stream is not None:
@@ -487,21 +486,21 @@ class Follow(Activity):
             self._look_at_limits(partial(self._way, trajectory), self._limits)
 
     def _look_at_stream(self, stream: Streamed) -> None:
-        """Look whether the axis could still be braked within what is known."""
+        """Check that the axis can still brake within the known part of the path."""
         error = stream.shortage(self.clock.t, self._parameters.name, self._time.rate)
         if error is not None:
             self.brakes_along = bool(self._parameters.path_deceleration)
             raise error
 
     def _may_leave(self, room: Room) -> bool:
-        """Whether the axis may come near to the ends of its room: those of a drive's count are far away, nearly always."""
+        """Whether the axis may come near the ends of its range; those of a drive's count are nearly always far away."""
         if self._edges is not None or self._step is None:
             return True
         far = _NEAR_ITS_END * (room.high - room.low)
         return not room.low + far < self._step.position < room.high - far
 
     def _look_at_limits(self, way: Path, limits: tuple[float, float]) -> None:
-        """Look as far ahead as braking takes; what is known in advance has been checked before."""
+        """Look as far ahead as braking takes; a path known in advance has been checked before."""
         deceleration = self._parameters.path_deceleration
         if not deceleration:
             return
@@ -511,7 +510,7 @@ class Follow(Activity):
             raise self._leaves(found)
 
     def _refuse(self, found: LimitExceeded, trajectory: Trajectory, t: float) -> NoReturn:
-        """What the target at ``t`` would be too much of ends the motion in the cycle before."""
+        """End the motion in the cycle before the target at ``t``, which would exceed a limit."""
         ramp, way, speed = (
             self._parameters.path_deceleration,
             partial(self._way, trajectory),
@@ -523,7 +522,7 @@ class Follow(Activity):
         raise self._too_much(found, t)
 
     def _target(self, trajectory: Trajectory, known: PathSample | None) -> int:
-        """Return the target of this cycle, in increments; ``known``: the step to it, where that was looked at in advance."""
+        """Return the target of this cycle, in increments; ``known``: the step to it, if it was checked in advance."""
         limits, t = self._limits, self.clock.t
         if known is None and self._addition is not None:
             self._go_on_with(self._addition, self._way(trajectory, t) - self.shifted)
@@ -540,7 +539,7 @@ class Follow(Activity):
         return last
 
     def _come_back(self, position: float) -> None:
-        """Let the room follow the axis to the inside of its limits."""
+        """Narrow the permitted range while the axis moves back inside its limits."""
         assert self._edges is not None
         assert self._limits is not None
         self._limits = narrowed(self._limits, self._edges, position, self._noise)
@@ -548,10 +547,10 @@ class Follow(Activity):
         self._known_way = None
 
     def _go_on_with(self, addition: Addition, place: float) -> None:
-        """Lay more over the path, which comes to ``place`` in this cycle, as far as the sum may be so fast and so hard."""
+        """Advance the superimposed distance, with the path at ``place``, within the permitted velocity and acceleration."""
         pace, step = self._pace, self._step
         if pace is None or step is None or self._told is None:
-            return  # the first target is where the axis stands
+            return  # the first target is the axis's position
         if not addition.is_admitted:
             pace = self._pace = self._admit(addition, self._told)
         velocity = (place + self.shifted - step.position) / self._period
@@ -573,7 +572,7 @@ class Follow(Activity):
         self._known_way = None
 
     def _admit(self, addition: Addition, path: Trajectory) -> PathLimitCheck:
-        """Look at what the path tells in advance; return the pace of the sum."""
+        """Check the properties of the path that are known in advance; return the limits of the sum."""
         addition.is_admitted, pace = True, pace_of(self._parameters, path)
         try:
             admit(addition, path, self.shifted, self._parameters, self._limits)
@@ -582,10 +581,11 @@ class Follow(Activity):
             return pace
         if self._parameters.limits.acceleration is not None or pace.acceleration is None:
             return pace
-        return replace(pace, acceleration=pace.acceleration + addition.hardest)  # which only tells a jump
+        # which then only detects a jump
+        return replace(pace, acceleration=pace.acceleration + addition.hardest)
 
     def _go_to(self, value: float) -> None:
-        """Note the step to the next target; nothing that is too much goes out, whatever was seen of it in advance."""
+        """Record the step to the next target; a target that exceeds a limit is never sent, whatever was checked in advance."""
         assert self._pace is not None
         if self._step is None:
             self._step = PathSample(value)
@@ -598,7 +598,7 @@ class Follow(Activity):
 
     @property
     def _braked_by(self) -> float:
-        """With what a path that is braked may slow down, in unit/s²."""
+        """The permitted deceleration of a braked path, in unit/s²."""
         return _BRAKING * max(self._brake, self._parameters.path_deceleration or 0.0)
 
     def _too_much(self, found: LimitExceeded, t: float) -> LimitError:
@@ -628,7 +628,7 @@ class Follow(Activity):
         )
 
     def _leaves_count(self, what: str, seen: str, how: str) -> LimitError:
-        """Return the error of ``what`` leads the axis beyond the positions that its drive can count."""
+        """Return the error for the case that ``what`` moves the axis beyond the positions that its drive can count."""
         name, unit, room = self._parameters.name, self._parameters.units.position.unit, self._count
         assert room is not None
         return LimitError(
@@ -666,9 +666,9 @@ class Follow(Activity):
 
 
 def _most(trajectory: Trajectory, pace: PathLimitCheck) -> float:
-    """Return the highest override of a trajectory: 1 where it does not tell in advance how fast and how hard it is at its own pace.
+    """Return the highest override of a trajectory: 1 if its velocity and acceleration are not known in advance.
 
-    Time that runs faster by a factor makes it faster by that, and harder by its square.
+    If its time runs faster by a factor, the velocity increases by the factor, and the acceleration by its square.
     """
     most = FASTER
     if pace.velocity is not None:

@@ -1,4 +1,4 @@
-"""Homing (CiA 402-2 11): the drive searches its home by one of the methods of 6098h."""
+"""Homing (CiA 402-2 11): the drive searches for its home position with one of the methods of 6098h."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class _Step(Enum):
 
 
 class HomingRun(Activity):
-    """A homing under way: mode and objects, a real rising edge of bit 4, then *attained and reached*; holds the step."""
+    """A running homing: mode and objects, a real rising edge of bit 4, then *attained and reached*; holds the step."""
 
     mode = ModeOfOperation.HOMING
     ends_at_rest = True
@@ -64,12 +64,12 @@ class HomingRun(Activity):
         self._since = 0.0
         self._seen_low = 0  # bits of the statusword that were low since the edge
         self._found = False  # some drives clear bit 12 again before standstill is seen
-        self._words = 0  # how many statuswords were received since the edge
+        self._words = 0  # number of statuswords received since the edge
         self._newest = -math.inf
         self.course = _course(job, parameters)
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Return True when the drive reports home attained and stands.
+        """Return True when the drive reports home attained and target reached.
 
         Raises:
             HomingError: the drive reports a homing error, or the time-out has passed.
@@ -85,7 +85,7 @@ class HomingRun(Activity):
         return False
 
     def cancel(self, order: CycleOutputs) -> None:
-        """Take back what is queued."""
+        """Cancel the queued requests."""
         self._transfers.cancel(order)
         self._mode.cancel(order)
 
@@ -95,7 +95,7 @@ class HomingRun(Activity):
             self._step, self._since = _Step.LOW, image.now
 
     def _edge(self, image: AxisImage) -> None:
-        """Bit 4 has been low for two cycles in homing mode: now it may rise."""
+        """Let bit 4 rise after it has been low for two cycles in homing mode."""
         if image.now >= self._since + 1.5 * self._parameters.scan_period:
             self._step, self._since = _Step.SEARCH, image.now
 
@@ -120,10 +120,10 @@ class HomingRun(Activity):
             self._words, self._newest = self._words + 1, stamp
 
     def _settled(self, image: AxisImage, bit: int) -> bool:
-        """The bit speaks of this run: it has been seen low, or (home in place) stands in a word received well after the edge.
+        """Whether the bit belongs to this run: it was seen low, or (home in place) a word received well after the edge has it.
 
-        It is not the first one since: a word that travels slowly may have been on its way when the drive saw the edge. One that
-        is sent on change needs no second one: the drive would have sent it.
+        The first word since the edge does not count: it may have been sent before the drive saw the edge. If words are sent on
+        change, no second word is needed, because the drive would have sent it.
         """
         settled = self._since + self._parameters.timing.settle
         late = image.now > settled if image.statusword_by_event else image.statusword_stamp > settled
@@ -141,7 +141,7 @@ class HomingRun(Activity):
 
 
 def _course(job: HomingJob, parameters: AxisParameters) -> CommandedMotion | None:
-    """Return how fast the drive searches at most; None where nothing says so."""
+    """Return the motion with the highest search speed of the drive; None if it is not known."""
     speeds = [speed for speed in (job.speed_switch, job.speed_zero) if speed is not None]
     units = parameters.units
     if not speeds or not units.ratio_known or not parameters.has(objects.HOMING_SPEEDS):
@@ -150,7 +150,7 @@ def _course(job: HomingJob, parameters: AxisParameters) -> CommandedMotion | Non
 
 
 def _remedy(image: AxisImage) -> str:
-    """Return what to do first, by the bits of the statusword: a home that was found is not the fault of a switch."""
+    """Return the first remedy, by the bits of the statusword: if the home position was found, no switch is to blame."""
     if _bit(image, 12) and not _bit(image, 10) and not _bit(image, 13):
         return (
             "the drive has found its home, and does not report it as reached: see in its manual what sets bit 10 in homing, such "

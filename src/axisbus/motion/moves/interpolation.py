@@ -1,4 +1,4 @@
-"""What a cyclic mode needs of a drive before the first target: the interpolation time 60C2h, and offsets that are 0."""
+"""Prepare a drive for the first target of a cyclic mode: the interpolation time 60C2h, and offsets of 0."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from axisbus.motion.moves.activity import SdoTransfers
 from axisbus.motion.parameters import AxisParameters
 
 OFFSETS = frozenset({objects.POSITION_OFFSET, objects.VELOCITY_OFFSET, objects.TORQUE_OFFSET})
-# Powers of ten for 60C2h:02, first the one that every drive knows (its default in the standard).
+# Powers of ten for 60C2h:02; the first one is known to every drive (its default in the standard).
 _EXPONENTS = (-3, -4, -5, -6, -2, -1, 0)
 _PERIOD = objects.INTERPOLATION_TIME_PERIOD
 
 
 def no_offsets(parameters: AxisParameters, but: frozenset[int] = frozenset()) -> SdoTransfers:
-    """Return the writes that set 60B0h, 60B1h and 60B2h to 0: what another program left there would be a jump or a drift.
+    """Return the writes that set 60B0h, 60B1h and 60B2h to 0: values left by another program would cause a jump or a drift.
 
-    ``but``: those that the master itself sends in each cycle.
+    ``but``: the offsets that the master itself sends in each cycle.
     """
     present = [index for index in sorted(OFFSETS - but) if parameters.has(index)]
     return SdoTransfers([(index, 0, 0) for index in present], parameters, OFFSETS)
 
 
 class CyclicSetup:
-    """Sets the offsets to 0 and 60C2h to the scan period, and reads 60C2h back; what the drive does not have is left out.
+    """Sets the offsets to 0 and 60C2h to the scan period, and reads 60C2h back; objects that the drive lacks are omitted.
 
-    An entry of 60C2h that the EDS does not let be written stays as it is: the drive has to have the scan period all the same.
+    If an entry of 60C2h is read-only in the EDS, it stays unchanged; the drive must have the scan period nevertheless.
     """
 
     __slots__ = ("_look", "_offsets", "_parameters", "_purpose", "_read", "_wanted", "_write")
 
     def __init__(self, parameters: AxisParameters, purpose: str = "follow a trajectory") -> None:
-        """``purpose``: what it cannot do without, for a person."""
+        """``purpose``: the action that requires this, as text for the user."""
         self._parameters = parameters
         self._purpose = purpose
         self._wanted = interpolation_period(parameters.scan_period)
@@ -49,7 +49,7 @@ class CyclicSetup:
         self._read = SdoTransfers([(_PERIOD, 1, None), (_PERIOD, 2, None)] if present else [], parameters)
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Return True when the drive interpolates over our period.
+        """Return True when the drive interpolates over the scan period.
 
         Raises:
             DriveError: it does not take the period, or does not answer.
@@ -91,7 +91,7 @@ class CyclicSetup:
         return f"; {' and '.join(subs)} cannot be written by the EDS" if subs else ""
 
     def cancel(self, order: CycleOutputs) -> None:
-        """Take back what is queued."""
+        """Cancel the queued transfers."""
         for transfers in (self._offsets, self._look, self._write, self._read):
             if transfers is not None:
                 transfers.cancel(order)
@@ -107,12 +107,12 @@ class CyclicSetup:
 
 
 def interpolation_period(period: float, exponents: Sequence[int] = _EXPONENTS) -> tuple[int, int]:
-    """Return value and power of ten for 60C2h (value 1 to 255, seconds = value x 10^index); in milliseconds where that is possible.
+    """Return value and power of ten for 60C2h (value 1 to 255, seconds = value x 10^index); in milliseconds if possible.
 
-    ``exponents``: the powers of ten that may be taken.
+    ``exponents``: the permitted powers of ten.
 
     Raises:
-        LimitError: the period cannot be said in that form.
+        LimitError: the period cannot be represented in this form.
     """
     for exponent in exponents:
         value = period * 10.0**-exponent

@@ -1,4 +1,4 @@
-"""Jogging: a velocity move that ends by itself unless it is renewed (dead man's handle in time)."""
+"""Jogging: a velocity move that ends automatically unless it is renewed (like a dead man's handle)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from axisbus.motion.stop.velocity_following import RampedWay
 
 
 class Jog(Activity):
-    """A velocity move with a life; holds when it ends. At a position limit it ends in a halt, and the axis may be jogged back."""
+    """A velocity move with a lifetime; holds the time of its end.
+
+    At a position limit it ends in a halt, and the axis may be jogged back.
+    """
 
     mode = ModeOfOperation.PROFILE_VELOCITY
     goes_on = True
@@ -29,7 +32,7 @@ class Jog(Activity):
         self.expired = False
 
     def renew(self, command: MoveVelocity, image: AxisImage) -> bool:
-        """Live on, if ``command`` asks for the same motion; return whether it does."""
+        """Extend the lifetime, if ``command`` requests the same motion; return whether it does."""
         if command.profile != self._profile or self.expired or command.life is None:
             return False
         self._until = image.now + command.life
@@ -39,7 +42,7 @@ class Jog(Activity):
         """Return True once the velocity is reached.
 
         Raises:
-            Stopped: the life has ended; the core halts the axis.
+            Stopped: the lifetime has ended; the core halts the axis.
         """
         if image.now > self._until:
             self.expired = True
@@ -52,25 +55,25 @@ class Jog(Activity):
         return reached
 
     def override(self, image: AxisImage) -> None:
-        """As the move that it lets live."""
+        """See ``VelocityMove.override``."""
         self._move.override(image)
         self.course = self._move.course
 
     @property
     def ramped(self) -> RampedWay | None:
-        """As of the move that it lets live."""
+        """See ``VelocityMove.ramped``."""
         return self._move.ramped
 
     @property
     def leading(self) -> Leading | None:
-        """The trajectory before, until the drive is in the mode of this command."""
+        """The previous trajectory, until the drive is in the mode of this command."""
         return self._move.leading
 
     @property
     def leaving(self) -> ModeSwitch | None:
-        """The change of mode that ends it, once it has been asked for."""
+        """The change of mode that ends that trajectory, once it has been requested."""
         return self._move.leaving
 
     def cancel(self, order: CycleOutputs) -> None:
-        """Take back what is queued."""
+        """Cancel the queued requests."""
         self._move.cancel(order)

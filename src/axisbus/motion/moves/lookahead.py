@@ -1,11 +1,12 @@
-"""Whether a trajectory stays within position limits: all of it where that is known in advance, else as far ahead as braking takes.
+"""Check that a trajectory stays within position limits: as a whole if it is known in advance, else as far ahead as braking takes.
 
 Theory of operation
 -------------------
-A path is braked by slowing down its time (``PathClock``), so that from a speed v with a deceleration a no more than v²/2a of it are
-still gone, in at most v/a of its time. Before each period the stretch beyond its end is looked at. Where it leaves the limits, the
-path is braked at once, from the point before, whose own stretch had been found to lie within them. So the last target lies within
-the limits whatever the trajectory does, and one that itself brakes in time, however hard, is left alone.
+A path is braked by slowing down its time (``PathClock``). From a speed v with a deceleration a, braking covers at most v²/2a of the
+path, in at most v/a of its time. Before each period, the part of the path beyond the end of the period is checked. If this part
+leaves the limits, the path is braked at once, from the previous point, whose own part of the path was found to lie within the
+limits. So the last target lies within the limits, whatever the trajectory does. A trajectory that itself brakes in time, however
+hard, is not changed.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ Path = Callable[[float], float]
 
 @runtime_checkable
 class LookaheadTrajectory(Protocol):
-    """A trajectory that tells in advance how far and how fast it goes."""
+    """A trajectory whose span and highest speed are known in advance."""
 
     @property
     def span(self) -> tuple[float, float]:
@@ -44,7 +45,7 @@ class Excess(NamedTuple):
 def excess(
     path: Path, t: float, period: float, limits: tuple[float, float], deceleration: float
 ) -> Excess | None:
-    """Return how the path would leave ``limits`` if it went on from ``t`` for one more period and was braked then; None if not.
+    """Return how the path would leave ``limits`` if it continued from ``t`` for one more period and then braked; None if not.
 
     ``path`` gives the position at any time (after its end, the end); ``deceleration`` in unit/s², above 0.
     """
@@ -62,7 +63,7 @@ def excess(
 def _leaves(
     path: Path, t: float, period: float, limits: tuple[float, float], way: float, time: float
 ) -> tuple[float, float] | None:
-    """Return where and when the path is first outside, within the next ``way`` and ``time`` of it."""
+    """Return the position and time at which the path is first outside, within the next ``way`` and ``time`` of it."""
     here = path(t)
     end, gone = t + time, 0.0
     while _within(here, limits):

@@ -1,4 +1,4 @@
-"""Whether a drive stays in the mode that a motion works in: 6061h, watched while the axis moves."""
+"""Monitor that a drive stays in the mode of the motion: 6061h, checked while the axis moves."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from axisbus.errors import ModeError
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.moves.activity import Activity
 
-_TWICE = 2  # samples in a row
+_TWICE = 2  # consecutive samples
 
 
 class ModeWatch:
-    """Holds whether the drive has shown the running command's mode, and how often in a row it then showed another."""
+    """Holds whether the drive has shown the running command's mode, and how many consecutive samples then showed another mode."""
 
     __slots__ = ("_activity", "_agreed", "_misses", "_mode", "_name", "_stamp")
 
@@ -24,7 +24,7 @@ class ModeWatch:
         self._watch(None)
 
     def _watch(self, activity: Activity | None) -> None:
-        """Begin anew, unless ``activity`` goes on with what moves the axis in the same mode: it need not ask for that."""
+        """Start again, unless ``activity`` continues the present motion in the same mode: it need not request the mode."""
         before = self._mode
         self._activity = activity
         self._mode = None if activity is None else activity.mode
@@ -37,21 +37,21 @@ class ModeWatch:
         self._stamp = -math.inf
 
     def has_agreed(self, activity: Activity) -> bool:
-        """Whether the drive shows the mode of ``activity``, and has done so before: as long as it does, ``error`` does nothing."""
+        """Whether the drive shows the mode of ``activity``, and has done so before; while this is so, ``error`` does nothing."""
         return activity is self._activity and self._agreed and not self._misses
 
     def error(self, image: AxisImage, activity: Activity | None) -> ModeError | None:
-        """Return that the drive has left the mode of ``activity`` by itself; None when it has not (as far as is known)."""
+        """Return the error that the drive has left the mode of ``activity`` on its own; None if it has not (as far as is known)."""
         if activity is not self._activity:
             self._watch(activity)
         mode, shown = self._mode, image.mode
         if mode is None or shown is None or image.mode_stamp == self._stamp:
             return None
         if shown == mode and self._agreed and not self._misses:
-            return None  # as it was, so that it does not matter whether it answers the mode that was asked for last
+            return None  # unchanged, so it does not matter whether it answers the last requested mode
         if not image.flight.mode_answered(image.now):
             return None
-        self._stamp = image.mode_stamp  # only now: one that is shown on change is looked at until it counts
+        self._stamp = image.mode_stamp  # only now: a mode sent on change is evaluated until it counts
         if shown == mode:
             self._agreed, self._misses = True, 0
             return None

@@ -40,9 +40,9 @@ class PositionMove(Prepared):
         before: SetPoint | None,
         factor: float = 1.0,
     ) -> None:
-        """``target`` in unwrapped increments; ``before`` is a handshake that another move has begun.
+        """``target`` in unwrapped increments; ``before`` is an unfinished handshake of another move.
 
-        ``factor``: the override that ``prepare`` writes the velocity for; ``profile`` has it as it was asked for.
+        ``factor``: the override for which ``prepare`` writes the velocity; ``profile`` has the velocity as commanded.
         """
         self._anew = SetPointUpdate(profile, factor, parameters)
         self._obeyed: VelocityChangeCheck | None = None
@@ -58,26 +58,26 @@ class PositionMove(Prepared):
         self._window = parameters.position_window
         self._is_taken = False
         self._watch = _ArrivalWatch(target, profile, parameters)
-        self._passing: PpBlending | None = None  # where moves have joined it
+        self._passing: PpBlending | None = None  # set once moves have joined it
         self._target = target
 
     @property
     def target(self) -> int:
-        """Where it ends, with all that has joined it, in unwrapped increments."""
+        """The position of its end, including all moves that have joined it, in unwrapped increments."""
         return self._target
 
     @property
     def is_soft(self) -> bool:
-        """Whether a limit of jerk holds."""
+        """Whether its jerk is limited."""
         return self._profile.softness is not None
 
     @property
     def commands(self) -> int:
-        """How many moves share it, and have not ended."""
+        """The number of moves that share it and have not ended."""
         return 1 if self._passing is None else self._passing.commands
 
     def join(self, part: BlendedTarget, ticket: CommandStatus, image: AxisImage) -> None:
-        """Go on to the end of another move, in the same direction; ``ticket`` is that of the last one so far."""
+        """Continue to the end of another move, in the same direction; ``ticket`` belongs to the last move so far."""
         if self._passing is None:
             profile = self._profile if self._profile.ramp else self._anew.profile
             first = BlendedTarget(self._target, profile, part.mode, ticket)
@@ -114,19 +114,19 @@ class PositionMove(Prepared):
         return False
 
     def cancel(self, order: CycleOutputs) -> None:
-        """Take back what is queued."""
+        """Cancel the queued requests."""
         super().cancel(order)
         self._anew.cancel(order)
 
     @property
     def in_flight(self) -> SetPoint | None:
-        """The handshake that is under way, for the move that replaces this one."""
+        """The unfinished handshake, for the move that replaces this one."""
         if self._before is not None and self._before.begun:
             return self._before
         return self.set_point if self.set_point.begun else None
 
     def _begins(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Return True once nothing of another move is under way any more and all is prepared: from then on it goes."""
+        """Return True once no handshake of another move is running and all is prepared: from then on the move runs."""
         if self._before is not None and self._before.begun:
             self._before.step(image, order)
             return False
@@ -136,7 +136,7 @@ class PositionMove(Prepared):
         return True
 
     def _begin(self, image: AxisImage) -> None:
-        self._anew.ramps = self._prepare.ramps  # what is written later adds to it
+        self._anew.ramps = self._prepare.ramps  # later writes add to these
         self._reckon(self._anew.ramps.applied(self._profile))
         if self._profile.timeout is None:
             require_position(image, self._parameters.name, "the time that a move may take")
@@ -147,20 +147,20 @@ class PositionMove(Prepared):
         self._watch.begin(image, distance)
 
     def _reckon(self, profile: MoveProfile) -> None:
-        """Reckon from now on with a profile whose ramps the drive has."""
+        """Compute from now on with a profile that has the drive's ramps."""
         self._profile = require_ramps(profile, self._parameters)
         self.course = CommandedMotion(profile.speed, profile.up, profile.down, by_target=True)
         self._watch = _ArrivalWatch(self.set_point.target, profile, self._parameters, self._watch.deadline)
 
     def _pass_ends(self, passing: PpBlending, image: AxisImage) -> None:
-        """See which ends have been passed, and ask for the next profile where it is due."""
+        """Check which ends have been passed, and request the next profile if it is due."""
         profile = passing.look(image)
         if profile is not None:
             self._anew.ask(profile)
-            self._watch.deadline = None  # that of a caller was for the move before
+            self._watch.deadline = None  # a caller's deadline was for the previous move
 
     def _keeps_pace(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Whether the set-point goes on as it is; where an override holds it, or changes its velocity, that comes first."""
+        """Whether the set-point stays unchanged; a hold by an override of 0, or a change of its velocity, comes first."""
         was_held = self._anew.held
         given = self._anew.step(image, order)
         if given is None:
@@ -171,7 +171,7 @@ class PositionMove(Prepared):
         return given
 
     def _give_anew(self, image: AxisImage, was_held: bool) -> None:
-        """Give the target once more, with the velocity that has just been written."""
+        """Give the target again, with the velocity that has just been written."""
         moved, target = self._is_taken and not was_held, self._target
         before = self._profile
         profile = (self._anew.ramps or self._prepare.ramps).applied(self._anew.profile)
@@ -186,7 +186,7 @@ class PositionMove(Prepared):
         self._watch.begin(image, abs(target - here))
 
     def _arrived(self, image: AxisImage) -> bool:
-        """Bit 10, and (where 6064h is fresh) within the window: bit 10 may still stand from the move before."""
+        """Whether bit 10 is set, and (if 6064h is fresh) the axis is within the window: bit 10 may be from the previous move."""
         if image.statusword is None or not image.statusword & sw.TARGET_REACHED:
             return False
         if self.set_point.target != self._target or self._anew.is_asked:
@@ -207,7 +207,7 @@ class _ArrivalWatch:
     def __init__(
         self, target: int, profile: MoveProfile, parameters: AxisParameters, deadline: float | None = None
     ) -> None:
-        """``deadline``: the caller's own (s, monotonic), as far as it has come, where one ran already for the same move."""
+        """``deadline``: the caller's own (s, monotonic, with its extensions), if it already runs for the same move."""
         self._target = target
         self._profile = profile
         self._parameters = parameters
@@ -223,7 +223,7 @@ class _ArrivalWatch:
         self._progress_at = image.now
 
     def _allowed(self, distance: float, speed: float) -> float | None:
-        """Twice the time to brake from ``speed`` (perhaps away from the target) and to go all the way, and a margin."""
+        """Return twice the time to brake from ``speed`` (in either direction) and to cover the whole distance, plus a margin."""
         profile = self._profile
         if profile.timeout is not None:
             return profile.timeout
@@ -234,7 +234,7 @@ class _ArrivalWatch:
         return 2.0 * (speed / profile.ramp + duration(way, profile.speed, profile.ramp) + soft) + 2.0
 
     def spare(self, seconds: float) -> None:
-        """Let so many seconds of this cycle not count in the caller's time: the motion is slower by an override."""
+        """Extend the caller's deadline by ``seconds`` of this cycle: the motion is slower because of an override."""
         if self.deadline is not None and self._profile.timeout is not None:
             self.deadline += seconds
 

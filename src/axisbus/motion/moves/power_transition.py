@@ -1,4 +1,4 @@
-"""Walking the power stage to a state, step by step, with a time for each step."""
+"""Bring the power stage to a state, transition by transition, with a time limit for each."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from axisbus.motion.parameters import AxisParameters
 
 
 class StateWalk:
-    """Walks the power stage to a goal and watches that every step is taken in time; holds the step's deadline.
+    """Brings the power stage to a goal and checks that every transition is in time; holds the present deadline.
 
-    Only a state that was not seen before gets a time of its own: a drive that falls back again and again is given up.
+    Only a state that was not seen before starts a new deadline: a drive that repeatedly falls back is given up.
     """
 
     __slots__ = ("_deadline", "_last", "_parameters", "path")
@@ -44,7 +44,7 @@ class StateWalk:
         return False
 
     def hold(self, image: AxisImage) -> None:
-        """Start the step's time again: the walk waits for something else."""
+        """Restart the present time limit: the walk waits for something else."""
         self._deadline = image.now + self._parameters.timing.transition
 
     def _stuck(self, image: AxisImage, order: CycleOutputs, goal: PowerState) -> DriveError:
@@ -76,5 +76,5 @@ def _blind(parameters: AxisParameters, goal: PowerState) -> StaleError:
 
 
 def word_text(image: AxisImage) -> str:
-    """Return the statusword as an error shows it."""
+    """Return the statusword as text for an error."""
     return "no fresh statusword" if image.statusword is None else f"statusword 0x{image.statusword:04X}"

@@ -1,4 +1,4 @@
-"""What comes before a move in a profile mode: the mode itself, and the profile objects."""
+"""Prepare a move in a profile mode: change the mode, and write the profile objects."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ from axisbus.motion.parameters import AxisParameters
 
 # A drive without these brakes as it accelerates, and ends every move at rest.
 OPTIONAL_PROFILE = frozenset({objects.PROFILE_DECELERATION, objects.END_VELOCITY})
-# What a braking distance is reckoned with: read back after it was written, because a drive may have it fixed, or limit it.
+# Objects for the computation of a braking distance: read back after the write, because a drive may have a fixed value, or limit it.
 RAMPS = (objects.PROFILE_ACCELERATION, objects.PROFILE_DECELERATION)
 _ROUNDING = 1.000001
-_NO_ANSWER = frozenset({abort.TIMED_OUT, *abort.VALUE_REFUSED})  # nothing arrived, or the value cannot be
+# no answer arrived, or the value is impossible
+_NO_ANSWER = frozenset({abort.TIMED_OUT, *abort.VALUE_REFUSED})
 
 
 def profile_writes(
@@ -31,7 +32,7 @@ def profile_writes(
 ) -> list[tuple[int, int, int | None]]:
     """Return the SDO writes that a profile needs.
 
-    They are made for every move: what another tool may have written meanwhile is not trusted.
+    They are made for every move, because another tool may have written these objects meanwhile.
     """
     wanted = [
         (objects.PROFILE_ACCELERATION, profile.acceleration),
@@ -39,12 +40,12 @@ def profile_writes(
     ]
     if mode is ModeOfOperation.PROFILE_POSITION:
         wanted.insert(0, (objects.PROFILE_VELOCITY, profile.velocity))
-        wanted.append((objects.END_VELOCITY, 0))  # anything else would run past the target
+        wanted.append((objects.END_VELOCITY, 0))  # any other value would move the axis past the target
     return [(index, 0, value) for index, value in wanted if parameters.has(index)]
 
 
 def slow_ramp_writes(parameters: AxisParameters) -> list[tuple[int, int, int | None]]:
-    """Return the write of 6084h before a move under torque, where it is what will brake the axis ahead of its limits."""
+    """Return the write of 6084h before a move under torque, if 6084h is the ramp that will brake the axis ahead of its limits."""
     deceleration = parameters.path_deceleration
     by_slow_ramp = parameters.halts_torque_by_mode or parameters.braking.quick_stop is Ramp.SLOW
     if deceleration is None or not by_slow_ramp or not parameters.has(objects.PROFILE_DECELERATION):
@@ -54,7 +55,7 @@ def slow_ramp_writes(parameters: AxisParameters) -> list[tuple[int, int, int | N
 
 
 def expected(profile: MoveProfile, parameters: AxisParameters) -> MoveProfile:
-    """Return a profile with the ramps that the drive will have by what is known before they are written."""
+    """Return a profile with the expected ramps of the drive, from the values known before the write."""
     fixed = dict(parameters.fixed_ramps)
     up, down = objects.PROFILE_ACCELERATION, objects.PROFILE_DECELERATION
     return on_ramps(
@@ -83,9 +84,9 @@ def require_ramps(profile: MoveProfile, parameters: AxisParameters) -> MoveProfi
 
 
 class RampTransfers(SdoTransfers):
-    """Writes before a move, and what its drive's ramps (6083h, 6084h) are then; holds what they are.
+    """Writes before a move, and the resulting ramps of its drive (6083h, 6084h); holds the values of these ramps.
 
-    A drive that does not let a ramp be written has one all the same: its value is read, and nothing else is reckoned with.
+    If a ramp of the drive is read-only, its value is read, and the master computes with this value.
     """
 
     __slots__ = ("_asked", "_refused", "_writes", "parameters")
@@ -96,7 +97,7 @@ class RampTransfers(SdoTransfers):
         parameters: AxisParameters,
         before: RampTransfers | None = None,
     ) -> None:
-        """``writes``: (index, sub-index, value); the ramps among them are read back, and without any those of ``before``."""
+        """``writes``: (index, sub-index, value); the ramps among them are read back; if it is empty, those of ``before``."""
         written = {index: value for index, _, value in writes if index in RAMPS}
         self._asked: dict[int, int | None] = ({} if before is None else before._asked) | written
         self.parameters = parameters
@@ -112,7 +113,7 @@ class RampTransfers(SdoTransfers):
             self.values = {at: value for at, value in before.values.items() if at[0] not in written}
 
     def applied(self, profile: MoveProfile) -> MoveProfile:
-        """Return ``profile`` with the ramps that the drive has, where these are other ones than were written."""
+        """Return ``profile`` with the ramps of the drive, if these differ from the written ones."""
         up = self._known(objects.PROFILE_ACCELERATION, profile.acceleration)
         down = self._known(objects.PROFILE_DECELERATION, profile.deceleration)
         if (up, down) == (profile.acceleration, profile.deceleration):
@@ -121,7 +122,7 @@ class RampTransfers(SdoTransfers):
 
     @property
     def deceleration(self) -> int | None:
-        """What 6084h is, in the drive's increments; None where it is not known, or was not written."""
+        """The value of 6084h in the drive's increments; None if it is not known, or was not written."""
         return self._known(objects.PROFILE_DECELERATION, None)
 
     @property
@@ -130,7 +131,7 @@ class RampTransfers(SdoTransfers):
         return objects.PROFILE_DECELERATION in self._asked
 
     def _known(self, index: int, otherwise: int | None) -> int | None:
-        """Return what a ramp is: as read, else as written; None where the drive took it not and shows nothing."""
+        """Return the value of a ramp: as read, else as written; None if the drive refused it and returns no value."""
         if (index, 0) in self.values:
             return self.values[index, 0]
         return None if index in self._refused else self._asked.get(index, otherwise)
@@ -152,9 +153,9 @@ class RampTransfers(SdoTransfers):
 
 
 class Prepare:
-    """What comes before a profile move: the mode, the profile objects, and (in a group) waiting for the others.
+    """The preparation of a profile move: the mode, the profile objects, and (in a group) the wait for the other axes.
 
-    ``ramps`` holds which ramps the drive has then.
+    ``ramps`` holds the resulting ramps of the drive.
     """
 
     __slots__ = (
@@ -170,12 +171,12 @@ class Prepare:
         leading: Leading | None = None,
         before: ModeSwitch | None = None,
     ) -> None:
-        """``transfers``: all of them, ``ramps`` among them.
+        """``transfers``: all transfers, including ``ramps``.
 
-        ``leading``: the trajectory that leads the axis while the mode changes; it must find its ramps written afterwards.
+        ``leading``: the trajectory that commands the axis while the mode changes; the drive's ramps must be written before it ends.
 
-        ``before``: the change of mode out of that trajectory that another command has begun. The drive may have taken it already:
-        to be called back for a cycle would be a jolt, so it is seen through.
+        ``before``: the change of mode out of that trajectory that another command has begun. The drive may have taken it already,
+        and a return to the old mode for one cycle would cause a jolt. So this change is completed.
         """
         self._leading = leading
         self._before = before
@@ -188,12 +189,12 @@ class Prepare:
 
     @property
     def leading(self) -> Leading | None:
-        """The trajectory that leads the axis still; None once the drive is in the mode of the command."""
+        """The trajectory that still commands the axis; None once the drive is in the mode of the command."""
         return None if self._prepared else self._leading
 
     @property
     def leaving(self) -> ModeSwitch | None:
-        """The change of mode that will end the trajectory, once it has been asked for."""
+        """The change of mode that will end the trajectory, once it has been requested."""
         asked = self._before or (self._mode if self._mode.under_way else None)
         return None if self.leading is None else asked
 
@@ -205,7 +206,7 @@ class Prepare:
         return self._prepared and self._gate.pass_through(self)
 
     def cancel(self, order: CycleOutputs) -> None:
-        """Take back queued transfers, and a mode that was asked for."""
+        """Cancel queued transfers, and a requested mode."""
         (self._reading or self._transfers).cancel(order)
         (self._before or self._mode).cancel(order)
 
@@ -226,7 +227,7 @@ class Prepare:
     def _has_read(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Whether the ramps are known after a change of mode.
 
-        An axis that moves is not kept waiting for that, nor one in a torque mode, where nothing holds it meanwhile.
+        An axis that moves does not wait for this, nor one in a torque mode, because nothing holds it meanwhile.
         """
         if self._reading is None:
             if not self._changes or not image.standstill or self._mode.mode in TORQUE_MODES:
@@ -241,20 +242,20 @@ class Prepare:
 
 
 class Prepared(Activity):
-    """A command in a profile mode; ``_prepare`` is what comes before it."""
+    """A command in a profile mode; ``_prepare`` is its preparation."""
 
     _prepare: Prepare
 
     @property
     def leading(self) -> Leading | None:
-        """The trajectory before, until the drive is in the mode of this command."""
+        """The previous trajectory, until the drive is in the mode of this command."""
         return self._prepare.leading
 
     @property
     def leaving(self) -> ModeSwitch | None:
-        """The change of mode that ends it, once it has been asked for."""
+        """The change of mode that ends that trajectory, once it has been requested."""
         return self._prepare.leaving
 
     def cancel(self, order: CycleOutputs) -> None:
-        """Take back what is queued."""
+        """Cancel the queued requests."""
         self._prepare.cancel(order)

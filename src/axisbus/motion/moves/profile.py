@@ -1,4 +1,4 @@
-"""How fast a profile move runs, in raw increments for the drive and, where known, in increments per second for deadlines."""
+"""Velocity and ramps of a profile move, in raw increments for the drive and, if known, in increments per second for deadlines."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ class MoveProfile(NamedTuple):
     """Velocity and ramps of one command.
 
     ``velocity``, ``acceleration`` and ``deceleration`` are the drive's own increments (6081h, 6083h, 6084h). ``speed`` and ``ramp``
-    are the same in position increments per s and per s² (the weaker one), or None where the ratio is not known. ``timeout`` in
+    are the same in position increments per s and per s² (the weaker ramp), or None if the ratio is not known. ``timeout`` in
     seconds is the caller's own deadline. ``up`` and ``down`` are 6083h and 6084h in position increments per s². ``softness`` is the
-    jerk in units per s³ (None: not limited), and ``jerk`` the same for 60A4h:01, where the drive limits it (None: the master does).
+    jerk in units per s³ (None: not limited), and ``jerk`` the same for 60A4h:01, if the drive limits it (None: the master does).
     """
 
     velocity: int
@@ -30,7 +30,7 @@ class MoveProfile(NamedTuple):
     jerk: int | None = None
 
     def soft_seconds(self, unit: float) -> float:
-        """Return by how many seconds a limit of jerk prolongs the move at most; ``unit``: position increments in a unit."""
+        """Return by how many seconds a jerk limit prolongs the move at most; ``unit``: position increments in a unit."""
         if self.softness is None or self.up is None or self.down is None:
             return 0.0
         return (self.up + self.down) / (self.softness * unit)
@@ -39,9 +39,9 @@ class MoveProfile(NamedTuple):
 def on_ramps(
     profile: MoveProfile, acceleration: int | None, deceleration: int | None, parameters: AxisParameters
 ) -> MoveProfile:
-    """Return a profile with the ramps that the drive really has, in its own increments (0 or None: not known).
+    """Return a profile with the actual ramps of the drive, given in its own increments (0 or None: not known).
 
-    ``up``, ``down`` and ``ramp`` follow; what is to be written stays as it was asked for. A drive without 6084h brakes as it
+    ``up``, ``down`` and ``ramp`` change accordingly; the values to write remain as commanded. A drive without 6084h brakes as it
     accelerates (CiA 402-2).
     """
     units, braking = parameters.units, parameters.braking
@@ -64,5 +64,5 @@ def duration(distance: float, speed: float, ramp: float) -> float:
 
 
 def braking_distance(speed: float, ramp: float) -> float:
-    """Return the way from ``speed`` to rest."""
+    """Return the braking distance from ``speed`` to rest."""
     return speed * speed / (2.0 * ramp)

@@ -1,4 +1,4 @@
-"""A straight move from the speed that an axis has already: speeds up, goes on, brakes to rest, perhaps after turning round."""
+"""A straight move from the present speed of an axis: accelerate, cruise, brake to rest, possibly after a reversal."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from axisbus.motion.moves.profile import braking_distance
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Where a move begins (unit) and how fast the axis is there (unit/s, signed)."""
+    """The start position of a move (unit) and the velocity of the axis there (unit/s, signed)."""
 
     position: float
     velocity: float
@@ -20,8 +20,8 @@ class Start:
 class ProfileFromSpeed:
     """A move from ``start`` to rest at ``end``, with at most ``velocity`` (unit/s), ``up`` and ``down`` (unit/s²), all above 0.
 
-    An axis that is faster than ``velocity`` is braked to it. Where the way is too short to brake, or leads the other way, it comes
-    to rest first and goes back.
+    An axis that is faster than ``velocity`` brakes to it. If the distance is too short to brake, or lies in the other direction,
+    the axis first comes to rest and then moves back.
     """
 
     start: Start
@@ -29,11 +29,11 @@ class ProfileFromSpeed:
     velocity: float
     up: float
     down: float
-    # Of each piece: its seconds, and where it begins, how fast, and with what acceleration.
+    # Of each segment: its duration in seconds, its start position, its start speed, and its acceleration.
     pieces: tuple[tuple[float, float, float, float], ...] = field(init=False, default=())
 
     def __post_init__(self) -> None:
-        """Plan the pieces."""
+        """Plan the segments."""
         object.__setattr__(self, "pieces", tuple(self._plan()))
 
     @property
@@ -53,7 +53,7 @@ class ProfileFromSpeed:
         return max(self.up, self.down)
 
     def position(self, t: float) -> float:
-        """Return the position at ``t`` seconds; before and after, the ends."""
+        """Return the position at ``t`` seconds; before the start and after the end, the end positions."""
         if t <= 0:
             return self.start.position
         for time, position, speed, rate in self.pieces:
@@ -63,7 +63,7 @@ class ProfileFromSpeed:
         return self.end
 
     def speed(self, t: float) -> float:
-        """Return the speed at ``t`` seconds (unit/s, signed); before, that of the start, after, 0."""
+        """Return the speed at ``t`` seconds (unit/s, signed); before the start, the start speed, after the end, 0."""
         if t <= 0:
             return self.start.velocity
         for time, _, speed, rate in self.pieces:
@@ -73,12 +73,12 @@ class ProfileFromSpeed:
         return 0.0
 
     def _plan(self) -> list[tuple[float, float, float, float]]:
-        """Return the pieces: seconds, and where they begin, how fast, and with what acceleration."""
+        """Return the segments: duration, start position, start speed, and acceleration."""
         position, speed = self.start.position, self.start.velocity
         rest = position + math.copysign(braking_distance(speed, self.down), speed)
         way = math.copysign(1.0, self.end - rest) if self.end != rest else math.copysign(1.0, speed)
         pieces = []
-        if speed * way < 0:  # it goes the other way, or too fast to stop at the end
+        if speed * way < 0:  # it moves in the other direction, or too fast to stop at the end
             pieces.append((abs(speed) / self.down, position, speed, -math.copysign(self.down, speed)))
             position, speed = rest, 0.0
         for time, rate in self._forwards(abs(self.end - position), abs(speed)):
@@ -89,7 +89,7 @@ class ProfileFromSpeed:
         return pieces or [(0.0, position, 0.0, 0.0)]
 
     def _forwards(self, distance: float, speed: float) -> list[tuple[float, float]]:
-        """Return time and acceleration of each piece of a way of ``distance`` that is long enough to brake from ``speed``."""
+        """Return duration and acceleration of the segments over ``distance``, which is long enough to brake from ``speed``."""
         if speed > self.velocity:
             top, first = self.velocity, -self.down
         else:

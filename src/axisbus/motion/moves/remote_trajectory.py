@@ -1,18 +1,18 @@
-"""A trajectory that comes in samples, ahead of its use, from a program that is not the scan's.
+"""A trajectory that arrives in samples, ahead of its use, from another program than the scan's.
 
 Theory of operation
 -------------------
-The program's own code runs where the program does: what comes is a head (``StreamHead``), and then samples, one for each executed
-cycle, that have been asked for (``wanted``). The times of the samples are made as ``PathClock`` makes those of the cycles, so that
-the targets are those of the trajectory itself. An axis that is braked comes between samples; there they are joined (``Curve``).
+The user's code runs in the user's program. From it arrive a head (``StreamHead``), and then the requested samples (``wanted``), one
+for each executed cycle. The times of the samples are computed as ``PathClock`` computes the times of the cycles, so that the
+targets are those of the trajectory itself. A braking axis needs positions between the samples; they are interpolated (``Curve``).
 
-An axis does not begin before enough is known. Then, in each cycle, what is known must suffice to go on for one more period and to
-come to rest within it: braking from a speed v with a deceleration a takes at most v/a of the path's time (see ``lookahead``, which
-looks as far ahead and a period more). Where it does not suffice, or the program has failed, the axis is braked along what is known
-and stands on its path.
+An axis does not begin before enough of the path is known. Then, in each cycle, the known part must suffice to continue for one more
+period and to come to rest within it: braking from a speed v with a deceleration a takes at most v/a of the path's time (see
+``lookahead``, which looks as far ahead plus one period). If the known part does not suffice, or the program has failed, the axis
+brakes along the known part and comes to rest on its path.
 
-``feed`` and ``fail`` are called by one other thread than the scan's. Each replaces one value that never changes by another, and the
-scan takes that value once in each call: no lock is needed, and none is held up.
+``feed`` and ``fail`` are called by one other thread than the scan's. Each of them replaces one immutable value, and the scan reads
+this value once in each call. So no lock is needed, and no thread waits.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from axisbus.motion.curve import AHEAD, BEHIND, Curve, following
 from axisbus.motion.numbers import number, told
 
 _BUSY = 2.0  # seconds that a program may be busy with something else
-_HEADSTART = 1.0  # seconds beyond what braking takes that are known before the axis begins
-_MARGIN = 6  # periods: one goes by, braking and looking ahead end in the next, the rest is to spare
-_KEPT = 16  # samples that are kept behind where the axis is
+_HEADSTART = 1.0  # seconds, beyond the braking time, that are known before the axis begins
+_MARGIN = 6  # periods: one passes, braking and the look-ahead end in the next, the rest is spare
+_KEPT = 16  # samples that are stored behind the axis
 _CHUNK = 0.25  # seconds in a chunk
 _SMALLEST, _LARGEST = 16, 256  # samples in a chunk
 
@@ -40,10 +40,10 @@ _REMEDY = (
 
 @dataclass(frozen=True, slots=True)
 class StreamHead:
-    """What is told of a trajectory before it begins, with its first samples (``positions``, from time 0 on).
+    """The properties of a trajectory before it begins, with its first samples (``positions``, from time 0 on).
 
-    ``duration`` and ``step`` (the scan's period) in seconds. ``span`` with ``top_speed``, and ``top_acceleration``, are None where
-    the trajectory itself does not tell them (``lookahead.LookaheadTrajectory``, ``pace.Ramped``).
+    ``duration`` and ``step`` (the scan's period) in seconds. ``span`` with ``top_speed``, and ``top_acceleration``, are None if the
+    trajectory itself does not provide them (``lookahead.LookaheadTrajectory``, ``path_limit_check.Ramped``).
     """
 
     duration: float
@@ -55,9 +55,9 @@ class StreamHead:
 
 
 class Streamed:
-    """A trajectory made of a head and of what is fed; holds the samples from a little behind ``reached`` on, in seconds.
+    """A trajectory made of a head and of samples; stores the samples from a little before ``reached`` (seconds) on.
 
-    It tells ``span``, ``top_speed`` and ``top_acceleration`` as attributes only where its head does.
+    It has the attributes ``span``, ``top_speed`` and ``top_acceleration`` only if its head has them.
     """
 
     span: tuple[float, float]
@@ -68,7 +68,7 @@ class Streamed:
         """Take the head.
 
         Raises:
-            ArgumentError: it holds what is no number, no sample, or more of them than the trajectory has.
+            ArgumentError: it contains a value that is not a number, no sample, or more samples than the trajectory has.
         """
         _require_numbers((head.duration, head.step, *head.positions))
         if head.step <= 0 or not head.positions:
@@ -82,7 +82,7 @@ class Streamed:
         self._tell_facts(head)
         self._curve = Curve(head.step, 0, (0.0,), head.positions[:1], head.span)
         self._fastest = 0.0
-        self._quicker = 1.0  # how fast its time has run at most: an override
+        self._quicker = 1.0  # the highest rate of its time so far: an override
         self._asked = len(head.positions)
         self.feed(1, head.positions[1:])
         self._asked_until = self._curve.times[-1]
@@ -91,14 +91,14 @@ class Streamed:
 
     @property
     def known_until(self) -> float:
-        """Up to when the path is known, in seconds, and nothing that comes changes it any more."""
+        """The time in seconds up to which the path is known, and no further sample changes it."""
         return _known(self._curve, self.duration)
 
     def position(self, t: float) -> float:
-        """Return the position at ``t`` seconds; before and after, the ends.
+        """Return the position at ``t`` seconds; before the start and after the end, the end positions.
 
         Raises:
-            CommandError: it is not known yet, or not any more.
+            CommandError: the position is not known yet, or no longer stored.
         """
         curve, t = self._curve, max(t, 0.0)
         until = _known(curve, self.duration)
@@ -114,10 +114,10 @@ class Streamed:
     # -- its program, in another thread --------------------------------------------------------------------------------
 
     def feed(self, first: int, positions: Sequence[float]) -> None:
-        """Take the samples from number ``first`` on.
+        """Add the samples from number ``first`` on.
 
         Raises:
-            ArgumentError: they do not join on to what is known, are more than was asked for, or no numbers; nothing is taken.
+            ArgumentError: they do not continue the known samples, are more than requested, or are not numbers; none is taken.
         """
         curve, asked = self._curve, self._asked
         if first != curve.after or first + len(positions) > asked:
@@ -134,15 +134,15 @@ class Streamed:
         self._curve = curve.joined(times, positions).without(self.reached, _KEPT)
 
     def fail(self, error: AxisbusError) -> None:
-        """End the trajectory with ``error``: no more of it will come. The first one counts."""
+        """End the trajectory with ``error``: no more samples will arrive. The first error counts."""
         self._failure = self._failure or error
 
     # -- what is asked of its program ------------------------------------------------------------------------------------
 
     def wanted(self, t: float) -> tuple[int, int] | None:
-        """Return which samples are to be asked for now, where the axis is at ``t``: the first's number, and how many; else None.
+        """Return the samples to request now, with the axis at ``t``: the first number, and the count; None if none are needed.
 
-        What was returned counts as asked for.
+        The returned samples count as requested.
         """
         if self._failure is not None or self._asked_until >= self.duration:
             return None
@@ -157,10 +157,10 @@ class Streamed:
     # -- the axis, in the scan -------------------------------------------------------------------------------------------
 
     def brakes_with(self, deceleration: float | None, period: float) -> None:
-        """Take what the axis brakes with along a path (unit/s², None: it cannot), and the scan's period in seconds.
+        """Set the axis's deceleration along a path (unit/s², None: it cannot brake), and the scan's period in seconds.
 
         Raises:
-            ArgumentError: the samples are not one for each cycle.
+            ArgumentError: there is not one sample for each cycle.
         """
         if period != self._step:
             raise ArgumentError(
@@ -170,7 +170,7 @@ class Streamed:
         self._deceleration = deceleration
 
     def ready(self, now: float, name: str) -> bool:
-        """Return whether enough is known for the axis ``name`` to begin, at ``now`` (s, monotonic); once it is, it stays so.
+        """Return whether enough is known for the axis ``name`` to begin, at ``now`` (s, monotonic); once True, it stays True.
 
         Raises:
             AxisbusError: its program has failed, or did not send enough in time.
@@ -185,9 +185,9 @@ class Streamed:
         return self._may_begin
 
     def shortage(self, t: float, name: str, rate: float = 1.0) -> AxisbusError | None:
-        """Return why the axis ``name``, at ``t``, must be braked now to stand within what is known; None where it may go on.
+        """Return why the axis ``name``, at ``t``, must brake now to come to rest within the known path; None if it may continue.
 
-        ``rate``: how fast time runs along it.
+        ``rate``: the rate of time along the path.
         """
         self.reached = t
         self._quicker = quicker = max(self._quicker, rate)
@@ -215,7 +215,7 @@ class Streamed:
 
     @property
     def _stretch(self) -> float:
-        """How much of the path must be known ahead of the axis at its fastest, in seconds."""
+        """The time of the path in seconds that must be known ahead of the axis at its highest speed."""
         return self._quicker * (_MARGIN * self._step + self._quicker * self._braking(self._fastest))
 
     def _braking(self, speed: float) -> float:
@@ -230,7 +230,7 @@ class Streamed:
         return times
 
     def _tell_facts(self, head: StreamHead) -> None:
-        """Have an attribute only where it is told: whoever asks for ``Known`` or ``Ramped`` looks for it."""
+        """Set an attribute only if the head has it: checks for ``LookaheadTrajectory`` and ``Ramped`` test the attributes."""
         if head.span is not None and head.top_speed is not None:
             _require_numbers((*head.span, head.top_speed))
             self.span, self.top_speed = head.span, head.top_speed
@@ -249,7 +249,7 @@ class Streamed:
 
 
 def _known(curve: Curve, duration: float) -> float:
-    """Return up to when a curve will stay as it is: all of it, or as far as it does not depend on the next sample."""
+    """Return the time up to which a curve is final: all of it, or as far as it does not depend on the next sample."""
     if curve.times[-1] >= duration:
         return duration
     return curve.times[max(len(curve.times) - 1 - AHEAD, 0)]

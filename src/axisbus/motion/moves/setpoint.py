@@ -1,21 +1,21 @@
-"""The set-point handshake of profile position mode (CiA 402-2 10.3): bits 4 and 5 of the controlword, bit 12 of the statusword.
+"""The set-point handshake of profile position mode (CiA 402-2 10.3): bits 4 and 5 of 6040h, bit 12 of 6041h.
 
 Theory of operation
 -------------------
-A set-point is taken on the *rising edge* of bit 4; the drive answers with bit 12, and takes it back when bit 4 falls. Five phases:
+The drive takes a set-point on the *rising edge* of bit 4. It answers with bit 12, and clears bit 12 when bit 4 falls. Five phases:
 
 1. CLEAR: bit 4 is low, wait until bit 12 is low too.
-2. TARGET, only where the drive may see a controlword before the target of the same cycle: for ``Capabilities.edge_delay`` cycles
-   the target goes out with bit 4 low.
-3. OFFER: target and bit 4 go out together. Wait for bit 12.
+2. TARGET, only if the drive may see a controlword before the target of the same cycle: for ``Capabilities.edge_delay`` cycles
+   the target is sent with bit 4 low.
+3. OFFER: target and bit 4 are sent together. Wait for bit 12.
 4. RELEASE: bit 4 is low again. Wait for bit 12 to fall, in a word received after bit 4 went low.
-5. TAKEN: bit 10 (target reached) now speaks of *this* set-point. The word in which bit 12 fell counts already, because an
-   event-driven drive sends no other one after a move of zero length.
+5. TAKEN: bit 10 (target reached) now refers to *this* set-point. The word in which bit 12 fell counts already, because an
+   event-driven drive sends no other word after a move of zero length.
 
 A handshake that has begun is always finished: a replacing move lets the old one run to TAKEN (a few cycles) and then offers its own
-target. Dropping bit 4 before the acknowledge would leave open whether the drive has seen the edge.
+target. If bit 4 fell before the acknowledge, it would be unknown whether the drive has seen the edge.
 
-Bit 5 (change set immediately) is always set: the master keeps its own queue, and drives differ in how many they buffer.
+Bit 5 (change set immediately) is always set: the master has its own queue, and drives differ in how many set-points they buffer.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from axisbus.motion.axis.image import AxisImage
 
 
 class HandshakePhase(Enum):
-    """Where the handshake is."""
+    """The phase of the handshake."""
 
     CLEAR = "clear"
     TARGET = "target"
@@ -44,7 +44,7 @@ _RELEASE, _TAKEN = HandshakePhase.RELEASE, HandshakePhase.TAKEN
 
 
 class SetPoint:
-    """One set-point on its way into the drive; holds the phase and the deadline of the wait for bit 12."""
+    """The handshake of one set-point; holds the phase and the deadline of the wait for bit 12."""
 
     __slots__ = ("_deadline", "_name", "_released", "_shown", "_timeout", "phase", "since", "target")
 
@@ -56,7 +56,7 @@ class SetPoint:
         self._name = name
         self._timeout = timeout
         self._released = 0.0
-        self._shown = 0  # cycles in which the target went out without the edge
+        self._shown = 0  # cycles in which the target was sent without the edge
         self._deadline: float | None = None
 
     @property
@@ -65,9 +65,9 @@ class SetPoint:
         return self.phase is _OFFER or self.phase is _RELEASE
 
     def keeps_halt(self, image: AxisImage) -> bool:
-        """Whether a halted axis stays so: without the halt it would go on to the target that its drive had before.
+        """Whether a halted axis must stay halted: without the halt it would continue to the drive's previous target.
 
-        A drive that takes no set-point under halt is given half of the time without.
+        For a drive that takes no set-point under halt, the halt is removed for half of the time.
         """
         offered = self.phase is _OFFER and image.now < self.since + 0.5 * self._timeout
         return self.phase is _CLEAR or self.phase is _TARGET or offered

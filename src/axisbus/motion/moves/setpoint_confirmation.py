@@ -1,15 +1,15 @@
-"""Whether a drive has taken a set-point, by what can be seen of its axis where bit 12 of the statusword proves nothing.
+"""Confirm that a drive has taken a set-point, from its axis's behaviour, if bit 12 of the statusword proves nothing.
 
 Theory of operation
 -------------------
-What is seen since the last edge of bit 4, each in values received after it:
+Evidence since the last edge of bit 4, in values received after it:
 
-- 6062h or 6064h has come nearer to the target, and not on the way to the set-point before (it goes away from that);
-- bit 10 falls on an axis that stood, or comes again where the axis is nearer to this target than to the one before.
+- 6062h or 6064h has come nearer to the target, but not because it moves to the previous set-point (it moves away from that one);
+- bit 10 falls on an axis that was at standstill, or is set again when the axis is nearer to this target than to the previous one.
 
-None of that can be seen where the axis stands at its target already, or where the drive had taken the same target before: there
-it is enough that it stands there a while after the edge. An axis that comes no nearer to its target for a time has not taken it:
-the move ends with an error, wherever the axis is.
+Neither can be seen if the axis is already at its target, or if the drive had taken the same target before. Then it is enough that
+the axis is there for a while after the edge. If an axis comes no nearer to its target for a time, it has not taken the target: the
+move ends with an error, wherever the axis is.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from axisbus.motion.moves.setpoint_without_ack import TimedSetPoint
 from axisbus.motion.parameters import AxisParameters
 
 _STARTS = 0.3  # seconds after which a drive has begun to move to its old target, unless something holds it
-_TURNS = 2.0  # seconds to turn round, where the deceleration is not known
+_TURNS = 2.0  # seconds to reverse, if the deceleration is not known
 
 
 def proof_of(
     point: SetPoint, profile: MoveProfile, parameters: AxisParameters
 ) -> SetPointConfirmation | None:
-    """Return the proof that a set-point needs, None where bit 12 is one."""
+    """Return the confirmation that a set-point needs, None if bit 12 is sufficient."""
     return SetPointConfirmation(point, profile, parameters) if isinstance(point, TimedSetPoint) else None
 
 
 class _Way:
-    """One position on its way from ``old`` to ``new``; holds how far off the one and how near the other it has been."""
+    """One position between ``old`` and ``new``; holds its longest distance to the new target and its shortest to both."""
 
     __slots__ = ("_farthest", "_nearest_old", "_new", "_old", "best")
 
@@ -48,7 +48,7 @@ class _Way:
         self.best = math.inf  # the shortest distance to the target
 
     def shows(self, position: int, tolerance: float) -> bool:
-        """Take a position; return whether it has come nearer to the new target, and not because it goes to the old one."""
+        """Evaluate a position; return whether it has come nearer to the new target, and not because it moves to the old one."""
         new = abs(position - self._new)
         self._farthest = max(self._farthest, new)
         nearer = new < self._farthest - tolerance
@@ -68,7 +68,7 @@ class _Way:
 
 
 class SetPointConfirmation:
-    """Holds what was known when the last edge was given, and what has been seen since; ``seen``: the set-point was taken."""
+    """Holds the state at the last edge, and the evidence since; ``seen``: the set-point was taken."""
 
     __slots__ = (
         "_allowed",
@@ -92,8 +92,8 @@ class SetPointConfirmation:
         self._parameters = parameters
         self._tolerance = parameters.standstill_tolerance
         self._edge = math.inf
-        self._old: int | None = None  # the set-point before, in unwrapped increments
-        self._known = False  # it had taken the same target before, and is led there anyhow
+        self._old: int | None = None  # the previous set-point, in unwrapped increments
+        self._known = False  # it had taken the same target before, and moves there anyway
         self._stood = False  # with bit 10, before the edge
         self._fell = False  # bit 10, since then
         self._ways: tuple[_Way, _Way] = (_Way(point.target, None), _Way(point.target, None))
@@ -101,10 +101,10 @@ class SetPointConfirmation:
         self.seen = False
 
     def step(self, image: AxisImage) -> None:
-        """Take this cycle's values, after the set-point's own step.
+        """Evaluate this cycle's values, after the set-point's own step.
 
         Raises:
-            SetPointError: nothing shows for too long that the drive has taken it.
+            SetPointError: for too long, no evidence shows that the drive has taken it.
         """
         if self._point.edge_at != self._edge:
             self._begin(image)
@@ -114,7 +114,7 @@ class SetPointConfirmation:
             image.led.taken = self._point.target
 
     def suffices(self, image: AxisImage) -> bool:
-        """Whether an axis at rest within its window, with bit 10, has ended its move: it went there, or it stands right there."""
+        """Whether an axis at rest within its window, with bit 10, has ended its move: it moved there, or it is exactly there."""
         if self.seen:
             return True
         position, demand = self._since_edge(image)
@@ -137,7 +137,7 @@ class SetPointConfirmation:
         at_rest = image.position is None or image.standstill
         self._stood = at_rest and bool(word & sw.TARGET_REACHED) and not self._point.from_halt
         if self._stood:
-            self._old = image.position  # nothing leads it any more
+            self._old = image.position  # no set-point moves it any more
         self._ways = (_Way(self._point.target, self._old), _Way(self._point.target, self._old))
         for way, now in zip(self._ways, (image.position, image.demand), strict=True):
             if now is not None:
@@ -147,7 +147,7 @@ class SetPointConfirmation:
         self._allowed = self._time(image)
 
     def _time(self, image: AxisImage) -> float:
-        """How long the axis may come no nearer: until the drive has begun, it has turned round, and a slow one has come a bit."""
+        """Return how long the axis may come no nearer: time to begin, to reverse, and for a slow axis to move visibly."""
         speed, ramp = self._profile.speed, self._profile.down
         moving = present_speed(image, self._parameters)
         turn = 2.0 * moving / ramp if ramp else _TURNS
@@ -170,7 +170,7 @@ class SetPointConfirmation:
             raise self._unseen(image)
 
     def _since_edge(self, image: AxisImage) -> tuple[int | None, int | None]:
-        """Position and demand, as far as they were received after the edge."""
+        """Position and demand, if they were received after the edge."""
         position = image.position if image.position_stamp > self._edge else None
         return position, image.demand if image.demand_stamp > self._edge else None
 

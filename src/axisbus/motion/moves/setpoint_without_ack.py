@@ -1,15 +1,14 @@
-"""The set-point handshake with a drive whose bit 12 proves nothing: edges of bit 4 that last long enough to be heard.
+"""The set-point handshake with a drive whose bit 12 proves nothing: edges of bit 4 that last long enough for any drive.
 
 Theory of operation
 -------------------
-Some drives never set bit 12, take it back while bit 4 still stands, or let it follow every write of 6060h. To them the target and
-the edge of bit 4 are given as ever, but bit 4 stays high, and then low, for a time in which any drive has looked at it: a few
-cycles, and two statuswords where those come. Whether the set-point was taken is not known then: that is for
-``SetPointConfirmation`` to see.
+Some drives never set bit 12, clear it while bit 4 is still set, or let it follow every write of 6060h. Target and edge of bit 4 are
+sent as usual, but bit 4 stays high, and then low, long enough for any drive to see it: for a few cycles, and for two statuswords if
+they arrive. Whether the set-point was taken is then unknown; ``SetPointConfirmation`` decides this.
 
-Out of a halt there are two edges. The first comes under halt, so that the axis does not go on to its old target when the halt ends;
-a drive that takes nothing under halt gets the second together with the end of the halt. The target is absolute, so that one that
-takes both goes there once.
+Out of a halt there are two edges. The first one is sent under halt, so that the axis does not continue to its old target when the
+halt ends. A drive that takes nothing under halt gets the second edge together with the end of the halt. The target is absolute, so
+a drive that takes both edges moves there once.
 """
 
 from __future__ import annotations
@@ -23,19 +22,19 @@ from axisbus.motion.moves.setpoint import HandshakePhase, SetPoint
 from axisbus.motion.parameters import AxisParameters, Handshake
 
 _CYCLES = 4  # one for the target, one on the wire, two for the drive
-_SAMPLES = 2  # statuswords: the first may have been on its way before
+_SAMPLES = 2  # statuswords: the first one may have been sent before
 _SHORTEST = 0.02  # seconds: the slow task of a drive
-_LONGEST = 0.1  # seconds: a statusword that comes on change only may not come at all
+_LONGEST = 0.1  # seconds: a statusword that is sent on change only may not arrive at all
 
 
 def set_point(target: int, parameters: AxisParameters) -> SetPoint:
-    """Return a set-point at ``target`` (unwrapped increments), to be given by the handshake of the axis."""
+    """Return a set-point at ``target`` (unwrapped increments), for the axis's kind of handshake."""
     kind = TimedSetPoint if parameters.handshake is Handshake.ON_CHANGE else SetPoint
     return kind(target, parameters.name, parameters.timing.acknowledge)
 
 
 class TimedSetPoint(SetPoint):
-    """One set-point on its way without bit 12; holds the phase, how long it has lasted, and when the last edge was given.
+    """The handshake of one set-point without bit 12; holds the phase, its duration, and the time of the last edge.
 
     ``edge_at`` is infinite before the first edge; ``from_halt``: it was given to a halted axis.
     """
@@ -46,12 +45,12 @@ class TimedSetPoint(SetPoint):
         super().__init__(target, name, timeout)
         self.edge_at = math.inf
         self.from_halt = False
-        self._edges = 1  # still to be given
+        self._edges = 1  # edges still to be given
         self._cycles = self._samples = 0
         self._stamp = 0.0
 
     def keeps_halt(self, _image: AxisImage) -> bool:
-        """Whether a halted axis stays so: until the second edge."""
+        """Whether a halted axis must stay halted: until the second edge."""
         return self._edges > 0
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
@@ -60,7 +59,7 @@ class TimedSetPoint(SetPoint):
         if begins:
             self.from_halt = order.halt
             self._edges = 1 + order.halt
-        # The bit 4 of another set-point that a halt has cut short must have been low for its time before ours rises.
+        # If a halt has interrupted another set-point, its bit 4 must have been low for its time before this set-point's bit rises.
         if (begins and order.halt) or order.bits & cw.NEW_SET_POINT:
             self._enter(HandshakePhase.RELEASE, image)
             return False

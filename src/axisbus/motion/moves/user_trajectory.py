@@ -1,4 +1,4 @@
-"""A trajectory as the scan calls it: a program's own code, of which a mistake ends its command and nothing else."""
+"""A trajectory as the scan calls it: user code whose errors end its command and nothing else."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _POSITION = (
 
 
 class CheckedTrajectory:
-    """Holds a trajectory, and its ``duration`` as it was told once; what else it tells of itself only itself tells."""
+    """Holds a trajectory, and its ``duration``, read once; all other properties are read from the trajectory itself."""
 
     __slots__ = ("_name", "_trajectory", "duration")
 
@@ -24,7 +24,7 @@ class CheckedTrajectory:
         """``name``: the axis.
 
         Raises:
-            ArgumentError: it tells no duration.
+            ArgumentError: it has no valid duration.
         """
         self._trajectory = trajectory
         self._name = name
@@ -40,7 +40,7 @@ class CheckedTrajectory:
         """Return the position at ``t`` seconds.
 
         Raises:
-            ArgumentError: it gives none.
+            ArgumentError: the trajectory returns no number.
         """
         try:
             value = self._trajectory.position(t)
@@ -53,11 +53,11 @@ class CheckedTrajectory:
         return self._number(value, f"position at {t:.3f} s", _POSITION)
 
     def _broken(self, error: BaseException, what: str, remedy: str) -> ArgumentError:
-        """Return what ends the command when the trajectory's own code has raised; ``what`` was asked of it."""
+        """Return the error that ends the command when the trajectory's own code has raised; ``what``: the requested value."""
         return ArgumentError(self._message(what), observed=one_line(error), remedy=remedy)
 
     def _number(self, value: object, what: str, remedy: str) -> float:
-        """Return what the trajectory's own code gave as a number; anything else ends the command with its name."""
+        """Return a value of the trajectory's own code as a number; any other value ends the command, and the error shows it."""
         found = number(value)
         if found is None:
             raise ArgumentError(self._message(what), observed=f"it gave {told(value)}", remedy=remedy)
