@@ -1,1 +1,1 @@
-"""Limits of jerk in moves of one axis: by its drive, or led by the master."""
+"""Jerk limits in moves of one axis: limited by its drive, or by the master."""

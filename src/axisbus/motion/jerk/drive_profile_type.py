@@ -2,9 +2,9 @@
 
 Theory of operation
 -------------------
-6086h tells how a drive changes its velocity (CiA 402-2 10.3): 0 on linear ramps, 3 with a limited jerk (2, "jerk-free", on some).
-For a move with a jerk 60A4h:01 is written, then 6086h, and both are read back: what a drive took otherwise is no limit. What 6086h
-was before the first of them is written again before the next move without one.
+6086h defines how a drive changes its velocity (CiA 402-2 10.3): 0 on linear ramps, 3 with a limited jerk (2, "jerk-free", on some).
+For a move with a jerk, the master writes 60A4h:01, then 6086h, and reads both back: if the drive has another value, the jerk is not
+limited. The value of 6086h from before the first of these moves is written again before the next move without a jerk.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from axisbus.motion.moves.activity import SdoTransfers, object_text
 from axisbus.motion.parameters import AxisParameters
 
 NEEDED = (objects.PROFILE_JERK, objects.MOTION_PROFILE_TYPE)
-_LIMITED = (3, 2)  # of 6086h, the one that is tried first in front
+_LIMITED = (3, 2)  # values of 6086h, in the order in which they are tried
 _TYPE, _JERK = (objects.MOTION_PROFILE_TYPE, 0), (objects.PROFILE_JERK, 1)
 
 
 class ProfileType:
-    """Holds what 6086h of a drive was before this program wrote it (None: it has not), and whether it is another one now."""
+    """Holds the value of 6086h from before this master wrote it (None: it has not), and whether the drive has another one now."""
 
     __slots__ = ("before", "is_changed")
 
@@ -33,12 +33,12 @@ class ProfileType:
 
 
 def has_shape(parameters: AxisParameters) -> bool:
-    """Whether a drive has what limits the jerk of its own profiles."""
+    """Whether a drive has the objects that limit the jerk of its own profiles."""
     return all(parameters.has(index) for index in NEEDED)
 
 
 class _Ask(SdoTransfers):
-    """One transfer, whose refusal is an answer."""
+    """One transfer, whose refusal is a valid answer."""
 
     __slots__ = ("refused",)
 
@@ -46,7 +46,7 @@ class _Ask(SdoTransfers):
         super().__init__([item], parameters)
         self.refused: int | None = None
 
-    def _differs(self, at: tuple[int, int], found: int, wanted: int) -> None:  # noqa: ARG002  # its shape
+    def _differs(self, at: tuple[int, int], found: int, wanted: int) -> None:  # noqa: ARG002  # signature of the base
         self.refused = abort.READ_ONLY
 
     def _take(self, image: AxisImage, request: int) -> None:
@@ -59,14 +59,14 @@ class _Ask(SdoTransfers):
 
 
 class JerkProfileWritten(SdoTransfers):
-    """The transfers of a profile, and then those of its shape, one after the other; ``jerk`` None: on ramps."""
+    """The transfers of a profile, then those of its shape, one after the other; ``jerk`` None: linear ramps."""
 
     __slots__ = ("_asking", "_jerk", "_left", "_parameters", "_plain", "_type")
 
     def __init__(
         self, plain: SdoTransfers, jerk: int | None, kept: ProfileType, parameters: AxisParameters
     ) -> None:
-        """``jerk`` as 60A4h:01 holds it; ``kept``: of the axis."""
+        """``jerk`` in the representation of 60A4h:01; ``kept``: the profile type of the axis."""
         super().__init__([], parameters)
         self._plain = plain
         self._jerk = jerk
@@ -76,10 +76,10 @@ class JerkProfileWritten(SdoTransfers):
         self._left = self._steps()
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Return True when all have succeeded.
+        """Return True when all transfers have succeeded.
 
         Raises:
-            DriveError: the drive refused one, did not answer in time, or has another value than was written.
+            DriveError: the drive refused a transfer, did not answer in time, or has another value than was written.
         """
         if not self._plain.step(image, order):
             return False
@@ -94,7 +94,7 @@ class JerkProfileWritten(SdoTransfers):
         return True
 
     def cancel(self, order: CycleOutputs) -> None:
-        """Take back what is still queued."""
+        """Cancel the transfers that are still queued."""
         self._plain.cancel(order)
         if self._asking is not None:
             self._asking[2].cancel(order)

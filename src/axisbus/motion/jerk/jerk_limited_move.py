@@ -1,11 +1,12 @@
-"""A move with a limited jerk that the master leads: for drives that have no profile jerk of their own, and for virtual axes.
+"""A jerk-limited move whose profile the master generates: for drives without a profile jerk of their own, and for virtual axes.
 
 Theory of operation
 -------------------
-The axis is led by a ``OnlineProfile``, from rest or from what leads it already: from the last places of what is in front of another
-one, where as many of them make the mean. All else lets its acceleration go before, as far as that is known: a velocity with a limit
-of jerk by itself, the others by being led to one (``JerkLimitedVelocity``). A halt does not wait for that: it brakes with the
-axis's own deceleration, as hard as it would without.
+An ``OnlineProfile`` commands the axis, from standstill or from the present path. If the present path is an ``OnlineProfile`` with
+the same averaging window, the new one continues from its unfiltered positions. Any other path must first reduce its acceleration to
+0, as far as the acceleration is known: a jerk-limited velocity does this itself, and another path is first replaced by one
+(``JerkLimitedVelocity``). A halt does not wait for this: it brakes with the axis's own deceleration, as hard as without a jerk
+limit.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from axisbus.motion.parameters import AxisParameters
 
 @dataclass(frozen=True, slots=True)
 class _Walked:
-    """Where a walk leads an axis, as a trajectory: it is asked for the present place alone."""
+    """The set-points of an ``OnlineProfile`` as a trajectory; only the present position is available."""
 
     walk: OnlineProfile
     span: tuple[float, float]
@@ -44,12 +45,12 @@ class _Walked:
     duration: float = 1.0
 
     def position(self, _t: float) -> float:
-        """Return the place of this cycle."""
+        """Return the position of this cycle."""
         return self.walk.led.place
 
 
 class JerkLimitedMove(CspMove):
-    """One axis on its way to a position in csp; holds its walk, once it has begun."""
+    """A move of one axis to a position in csp; holds its online profile, once it has begun."""
 
     def __init__(
         self,
@@ -62,7 +63,7 @@ class JerkLimitedMove(CspMove):
     ) -> None:
         """``target`` in unwrapped increments; ``profile`` with all of its ratios, and a jerk.
 
-        ``name`` says what was asked for; ``before``: what leads the axis now, None at rest.
+        ``name`` is the name of the command; ``before``: the path that commands the axis now, None at rest.
 
         Raises:
             LimitError: the jerk is so small that it takes seconds until anything happens.
@@ -89,39 +90,39 @@ class JerkLimitedMove(CspMove):
 
     @property
     def ramp(self) -> float:
-        """With which acceleration what is in front speeds up and brakes, in unit/s²."""
+        """The acceleration and deceleration of the unfiltered profile, in unit/s²."""
         return self._gait.ramp
 
     @property
     def window(self) -> int:
-        """Of how many cycles the axis is at the mean."""
+        """The number of cycles in the moving average."""
         return self._window
 
     @property
     def has_begun(self) -> bool:
-        """Whether it leads the axis, or holds it where it ends."""
+        """Whether it commands the axis, or holds it at the end of the move."""
         return self._before is None and self._running
 
     @property
     def waits(self) -> bool:
-        """Whether it has moved nothing yet, and the axis stood when it was asked for."""
+        """Whether it has not moved anything yet, and the axis was at standstill when it was commanded."""
         return self._before is None and not self._running
 
     def begin_braking(self) -> bool:
-        """Begin to brake by the axis's own deceleration, as hard as without a limit of jerk; along the way where none is known."""
+        """Begin to brake with the axis's own deceleration, as hard as without a jerk limit; along the path if none is known."""
         if self._before is None and self.brake_alone():
             return True
         return super().begin_braking()
 
     def walk_to(self, target: float, gait: JerkLimits) -> OnlineProfile | None:
-        """Return the walk that leads the axis now, on to another target; the places are those where the axis is led to."""
+        """Return the profile that commands the axis now, continued to another target, in commanded positions of the axis."""
         walk = self.walk
         if walk is None or self.clock is not walk or self._addition is not None:
             return None
         return walk.turned(target, gait, self.shifted)
 
     def going_softly(self) -> ProfileFromSpeed | None:
-        """Return how what is in front goes straight on to its end; None where it does not, or is not led so."""
+        """Return how the unfiltered profile moves straight to its end; None if it does not, or does not command the axis now."""
         walk, gait = self.walk, self._gait
         is_led = walk is not None and self.clock is walk and self._before is None and self._running
         if walk is None or not is_led or walk.braking or walk.factor != 1.0 or self._addition is not None:
@@ -134,7 +135,7 @@ class JerkLimitedMove(CspMove):
         )
 
     def plan(self, origin: int) -> ProfileFromSpeed:
-        """Return how what is in front goes to the target without a limit of jerk; it needs room, and the axis no more."""
+        """Return the unfiltered profile to the target, without a jerk limit; the axis needs no more room than this profile."""
         gait, walk = self._gait, self.walk
         if walk is None:
             assert self._before is not None
@@ -145,7 +146,7 @@ class JerkLimitedMove(CspMove):
 
     @property
     def acceleration(self) -> float:
-        """With which acceleration it leads the axis (unit/s²)."""
+        """The present acceleration of the commanded motion (unit/s²)."""
         walk = self.walk
         on_walk = walk is not None and self.clock is walk and self._addition is None
         return walk.led.acceleration if walk is not None and on_walk else super().acceleration
@@ -154,7 +155,7 @@ class JerkLimitedMove(CspMove):
         return self._units.to_units(self._goal - origin)
 
     def _walk_out_of(self, before: Follow, origin: int) -> OnlineProfile:
-        """Return how it goes on from what leads the axis now."""
+        """Return the profile that continues from the path that commands the axis now."""
         walk = self._same_walk(before, origin)
         if walk is not None:
             return walk
@@ -162,12 +163,12 @@ class JerkLimitedMove(CspMove):
         return walk_from(led, self._end(origin), self._gait, self._window, self._period)
 
     def _same_walk(self, before: Follow, origin: int) -> OnlineProfile | None:
-        """Return what goes on from the last places of what is in front now, where as many cycles of them make the mean."""
+        """Return the profile that continues from the present unfiltered positions; None if their window has another length."""
         walk = before.walk_to(self._end(origin), self._gait) if isinstance(before, ProfileState) else None
         return walk if walk is not None and walk.window == self._window else None
 
     def _may_follow(self, before: Follow, image: AxisImage) -> bool:
-        """Whether it can take over: nothing has an acceleration that would be lost by it; what has one lets it go."""
+        """Whether it can take over without a jump of the acceleration; otherwise the present path must first reduce it to 0."""
         if isinstance(before, JerkLimitedVelocity):
             return before.settle()
         if not before.acceleration or self._same_walk(before, image.origin) is not None:
@@ -188,7 +189,7 @@ class JerkLimitedMove(CspMove):
         self._take(walk_from(led, self._end(origin), self._gait, self._window, self._period), origin)
 
     def _take(self, walk: OnlineProfile, origin: int) -> None:
-        """Be led by a walk from now on."""
+        """Let a profile command the axis from now on."""
         self.walk = walk
         path = self.plan(origin)
         places = (*path.span, walk.led.place)
@@ -197,5 +198,5 @@ class JerkLimitedMove(CspMove):
 
 
 def _settled(before: Follow, ramps: VelocityRamps, period: float) -> ReferenceState:
-    """Return where an axis is when what leads it now has let its acceleration go."""
+    """Return the state of an axis after its present path has reduced its acceleration to 0."""
     return before.settled if isinstance(before, JerkLimitedVelocity) else settled_from(before, ramps, period)

@@ -1,12 +1,12 @@
-"""One axis on its way to a place, of which the way, the velocity and the target may change at any time, with a limited jerk.
+"""Move one axis to a position with limited jerk; target and velocity may change at any time.
 
 Theory of operation
 -------------------
-A place in front goes to the target as it would without a limit of jerk: its speed changes by the acceleration at most, and stays
-low enough to come to rest there; where it cannot any more, it goes beyond and comes back. The axis is led to the mean of the last
-cycles of that. So its velocity and its acceleration are means, too, and the acceleration changes by no more than twice that of
-the place in front in the time of the mean. A new target changes what is in front, and nothing of what has been: neither velocity
-nor acceleration jumps.
+An unfiltered position moves to the target as it would without a jerk limit: its speed changes by the acceleration at most, and
+stays low enough to come to rest at the target. If that is no longer possible, it passes the target and comes back. The commanded
+position of the axis is the moving average of the unfiltered positions of the last cycles. So the commanded velocity and
+acceleration are averages too, and within the time of the averaging window the acceleration changes by no more than twice that of
+the unfiltered position. A new target changes only the future unfiltered positions. So neither velocity nor acceleration jumps.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 from axisbus.motion.group.path_speed import slow_enough
 
-_NEXT = 1e-12  # of the place: as near as numbers come
-_LEAST = 1e-9  # of the change within a cycle: what is slower stands
+_NEXT = 1e-12  # of the position: the resolution of the arithmetic
+_LEAST = 1e-9  # of the change within a cycle: a slower speed counts as standstill
 
 
 class ReferenceState(NamedTuple):
-    """Where an axis is led to, how fast (signed) and with which acceleration; unit, per s and per s²."""
+    """The commanded position, velocity (signed) and acceleration of an axis; unit, per s and per s²."""
 
     place: float
     velocity: float = 0.0
@@ -30,7 +30,7 @@ class ReferenceState(NamedTuple):
 
 
 class JerkLimits(NamedTuple):
-    """How fast (unit/s) and how hard (unit/s²) it goes, and the highest speed under an override."""
+    """The velocity (unit/s) and acceleration (unit/s²) of a profile, and the highest speed under an override."""
 
     velocity: float
     ramp: float
@@ -39,21 +39,21 @@ class JerkLimits(NamedTuple):
 
 @runtime_checkable
 class ProfileState(Protocol):
-    """What leads an axis at the mean of the last places of something in front, and may be gone on with by a ``OnlineProfile``."""
+    """A path at the moving average of unfiltered positions, which an ``OnlineProfile`` can continue."""
 
     def walk_to(self, target: float, gait: JerkLimits) -> OnlineProfile | None:
-        """Return what goes on to ``target`` from where the axis is led to; None where it is not led so (any more)."""
+        """Return the profile that continues to ``target`` from the commanded state; None if the axis is on another path."""
 
 
 class OnlineProfile:
-    """Goes to a target. To the axis it is its clock (``Follow``): ``t`` is 0 on the way, and 1 at its end."""
+    """A move to a target. For the axis it is the clock of its path (``Follow``): ``t`` is 0 during the move, and 1 at its end."""
 
     __slots__ = ("_gait", "_places", "_rests", "ahead", "braking", "factor", "led", "speed", "t", "target")
 
     def __init__(
         self, target: float, gait: JerkLimits, places: deque[float], speed: float, led: ReferenceState
     ) -> None:
-        """``places``: those in front of the last cycles, as many as the mean has; ``speed``: that of the last one, signed."""
+        """``places``: the unfiltered positions of the last cycles, as many as the average has; ``speed``: the last one, signed."""
         self.target = target
         self._gait = gait
         self._places = places
@@ -62,33 +62,33 @@ class OnlineProfile:
         self.factor = 1.0  # the override
         self.braking = False
         self.t = 0.0
-        self._rests = 0  # cycles for which what is in front has not moved
+        self._rests = 0  # cycles for which the unfiltered position has not moved
 
     @property
     def window(self) -> int:
-        """Of how many cycles the mean is taken."""
+        """The number of cycles in the moving average."""
         return len(self._places)
 
     @property
     def places(self) -> deque[float]:
-        """Those in front of the last cycles, of which the axis is at the mean."""
+        """The unfiltered positions of the last cycles, whose average is the axis's position."""
         return deque(self._places, maxlen=self.window)
 
     @property
     def stopped(self) -> bool:
-        """Whether it stands because it was braked."""
+        """Whether it is at standstill because it was braked."""
         return self.braking and self.speed == 0.0 and self.led.place == self.ahead
 
     def told(self, _t: float) -> str:
-        """Return where it is for people."""
+        """Return the present position as text for the user."""
         return f"{self.led.place:g} on its way to {self.target:g}"
 
     def brake(self) -> None:
-        """Come to rest; a second call changes nothing."""
+        """Begin to brake to rest; a second call changes nothing."""
         self.braking = True
 
     def advance(self, period: float) -> None:
-        """Go on by one cycle of ``period`` seconds."""
+        """Advance by one cycle of ``period`` seconds."""
         self._go(period)
         places, ahead, before = self._places, self.ahead, self.led
         self._rests = self._rests + 1 if ahead == places[-1] else 0
@@ -100,12 +100,12 @@ class OnlineProfile:
             self.t = 1.0
 
     def turned(self, target: float, gait: JerkLimits, by: float) -> OnlineProfile:
-        """Return what goes on from here to another target, with all places ``by`` farther on."""
+        """Return the profile that continues from here to another target, with all positions shifted by ``by``."""
         places = deque((place + by for place in self._places), maxlen=len(self._places))
         return OnlineProfile(target, gait, places, self.speed, self.led._replace(place=self.led.place + by))
 
     def _go(self, period: float) -> None:
-        """Let the place in front go on."""
+        """Advance the unfiltered position."""
         ramp = self._gait.ramp
         way = math.copysign(1.0, self.target - self.ahead)
         left, v, change = abs(self.target - self.ahead), way * self.speed, ramp * period
@@ -125,9 +125,9 @@ class OnlineProfile:
 def walk_from(
     led: ReferenceState, target: float, gait: JerkLimits, window: int, period: float
 ) -> OnlineProfile:
-    """Return what goes on from ``led``, as if its acceleration had been the same for all of the mean.
+    """Return the profile that continues from ``led``, as if its acceleration had been constant during the averaging window.
 
-    Where that would lead the axis beyond the highest speed, the acceleration is less.
+    If this would command a speed above the highest one, the acceleration is reduced.
     """
     time = window * period
     room = max(gait.top - abs(led.velocity), 0.0)

@@ -1,15 +1,15 @@
-"""A velocity that changes with a limited acceleration and a limited jerk, one step per executed cycle.
+"""A velocity that changes with limited acceleration and limited jerk, one step per executed cycle.
 
 Theory of operation
 -------------------
-In each cycle the acceleration comes nearer to the one that is wanted, by the jerk at most. Wanted is the highest one from which the
-velocity comes to its goal just when all of it has been let go of, as much in each cycle as the jerk allows (``_rate_to``). In whole
-cycles that is a sum and no integral, and with it differences of places keep to all limits. What is asked for may change in every
-cycle: velocity and acceleration go on from what they are. An acceleration that cannot be let go of in time any more leads beyond
-the goal, and back.
+In each cycle the acceleration approaches the wanted acceleration, by the jerk at most. The wanted acceleration is the highest one
+from which the velocity just reaches its goal if the acceleration is then reduced to 0, in each cycle by as much as the jerk allows
+(``_rate_to``). In whole cycles this is a sum and no integral, so that differences of positions keep to all limits. The goal may
+change in every cycle: velocity and acceleration continue from their present values. If an acceleration can no longer be reduced in
+time, the velocity passes the goal and comes back.
 
-What takes over from a harder motion may have more acceleration than its own jerk can let go of below the highest velocity, or
-within ``LONGEST``. Then it is let go of as suddenly as that takes: no axis becomes too fast, or fast without an end.
+After a harder motion, the acceleration may be too high for its own jerk to reduce it below the highest velocity, or within
+``LONGEST``. Then it is reduced with a higher jerk: no axis becomes too fast, or stays fast without an end.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from typing import NamedTuple
 
 from axisbus.motion.jerk.online_profile import ReferenceState
 
-LONGEST = 0.25  # seconds in which any acceleration is let go of
-_SAME = 1e-9  # as a share: what arithmetic may be off
+LONGEST = 0.25  # seconds in which any acceleration is reduced to 0
+_SAME = 1e-9  # as a share: possible error of the arithmetic
 
 
 class VelocityRamps(NamedTuple):
-    """How a velocity changes: away from 0 by ``up``, towards it by ``down`` (unit/s²), both by ``jerk`` (unit/s³); all above 0.
+    """How a velocity changes: away from 0 by ``up``, towards 0 by ``down`` (unit/s²), both with ``jerk`` (unit/s³); all above 0.
 
     ``top``: the highest speed of the axis (unit/s), which may be infinite.
     """
@@ -41,16 +41,17 @@ class VelocityRamps(NamedTuple):
 
 
 class SoftRamp:
-    """Leads an axis to a velocity. To the axis it is its clock (``Follow``), which never comes to an end."""
+    """Commands an axis to a velocity. For the axis it is the clock of its path (``Follow``), and never ends."""
 
     __slots__ = ("_jerk", "_ramps", "braking", "goal", "led", "t")
 
     def __init__(self, led: ReferenceState, ramps: VelocityRamps) -> None:
-        """``led``: where the axis was led to in the last cycle, how fast, and with which acceleration; it keeps that velocity."""
+        """``led``: the commanded position, velocity and acceleration of the last cycle; the velocity is the first goal."""
         self.led = led
         self.goal = led.velocity  # unit/s, signed
         self._ramps = ramps
-        self._jerk = max(ramps.jerk, abs(led.acceleration) / LONGEST)  # as long as it has more than it may
+        # while it has a higher acceleration than permitted
+        self._jerk = max(ramps.jerk, abs(led.acceleration) / LONGEST)
         self.braking = False
         self.t = 0.0
 
@@ -61,23 +62,23 @@ class SoftRamp:
 
     @property
     def stopped(self) -> bool:
-        """Whether it stands because it was braked."""
+        """Whether it is at standstill because it was braked."""
         return self.braking and self.led.velocity == 0.0 == self.led.acceleration
 
     def told(self, _t: float) -> str:
-        """Return where it is for people."""
+        """Return the present position as text for the user."""
         return f"{self.led.place:g} with {self.led.velocity:g}/s"
 
     def brake(self) -> None:
-        """Come to rest; a second call changes nothing."""
+        """Begin to brake to rest; a second call changes nothing."""
         self.braking = True
 
     def settle(self, period: float) -> None:
-        """Let the acceleration go at once, and keep the velocity that is left then."""
+        """Reduce the acceleration to 0 from now on, and keep the velocity that results."""
         self.goal = self.settled(period).velocity
 
     def settled(self, period: float) -> ReferenceState:
-        """Return where it is when it has let its acceleration go, from now on; nothing changes by this."""
+        """Return the state after the acceleration has been reduced to 0, from now on; nothing changes by this."""
         led, change = self.led, self._change(self.led, period)
         place = led.place
         while led.acceleration:
@@ -88,7 +89,7 @@ class SoftRamp:
         return led
 
     def next(self, period: float) -> ReferenceState:
-        """Return what ``advance`` comes to; nothing changes by this."""
+        """Return the result of the next ``advance``; nothing changes by this."""
         led, goal = self.led, 0.0 if self.braking else self.goal
         change, limit, off = self._change(led, period), self._limit(led.velocity, goal), goal - led.velocity
         wanted = max(-limit, min(limit, _rate_to(off, change, period)))
@@ -99,20 +100,20 @@ class SoftRamp:
         return ReferenceState(led.place + velocity * period, velocity, rate)
 
     def advance(self, period: float) -> None:
-        """Go on by one cycle of ``period`` seconds."""
+        """Advance by one cycle of ``period`` seconds."""
         self.led = led = self.next(period)
         if abs(led.acceleration) <= self._ramps.hardest:
             self._jerk = self._ramps.jerk
 
     def _limit(self, velocity: float, goal: float) -> float:
-        """Return the highest acceleration now: through 0 the weaker of both, so that it need not fall there."""
+        """Return the highest acceleration now: through 0 the weaker of both, so that it need not decrease there."""
         up, down = self._ramps.up, self._ramps.down
         if velocity * goal < 0.0:
             return min(up, down)
         return up if abs(velocity) < abs(goal) else down
 
     def _change(self, led: ReferenceState, period: float) -> float:
-        """Return by how much the acceleration may change in this cycle; more only where the axis would be too fast otherwise."""
+        """Return the permitted change of acceleration in this cycle; a higher one only if the axis would become too fast."""
         change, rate = self._jerk * period, abs(led.acceleration)
         if led.velocity * led.acceleration <= 0.0:
             return change
@@ -123,7 +124,7 @@ class SoftRamp:
 
 
 def rest_way(led: ReferenceState, ramps: VelocityRamps) -> float:
-    """Return how far (unit, above 0) an axis goes on at most in its direction, where it is braked on its ramps from now on."""
+    """Return the longest distance (unit, above 0) of an axis in its direction if it brakes on its ramps from now on."""
     speed, rate = abs(led.velocity), math.copysign(1.0, led.velocity) * led.acceleration
     more = max(rate, 0.0)
     peak = speed + 0.5 * more * more / ramps.jerk
@@ -131,13 +132,13 @@ def rest_way(led: ReferenceState, ramps: VelocityRamps) -> float:
 
 
 def _gain(rate: float, change: float, period: float) -> float:
-    """Return by how much the velocity still changes while ``rate`` (not below 0) is let go of by ``change`` in each cycle."""
+    """Return the change of velocity while ``rate`` (not below 0) is reduced to 0 by ``change`` in each cycle."""
     cycles = rate // change
     return period * (cycles * rate - 0.5 * change * cycles * (cycles + 1.0))
 
 
 def _rate_to(off: float, change: float, period: float) -> float:
-    """Return the acceleration of the next cycle from which letting go leads to a velocity that is ``off`` by now."""
+    """Return the acceleration of the next cycle from which its reduction to 0 changes the velocity by ``off``."""
     size = abs(off) / period
     cycles = math.floor(0.5 * (math.sqrt(1.0 + 8.0 * size / change) - 1.0))
     return math.copysign((size + 0.5 * change * cycles * (cycles + 1.0)) / (cycles + 1.0), off)

@@ -1,14 +1,14 @@
-"""A velocity with a limited jerk that the master leads in csp: for drives that have no profile jerk of their own, and virtual axes.
+"""A velocity with limited jerk that the master commands in csp: for drives without a profile jerk, and for virtual axes.
 
 Theory of operation
 -------------------
-The axis is led by a ``SoftRamp``, from rest or from what leads it along a path already: with the velocity of that, and its
-acceleration where it is known. What takes over next goes on from both; a move with a limit of jerk, which has no other way to take
-an acceleration up, lets the ramp ``settle`` before.
+A ``SoftRamp`` commands the axis, from standstill or from its present path: with the velocity of that path, and its acceleration if
+it is known. The next command continues from both. A jerk-limited move cannot start with an acceleration, so it first lets the ramp
+``settle``.
 
-A halt that was asked for brakes on the ramp (``brakes_softly``). Every other stop, and a halt for which there is no room left,
-brakes with the axis's own deceleration at once, as hard as it would without a limit of jerk. In each cycle it is seen whether that
-is still possible within the position limits.
+A requested halt brakes on the ramp (``brakes_softly``). Every other stop, and a halt without enough room, brakes at once with the
+axis's own deceleration, as hard as without a jerk limit. In each cycle the master checks that this is still possible within the
+position limits.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ from axisbus.motion.stop_deceleration import CommandedMotion
 
 @dataclass(frozen=True, slots=True)
 class _Ramped:
-    """Where a ramp leads an axis, as a trajectory: it is asked for the present place alone."""
+    """The set-points of a ramp as a trajectory; only the present position is available."""
 
     ramp: SoftRamp
     top_acceleration: float
     duration: float = 1.0
 
     def position(self, _t: float) -> float:
-        """Return the place of this cycle."""
+        """Return the position of this cycle."""
         return self.ramp.led.place
 
 
@@ -56,13 +56,13 @@ def ramps_of(profile: MoveProfile, parameters: AxisParameters) -> VelocityRamps:
 
 
 def settled_from(before: Follow, ramps: VelocityRamps, period: float) -> ReferenceState:
-    """Return where an axis is when it has let its acceleration go, from what leads it now."""
+    """Return the state of an axis after its acceleration has been reduced to 0, from its present path."""
     step = before.last_step
     return SoftRamp(ReferenceState(step.position, step.velocity, before.acceleration), ramps).settled(period)
 
 
 class JerkLimitedVelocity(PathHandover):
-    """One axis at a velocity; ends well when it is reached, and goes on. Holds its ramp, once it has begun."""
+    """One axis at a velocity; ends well when it is reached, and continues to move. Holds its ramp, once it has begun."""
 
     goes_on = True
     ends_at_rest = False
@@ -79,20 +79,21 @@ class JerkLimitedVelocity(PathHandover):
     ) -> None:
         """``profile`` with a signed velocity, all of its ratios, and a jerk.
 
-        ``before``: what leads the axis now, None at rest; ``bounded``: whether the position limits hold, None: as for that.
+        ``before``: the path that commands the axis now, None at rest; ``bounded``: whether the position limits apply, None: as for
+        ``before``.
         """
         super().__init__(parameters, gate, before)
         self._ramps = ramps_of(profile, parameters)
         self._bounded = bounded
         self._settles = False
         self._reached = VelocityReached(profile, parameters)
-        self._factor = 1.0  # the override of the velocity that is asked for
+        self._factor = 1.0  # the override of the commanded velocity
         self.ramp: SoftRamp | None = None
         self.brakes_softly = False
         self.course = self._course()
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Return True once the velocity is reached, and not while an override holds it; to be stepped on afterwards, to keep it."""
+        """Return True once the velocity is reached, unless an override of 0 holds the axis. Must be stepped further to keep it."""
         self._override(image.override)
         before = self._before
         if before is not None:
@@ -110,28 +111,28 @@ class JerkLimitedVelocity(PathHandover):
         return reached and self._factor > 0.0
 
     def begin_braking(self) -> bool:
-        """Begin to brake: on the ramp where the halt is a soft one, else by the axis's own deceleration."""
+        """Begin to brake: on the ramp if the halt is a soft one, else with the axis's own deceleration."""
         if self._before is None and not self.brakes_softly and self.brake_alone():
             return True
         return super().begin_braking()
 
     def brake_softly(self) -> None:
-        """Let the halt that comes next be as soft as the velocity is led."""
+        """Make the next halt as soft as the velocity command."""
         leads = self.leads_now
         if isinstance(leads, JerkLimitedVelocity):
             leads.brakes_softly = True
 
     def brake_hard(self) -> None:
-        """Let a soft halt be one by the axis's own deceleration from now on."""
+        """Make a soft halt brake with the axis's own deceleration from now on."""
         self.brakes_softly = False
         if self._before is not None:
             self._before.brake_hard()
 
     def settle(self) -> bool:
-        """Let its acceleration go, and keep the velocity that is left then; return whether that is done."""
+        """Reduce the acceleration to 0, and keep the velocity that results; return whether this is done."""
         ramp, settles = self.ramp, self._settles
         if self._before is not None:
-            self._settles = True  # as soon as it leads the axis
+            self._settles = True  # as soon as it commands the axis
             return False
         if ramp is None or not self._is_on(ramp):
             return True
@@ -143,7 +144,7 @@ class JerkLimitedVelocity(PathHandover):
 
     @property
     def settled(self) -> ReferenceState:
-        """Where it is led to when that is done, with what is laid over it."""
+        """The commanded state after ``settle``, including the superimposed distance."""
         ramp = self.ramp
         if self._before is not None:
             return settled_from(self._before, self._ramps, self._period)
@@ -154,11 +155,11 @@ class JerkLimitedVelocity(PathHandover):
 
     @property
     def waits(self) -> bool:
-        """Whether it has moved nothing yet, and the axis stood when it was asked for."""
+        """Whether it has not moved anything yet, and the axis was at standstill when it was commanded."""
         return self._before is None and not self._running
 
     def require_room(self) -> None:
-        """Raise LimitError where the axis would come to rest beyond its position limits on the ramps of the command."""
+        """Raise LimitError if the axis would come to rest beyond its position limits on the ramps of the command."""
         limits, before = self._parameters.limits.position, self._before
         if limits is None or before is None or not self._bounded:
             return
@@ -179,13 +180,13 @@ class JerkLimitedVelocity(PathHandover):
 
     @property
     def acceleration(self) -> float:
-        """With which acceleration it leads the axis (unit/s²)."""
+        """The present acceleration of the commanded motion (unit/s²)."""
         ramp = self.ramp
         on_ramp = ramp is not None and self._is_on(ramp) and self._addition is None
         return ramp.led.acceleration if ramp is not None and on_ramp else super().acceleration
 
     def resume(self, before: Follow) -> None:
-        """Go on from the last target of ``before``."""
+        """Continue from the last target of ``before``."""
         super().resume(before)
         self._bind_again(before.last_step.position)
 
@@ -194,16 +195,16 @@ class JerkLimitedVelocity(PathHandover):
         self._bind_again(self._units.to_units(self.reference(image) - image.origin))
 
     def _bind_again(self, here: float) -> None:
-        """Keep the position limits, or none before the axis is homed; one that stands outside may come back."""
+        """Apply the position limits, or none before the axis is homed; an axis at rest beyond them may move back."""
         if self._bounded is not None:
             self._bind(self._parameters.limits.position if self._bounded else None, here)
 
     def _is_on(self, ramp: SoftRamp) -> bool:
-        """Whether it is led on its ramp, and not braked otherwise."""
+        """Whether its ramp commands the axis, and no other braking."""
         return self._running and self.clock is ramp
 
     def _override(self, factor: float) -> None:
-        """Ask for the velocity under another override, and look anew whether the axis comes to it."""
+        """Command the velocity under another override, and restart the check that the axis reaches it."""
         if factor == self._factor:
             return
         self._factor = factor
@@ -226,7 +227,7 @@ class JerkLimitedVelocity(PathHandover):
         self.guide_by(ramp, _Ramped(ramp, self._ramps.hardest))
 
     def _go_on(self, ramp: SoftRamp, image: AxisImage) -> bool:
-        """Go on by one cycle; return whether the velocity is reached. What fails is braked in this cycle, from where it was."""
+        """Advance by one cycle; return whether the velocity is reached. On an error the axis brakes in the same cycle."""
         reached, self.brakes_along = False, True
         if not ramp.braking and not self._settles:
             reached = self._reached.step(image, at_goal=ramp.at_goal)
@@ -237,7 +238,7 @@ class JerkLimitedVelocity(PathHandover):
         return reached
 
     def _course(self) -> CommandedMotion:
-        """Return where it leads, for the watch over the limits: a stop brakes with the axis's own deceleration."""
+        """Return the commanded motion for the monitoring of the limits: a stop brakes with the axis's own deceleration."""
         unit, hard = abs(self._units.factor), self._parameters.path_deceleration
         down = hard or self._ramps.down
         soft = 0.0 if hard else 2.0 * self._ramps.hardest / self._ramps.jerk
@@ -245,17 +246,17 @@ class JerkLimitedVelocity(PathHandover):
         return CommandedMotion(goal, self._ramps.up * unit, down * unit, by_core=True, soft=soft)
 
     def _hard_way(self, velocity: float) -> float:
-        """Return how far it is to rest for any stop but a soft halt."""
+        """Return the distance to rest for any stop but a soft halt."""
         hard = self._parameters.path_deceleration
         return (
             braking_distance(velocity, hard) if hard else rest_way(ReferenceState(0.0, velocity), self._ramps)
         )
 
     def _look_for_room(self, ramp: SoftRamp) -> None:
-        """Raise LimitError, or brake a soft halt harder, where the axis could not be kept within its limits after this cycle.
+        """Raise LimitError, or brake a soft halt harder, if the axis could not stay within its limits after this cycle.
 
         Raises:
-            LimitError: its velocity leads it out of them.
+            LimitError: its velocity moves it out of the limits.
         """
         limits, after = self._limits, ramp.next(self._period)
         if limits is None:

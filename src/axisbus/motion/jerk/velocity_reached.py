@@ -1,4 +1,4 @@
-"""Whether an axis that the master leads at a velocity has come to it: by what is measured, not by what was sent."""
+"""Whether an axis has reached the velocity that the master commands: from the measured values, not from the sent ones."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.velocity_estimator import VelocityEstimator
 
 _FILTER = 0.2  # share of a new sample in the mean of a noisy velocity
-_MARGIN = 2.0  # seconds that the axis may be late, beside four times its ramp
+_MARGIN = 2.0  # seconds that the axis may be late, in addition to four times its ramp
 
 
 class VelocityReached:
-    """Holds the velocity that is asked for under the override, what was measured of it, and the time that is left for it."""
+    """Holds the commanded velocity under the override, its measured values, and the remaining time."""
 
     def __init__(self, profile: MoveProfile, parameters: AxisParameters) -> None:
         """``profile`` with a signed velocity, all of its ratios, and a jerk."""
@@ -26,12 +26,12 @@ class VelocityReached:
         self._asked = sign * profile.speed / abs(units.position.factor)  # unit/s
         self._profile = profile
         self._parameters = parameters
-        self._track = VelocityEstimator()  # of the positions, for a drive whose 606Ch does not travel
+        self._track = VelocityEstimator()  # of the positions, for a drive whose 606Ch is not received
         self._mean: float | None = None
         self.override(1.0)
 
     def override(self, factor: float) -> None:
-        """Look for the velocity under another override: all begins anew."""
+        """Restart the check with the velocity under another override."""
         limit, asked = self._parameters.limits.velocity, self._asked
         speed = abs(asked) * factor
         speed = speed if limit is None else min(speed, max(limit, abs(asked)))
@@ -41,7 +41,7 @@ class VelocityReached:
         self._is_there = False
 
     def step(self, image: AxisImage, *, at_goal: bool) -> bool:
-        """Return whether it is reached, or was; ``at_goal``: nothing else is sent any more.
+        """Return whether the velocity is reached, or was; ``at_goal``: the set-points no longer change.
 
         Raises:
             MotionTimeout: the time for it has passed.
@@ -57,14 +57,14 @@ class VelocityReached:
         return self._is_there
 
     def _measured(self, image: AxisImage) -> float | None:
-        """Return the velocity in unit/s, by 606Ch, else by the positions; None where neither tells it yet."""
+        """Return the velocity in unit/s, from 606Ch, else from the positions; None if neither is known yet."""
         units = self._parameters.units
         if image.velocity is not None:
             return units.velocity.to_units(image.velocity)
         return units.position.to_units(self._track.motion[0]) if self._track.is_known else None
 
     def _in_velocity(self, image: AxisImage) -> bool:
-        """More than half of what was asked for must be there in any case; a noisy velocity may be there by its mean."""
+        """Whether the velocity (or its mean, if it is noisy) has reached the goal; more than half of it is always required."""
         goal, velocity = self.goal, self._measured(image)
         if velocity is None:
             return False
@@ -76,7 +76,7 @@ class VelocityReached:
         return off < 0.5 * abs(goal) and off <= max(floor, VELOCITY_SHARE * abs(goal))
 
     def _allowed(self, speed: float) -> float:
-        """Four times the ramp from ``speed`` (perhaps the other way) through 0 to the new one, with its jerk, and a margin."""
+        """Return four times the ramp from ``speed`` (of either direction) through 0 to the new one with its jerk, plus a margin."""
         profile, unit = self._profile, abs(self._parameters.units.position.factor)
         if profile.timeout is not None:
             return profile.timeout
