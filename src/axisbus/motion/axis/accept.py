@@ -203,7 +203,7 @@ def _halt(core: AxisCore, _: c.Halt, ticket: CommandStatus, __: StartBarrier) ->
     elif core.image.standstill:  # locked
         core.finish(ticket)
     else:
-        # the drive holds it in quick stop active and still brakes; this happens after a stop that was not confirmed
+        # The drive holds it in quick stop active and still brakes; this happens after a stop that was not confirmed.
         _stop_if_powered(core, ticket, StopKind.STOP, StopLevel.HALT)
 
 
@@ -333,7 +333,7 @@ def _probe_abort(core: AxisCore, command: c.ProbeAbort, ticket: CommandStatus, _
     core.probes.abort(command, ticket, core.image, core.order)
 
 
-# -- one after the other ---------------------------------------------------------------------------------------------
+# -- buffered and blended commands -----------------------------------------------------------------------------------
 
 
 def _buffered(core: AxisCore, command: c.Buffered, ticket: CommandStatus, gate: StartBarrier) -> None:

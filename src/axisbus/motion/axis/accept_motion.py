@@ -412,7 +412,7 @@ def require_cyclic(core: AxisCore, ticket: CommandStatus, mode: ModeOfOperation)
     sources = {"statusword": how.inputs.get("statusword", ValueTransport.NONE)}
     sources |= {name: how.inputs.get(name, ValueTransport.NONE) for name in needs.inputs}
     if mode is not _M.CYCLIC_SYNC_POSITION and core.parameters.has(objects.POSITION_ACTUAL):
-        # without a position, limits cannot be monitored and a jam cannot be detected
+        # Without a position, limits cannot be monitored and a jam cannot be detected.
         sources["position"] = how.inputs.get("position", ValueTransport.NONE)
     sources[needs.output] = how.outputs.get(needs.output, ValueTransport.NONE)
     wrong = [
@@ -529,7 +529,7 @@ def require_no_stop(core: AxisCore, ticket: CommandStatus) -> None:
 def refusal(core: AxisCore, ticket: CommandStatus, state: AxisState) -> StateError:
     """Return why a command is not possible in ``state``, and what to do first."""
     what, todo = REFUSAL[state]
-    # a reset is of use only if its node is operational
+    # A reset is of use only if its node is operational.
     if state is AxisState.ERRORSTOP and not core.image.operational:
         todo = not_to_be_reset(ticket.name, core.parameters.node, core.image, stopping=False).remedy
     why = f": {core.error.message}" if core.error is not None else ""

@@ -26,7 +26,7 @@ class ActiveCommand:
         self.set_point: SetPoint | None = None
         self.addition: Addition | None = None  # the distance superimposed on the activity, a path
         self.addition_ticket: CommandStatus | None = None
-        # whether a ticket of the axis has ended since the flag was last reset by its reader
+        # Whether a ticket of the axis has ended since the flag was last reset by its reader.
         self.ended = False
 
     def begin(self, activity: Activity, ticket: CommandStatus) -> None:

@@ -211,7 +211,7 @@ class AxisCore:
             self._step_activity(activity, image, order)
         elif stopping.ladder is None:
             self.running.finish_handshake(image, order)
-        # in the same cycle, because a cycle without a target causes a jolt in a cyclic mode
+        # In the same cycle, because a cycle without a target causes a jolt in a cyclic mode.
         if stopping.ladder is not None:
             self._step_ladder(stopping.ladder, image, order)
         self.halted = order.halt
@@ -233,7 +233,7 @@ class AxisCore:
         outputs = order.outputs(image.state)
         if outputs.controlword != image.flight.word or outputs.mode is not None:
             image.flight.note(outputs, image.now)
-        # now, not at the start: requests that a command cancels between two cycles are sent with the next one
+        # Now, not at the start: requests that a command cancels between two cycles are sent with the next one.
         order.clear()
         self._cruise = cruise_of(self) if calm and self.state is _SYNCHRONIZED else None
         return outputs
@@ -290,7 +290,7 @@ class AxisCore:
         self.history.note(image)
         self.run_down.look(image, self.touched)
         self._supervise(image)
-        # otherwise the drive is in its requested state
+        # Otherwise the drive is in its requested state.
         if image.state is not _ENABLED or order.goal is not _ENABLED:
             self._let_go(image)
         if self._story is not None:
@@ -343,7 +343,7 @@ class AxisCore:
         for ticket in tickets:
             self.finish(ticket, ended(ticket.name))
 
-    # -- what nobody asked for ---------------------------------------------------------------------------------------
+    # -- unexpected events -------------------------------------------------------------------------------------------
 
     def _supervise(self, image: AxisImage) -> None:
         supervision, ladder = self.supervision, self.stopping.ladder
@@ -404,7 +404,7 @@ class AxisCore:
     def _let_go(self, image: AxisImage) -> None:
         """Do not request again a state that the drive has left on its own; only a running enable may do so."""
         if image.state is not _ENABLED:
-            # a set-point that the drive had taken, or begun to take, is void
+            # A set-point that the drive had taken, or begun to take, is void.
             self.running.set_point = image.led.taken = None
         goal = self.order.goal
         if image.state is goal or goal not in ENERGISED or isinstance(self.activity, EnableActivity):
@@ -418,7 +418,7 @@ class AxisCore:
     # -- failure -----------------------------------------------------------------------------------------------------
 
     def fail(self, error: AxisbusError, rung: StopLevel = StopLevel.HALT, *, along: bool = True) -> None:
-        """Go to ErrorStop because of ``error``, and stop the axis from ``rung`` on; ``along`` its present path if True."""
+        """Go to ErrorStop because of ``error``, and stop the axis from ``rung`` on; ``along``: a halt may brake along its path."""
         self._trip(error)
         enrich(error, self.image, self.history)
         activity = self.activity if along else None
@@ -488,7 +488,7 @@ class AxisCore:
             story.tickets.append(ticket)
         story.tickets += self.stopping.drop_resets()
         self._story = story
-        # it came from an earlier stop sequence: the drive itself brakes now, or coasts
+        # It came from an earlier stop sequence: the drive itself brakes now, or coasts.
         self._stopped_for_sure = False
         self._trip(story.tell(image, self.history))
         story.tickets += self.stopping.drop()
@@ -709,7 +709,7 @@ class AxisCore:
             return
         resetting = self.activity is not None and self.activity.clears_error
         along = isinstance(self.activity, Follow) and self.activity.brakes_along
-        # the trajectory still commands the axis: the axis is only late
+        # The trajectory still commands the axis: the axis is only late.
         if along or isinstance(error, MotionTimeout):
             self.fail(error, StopLevel.HALT)
             return

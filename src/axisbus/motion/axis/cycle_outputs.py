@@ -108,7 +108,7 @@ class CycleOutputs:
             command = plan(state, self.goal)
             word = _HOLD[state] if command is None else command.word
         if state is _ENABLED:
-            # also when leaving the state: until the drive has left it, a halted motion would continue without the halt bit
+            # Also when leaving the state: until the drive has left it, a halted motion would continue without the halt bit.
             if self.halt:
                 word |= cw.HALT
             if self.goal is state:

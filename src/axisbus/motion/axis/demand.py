@@ -7,8 +7,7 @@ copy of 6064h. So a demand is trusted only after it has been seen to be ahead of
 
 - it was at the axis's position (within ``standstill_window``), and then went ahead of the axis in ``_SAMPLES`` consecutive samples,
 - in each of them it had moved, and was ahead of the axis's position at the moment of the sample (a copy of 6064h is never ahead,
-  and a
-  demand that stays 0 never moves),
+  and a demand that stays 0 never moves),
 - in pp it was none of the given set-points (a demand that equals the target jumps from one set-point to the next).
 
 A jammed axis proves its demand within these samples, because the demand runs away from it; so does any axis that lags a little. A

@@ -116,7 +116,7 @@ class AxisImage:
         self._period = period
         self.still = SettledValue(tolerance, window)
         self.still_demand = SettledValue(tolerance, window)
-        # in this case silence means that the statusword has not changed
+        # In this case silence means that the statusword has not changed.
         self.statusword_by_event = capabilities.inputs.get("statusword") is ValueTransport.EVENT_PDO
         self.edge_delay = capabilities.edge_delay
         self.guarded = capabilities.guarded
@@ -127,7 +127,7 @@ class AxisImage:
         self._raw_position: int | None = None
         self.last_position = 0  # the last known one, however old (0: there was none), unwrapped
         self.fastest = _HALF  # increments per s: more than 606Ch can represent
-        # by the state that the drive shows; until the core has discarded the void values
+        # By the state that the drive shows; until the core has discarded the void values.
         self.loss: Loss | None = None
         self.lost_count = False  # in this cycle: half the drive's count may have passed unseen
         self.now = -math.inf
@@ -158,10 +158,10 @@ class AxisImage:
         self.flight = PendingOutputs(period)
         self.demand_stamp = -math.inf
         self.had_demand = False  # one had arrived in the previous cycle
-        # otherwise its silence means that it has not changed
+        # Otherwise its silence means that it has not changed.
         self.demand_repeats = math.isfinite(self.max_age[5])
         sources = [capabilities.inputs.get(name) for name in ("position", "demand")]
-        # in this case values that arrive in one cycle belong to one SYNC, whatever the order of their frames
+        # In this case values that arrive in one cycle belong to one SYNC, whatever the order of their frames.
         self._demands_with_positions = sources == [ValueTransport.SYNC_PDO] * 2
         self._demand_spacing = 0.0  # seconds between the last two
         self.lead_stamp = -math.inf  # when the two values compared by ``lead`` were sampled

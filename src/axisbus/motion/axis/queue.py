@@ -48,7 +48,7 @@ class Queue:
         """Begin the first waiting command, if any, and the commands that join it: the command before it has ended well."""
         while self._waiting:
             ticket, begin, _ = self._waiting.popleft()
-            # a command that takes over ends those that wait behind another one
+            # A command that takes over ends those that wait behind another one.
             rest, self._waiting = self._waiting, deque()
             begin()
             waits = bool(self._waiting)  # it has queued itself again

@@ -29,7 +29,7 @@ _M = ModeOfOperation
 _CSP, _HOMING, _PP = int(_M.CYCLIC_SYNC_POSITION), int(_M.HOMING), int(_M.PROFILE_POSITION)
 _MOVED = 20  # increments: more than the noise of a constant value
 _BRAKES = 1.25  # factor by which a braking distance may differ from the ramp's; a larger difference counts as a pull
-# cycles: a target is taken with the next SYNC and reached with the SYNC after it; the quick stop may be earlier
+# Cycles: a target is taken with the next SYNC and reached with the SYNC after it; the quick stop may be earlier.
 _ON_ITS_WAY = 2.0
 
 

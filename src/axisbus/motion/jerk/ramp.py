@@ -50,7 +50,7 @@ class SoftRamp:
         self.led = led
         self.goal = led.velocity  # unit/s, signed
         self._ramps = ramps
-        # while it has a higher acceleration than permitted
+        # While it has a higher acceleration than permitted.
         self._jerk = max(ramps.jerk, abs(led.acceleration) / LONGEST)
         self.braking = False
         self.t = 0.0

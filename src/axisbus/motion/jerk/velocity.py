@@ -3,8 +3,8 @@
 Theory of operation
 -------------------
 A ``SoftRamp`` commands the axis, from standstill or from its present path: with the velocity of that path, and its acceleration if
-it is known. The next command continues from both. A jerk-limited move cannot start with an acceleration, so it first lets the ramp
-``settle``.
+it is known. The next command continues from both. Only a jerk-limited move cannot start with an acceleration, so it first lets the
+ramp ``settle``.
 
 A requested halt brakes on the ramp (``brakes_softly``). Every other stop, and a halt without enough room, brakes at once with the
 axis's own deceleration, as hard as without a jerk limit. In each cycle the master checks that this is still possible within the

@@ -9,7 +9,7 @@ from axisbus.motion.moves.activity import Activity
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.standstill import StandstillCheck
 
-# seconds after which a reported end no longer counts: an axis that overshoots passes its target twice
+# Seconds after which a reported end no longer counts: an axis that overshoots passes its target twice.
 _PASSED = 0.5
 
 

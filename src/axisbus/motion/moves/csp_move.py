@@ -57,7 +57,7 @@ class CspMove(PathHandover):
         self._goal = target
         self._profile = profile
         self._deadline: float | None = None
-        # the override of the plan; with 0 the plan brakes to rest, and the axis is held there
+        # The override of the plan; with 0 the plan brakes to rest, and the axis is held there.
         self._factor = 1.0
 
     def plan(self, origin: int) -> ProfileFromSpeed:

@@ -216,7 +216,7 @@ class EnableActivity(Activity):
 
     @property
     def _has_one_mode(self) -> bool:
-        """A drive without 6061h has one mode, and is in it."""
+        """Whether the drive has only one mode: without 6061h it is always in this mode."""
         return not self._parameters.has(objects.MODES_OF_OPERATION_DISPLAY)
 
     def _switched_on(self, image: AxisImage, order: CycleOutputs) -> bool:

@@ -103,14 +103,14 @@ class Follow(Activity):
         self._origin = 0  # from its beginning: a later change of the origin must move nothing
         self._arrive_by: float | None = None
         self._edges: tuple[float, float] | None = None  # the position limits that apply to it
-        # the range of the drive's count; None: the axis may continue past its end
+        # The range of the drive's count; None: the axis may continue past its end.
         self._count: Room | None = None
         self._limits: Room | None = None  # the permitted range: within both, the limits widened to its start
         self._comes_back = False  # the axis moves back from beyond the limits
         self._is_known = False  # the path is known in advance, and checked as a whole
         self._stepped = False
         self._pace: PathLimitCheck | None = None
-        # the step to the last target, before it was rounded to increments
+        # The step to the last target, before it was rounded to increments.
         self._step: PathSample | None = None
         self._brake = 0.0  # unit/s²: its own braking deceleration; 0: it does not brake on its own
         self._known_way: _Way | None = None
@@ -460,7 +460,7 @@ class Follow(Activity):
     def _look_ahead(self, trajectory: CheckedTrajectory) -> PathSample:
         """Return the step to the next target; raise an error if it exceeds a limit, or the path after it could not be braked.
 
-        The path is then braked from its present position (``brakes_along``). If the path is interrupted, the drive's quick stop
+        The path is then braked from its present position (``brakes_along``). If the path breaks off, the drive's quick stop
         brakes.
         """
         self._look_beyond()
@@ -581,7 +581,7 @@ class Follow(Activity):
             return pace
         if self._parameters.limits.acceleration is not None or pace.acceleration is None:
             return pace
-        # which then only detects a jump
+        # Which then only detects a jump.
         return replace(pace, acceleration=pace.acceleration + addition.hardest)
 
     def _go_to(self, value: float) -> None:

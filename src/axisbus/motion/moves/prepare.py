@@ -23,7 +23,7 @@ OPTIONAL_PROFILE = frozenset({objects.PROFILE_DECELERATION, objects.END_VELOCITY
 # Objects for the computation of a braking distance: read back after the write, because a drive may have a fixed value, or limit it.
 RAMPS = (objects.PROFILE_ACCELERATION, objects.PROFILE_DECELERATION)
 _ROUNDING = 1.000001
-# no answer arrived, or the value is impossible
+# No answer arrived, or the value is impossible.
 _NO_ANSWER = frozenset({abort.TIMED_OUT, *abort.VALUE_REFUSED})
 
 

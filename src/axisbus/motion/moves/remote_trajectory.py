@@ -137,7 +137,7 @@ class Streamed:
         """End the trajectory with ``error``: no more samples will arrive. The first error counts."""
         self._failure = self._failure or error
 
-    # -- what is asked of its program ------------------------------------------------------------------------------------
+    # -- requests to its program -----------------------------------------------------------------------------------------
 
     def wanted(self, t: float) -> tuple[int, int] | None:
         """Return the samples to request now, with the axis at ``t``: the first number, and the count; None if none are needed.

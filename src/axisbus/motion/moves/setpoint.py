@@ -67,7 +67,7 @@ class SetPoint:
     def keeps_halt(self, image: AxisImage) -> bool:
         """Whether a halted axis must stay halted: without the halt it would continue to the drive's previous target.
 
-        For a drive that takes no set-point under halt, the halt is removed for half of the time.
+        For a drive that takes no set-point under halt, the halt is removed after half of the timeout.
         """
         offered = self.phase is _OFFER and image.now < self.since + 0.5 * self._timeout
         return self.phase is _CLEAR or self.phase is _TARGET or offered

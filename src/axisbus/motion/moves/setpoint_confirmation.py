@@ -124,7 +124,7 @@ class SetPointConfirmation:
         wait = self._parameters.timing.settle if self._stood else _STARTS
         return is_led_there and image.now >= self._edge + wait
 
-    # -- what was before ---------------------------------------------------------------------------------------------
+    # -- state before the edge ---------------------------------------------------------------------------------------
 
     def _begin(self, image: AxisImage) -> None:
         first = self._edge == math.inf
@@ -154,7 +154,7 @@ class SetPointConfirmation:
         bit = 2.0 * (self._tolerance + 1.0) / speed if speed else _TURNS
         return self._parameters.timing.acknowledge + turn + bit
 
-    # -- what is seen ------------------------------------------------------------------------------------------------
+    # -- evidence since the edge -------------------------------------------------------------------------------------
 
     def _look(self, image: AxisImage) -> None:
         position, demand = self._since_edge(image)

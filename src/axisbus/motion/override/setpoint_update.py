@@ -65,7 +65,7 @@ class SetPointUpdate:
         self._parameters = parameters
         self._write: tuple[float, RampTransfers] | None = None
         self.held = False
-        # the last ones written here, with the values that the drive has
+        # The last ones written here, with the values that the drive has.
         self.ramps: RampTransfers | None = None
 
     @property

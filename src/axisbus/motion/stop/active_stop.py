@@ -76,7 +76,7 @@ class Stopping:
         ticket: CommandStatus | None,
         led_by: Activity | None = None,
     ) -> None:
-        """Begin to stop, or make the running stop as hard as this one; its deadline does not change.
+        """Begin to stop, or make the running stop as hard as this one; a step that continues gets no more time.
 
         ``led_by``: the command that has just ended; the axis brakes along the trajectory of this command.
         """

@@ -10,7 +10,7 @@ from axisbus.motion.stop.standstill import StandstillCheck
 
 
 class CoastDown:
-    """State whether the motor may still turn without power.
+    """Holds whether the motor may still turn without power.
 
     Once standstill was seen, later motion without power does not count: the motor may then be turned by hand.
     """

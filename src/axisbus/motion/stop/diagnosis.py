@@ -17,7 +17,7 @@ from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.moves.activity import SdoTransfers
 from axisbus.motion.parameters import AxisParameters
 
-# separates the first observation from its consequences, in the field "observed"
+# Separates the first observation from its consequences, in the field "observed".
 THEN = "\n            then: "
 _LINE = "\n            "  # separates two remedies, in the field "remedy"
 _RECENT = 5.0  # seconds during which an EMCY counts as belonging to the present event
@@ -122,7 +122,7 @@ class FaultDiagnosis:
         try:
             self.done = self._transfers.step(image, order)
         except AxisbusError:
-            # a drive that refuses to explain itself is still in fault: report the known values
+            # A drive that refuses to explain itself is still in fault: report the known values.
             self.done = True
         if image.now > self._deadline:
             self._transfers.cancel(order)
@@ -200,7 +200,7 @@ def _register(entry: emcy.Emcy) -> str:
 def enrich(error: AxisbusError, image: AxisImage, history: DriveHistory) -> AxisbusError:
     """Add the drive's observed values to ``error.observed``.
 
-    Added are mode, EMCY, NMT state and the age of the last statusword, unless the error already contains them.
+    Added are states, mode, EMCY, the NMT state (unless the error is about the node or the bus), and the age of an old statusword.
     """
     texts = [error.observed] if error.observed else []
     texts.append(f"drive: {history.path()}")

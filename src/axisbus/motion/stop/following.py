@@ -29,7 +29,7 @@ from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop_deceleration import CommandedMotion
 
 _M = ModeOfOperation
-# scan periods from a csp target to the position that it causes, beyond the cycle of the comparison
+# Scan periods from a csp target to the position that it causes, beyond the cycle of the comparison.
 _TARGET_SEEN = 2.0
 _SPEED_TIME = 0.5  # seconds for which a commanded speed justifies a lag
 _TWICE = 2  # consecutive samples
@@ -187,7 +187,7 @@ class FollowingErrorMonitor:
         return fastest if course.speed is None else max(mean, min(fastest, abs(course.speed)))
 
     def _by_drive(self, image: AxisImage) -> FollowingError | None:
-        """Return the error that the drive's own monitoring (6065h, 6066h) has reported, if it was not set before this motion."""
+        """Return the error of the drive's own monitoring (6065h, 6066h), if its bit 13 was clear before in this motion."""
         parameters, word = self._parameters, image.statusword
         if parameters.drive_following_error is None or word is None:
             return None

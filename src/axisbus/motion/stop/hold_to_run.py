@@ -16,7 +16,7 @@ class _Held(NamedTuple):
 class HoldToRun:
     """Holds the time (s) until which the axes may move, and the reason for the halt after it.
 
-    The program's thread confirms; the scan checks.
+    Any thread may confirm; the scan checks.
     """
 
     def __init__(self) -> None:

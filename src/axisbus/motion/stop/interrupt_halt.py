@@ -22,7 +22,7 @@ class Halting:
         self._tickets: list[CommandStatus] = []
 
     def begin(self, cores: Mapping[str, AxisCore], reason: str, number: int) -> None:
-        """Halt every axis that was set in motion; if halts of an earlier interrupt still run, do a quick stop instead.
+        """Halt every axis that was set in motion; if halts of an earlier interrupt still run, do a quick stop of all.
 
         ``number`` identifies the interrupt, because one interrupt may be reported twice; 0 identifies none.
         """

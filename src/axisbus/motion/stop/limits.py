@@ -38,10 +38,10 @@ from axisbus.motion.velocity_estimator import VelocityEstimator
 
 _CONTINUOUS, _DISCRETE = AxisState.CONTINUOUS_MOTION, AxisState.DISCRETE_MOTION
 _OVERSPEED = 1.1  # measured velocity is noisy, and a drive's own control overshoots
-# scan periods: to the next check, to the SYNC after it, to the reception by the drive, to the braking
+# Scan periods: until the next check, until the SYNC after it, until the drive receives the command, until it brakes.
 _REACTION = 4.0
 _PREPARES = 5.0  # scan periods until the ramps of a command are written by SDO
-# seconds by which a pushed motor may lag behind the ramp that takes it over; no demand shows this lag before
+# Seconds by which a pushed motor may lag behind the ramp that takes it over; no demand shows this lag before.
 _SEIZURE = 0.02
 _NOISE = 3.0  # increments of error of a position, as a velocity over one period
 _WINDOW = 20.0  # increments by which a move may overshoot its target at its end
@@ -174,8 +174,8 @@ class LimitMonitor:
     def _overshoots(self, image: AxisImage, course: CommandedMotion) -> LimitError | None:
         """Return why a move to a position must be stopped: its initial speed is too high for its deceleration.
 
-        A move that ends within the limits never has its rest position beyond them, except that its velocity is older than its
-        position.
+        If the move ends within the limits, its computed rest position can be beyond them only because its velocity is older than
+        its position. The window allows for this.
         """
         if self._edges is None or image.position is None or not self._position.is_known:
             return None
@@ -288,7 +288,7 @@ class LimitMonitor:
         return stop
 
     def _take_lag(self, image: AxisImage, *, seldom: bool) -> None:
-        """Compute the lag when a rare demand (``seldom``) has arrived in this cycle, from it and the velocity of the axis then."""
+        """Compute the lag from a rare demand (``seldom``) that has arrived in this cycle, and the present velocity of the axis."""
         if not seldom:
             self._shown_lag, self._shown_at = 0.0, -math.inf
             return

@@ -69,7 +69,7 @@ class FaultPolicy:
         }
 
     def how(self, axis: str, failed: str) -> GroupFault:
-        """Return how ``axis`` is stopped because of ``failed``: by the hardest way of the groups that contain both."""
+        """Return how ``axis`` is stopped because of ``failed``: by the hardest setting of the groups that contain both."""
         ways = (
             self.on_fault.get(name, GroupFault.PATH)
             for name, axes in self.groups.items()

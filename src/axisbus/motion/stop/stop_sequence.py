@@ -100,7 +100,7 @@ class StopSequence:
         self._resisted_since = resisted_since
         self._set_going_at = set_going_at
         self._deadline: float | None = None
-        # since the present step began; for the first one, since the first call of step()
+        # Since the present step began; for the first one, since the first call of step().
         self._standing: StandstillCheck
         self._relief: HoldSetPoint | None = None
         self._disabling = False
@@ -108,15 +108,15 @@ class StopSequence:
         self._rest_by: float | None = None  # until when a motor without power may turn
         self._by_sdo = SdoPath(parameters)
         self._stands_now = False
-        # it was at standstill in the middle of a motion when the stop began, and no value shows whether it is pulled
+        # It was at standstill in the middle of a motion when the stop began, and no value shows whether it is pulled.
         self._blind_hold = False
         self.rung = start
         self.path: list[StopLevel] = [start]
         self.seen = PowerState.UNKNOWN  # by PDO, else by SDO
         self.confirmed = False
-        # the times of cell.toml that have passed: the stop became harder than requested
+        # The times of cell.toml that have passed: the stop became harder than requested.
         self.late: list[str] = []
-        # when the time of the halt passed, the axis was still braking along its path
+        # When the time of the halt passed, the axis was still braking along its path.
         self.on_its_path = False
         self.blind = False  # the statusword was missing when a halt was requested
         self.spared = False  # the power was left on because of the load
@@ -220,7 +220,7 @@ class StopSequence:
             down = not image.flight.may_enable(image.now)
         else:
             down = self.seen is PowerState.SWITCH_ON_DISABLED and image.flight.word_answered(image.now)
-        # a word that has not taken effect yet may cause the drive to leave this state
+        # A word that has not taken effect yet may cause the drive to leave this state.
         return down or self._expired(image)
 
     def _halt(self, image: AxisImage, order: CycleOutputs) -> bool:
@@ -230,7 +230,7 @@ class StopSequence:
             self._go(StopLevel.QUICK_STOP, image)
             return self._quick_stop(image, order)
         if image.state is PowerState.OPERATION_ENABLED:
-            # a word that keeps it enabled could enable a drive again that is just leaving the state
+            # A word that keeps it enabled could enable a drive again that is just leaving the state.
             if self._was_off:
                 return self._disable(image, order)
             order.goal = PowerState.OPERATION_ENABLED
@@ -297,7 +297,7 @@ class StopSequence:
                 return None
             follow.step(image, order)
         except AxisbusError:
-            # the position is unknown, or a limit is in the path: only the drive's own halt remains
+            # The position is unknown, or a limit is in the path: only the drive's own halt remains.
             self._follow = None
             return None
         return follow.at_rest and self._stands_now
@@ -311,7 +311,7 @@ class StopSequence:
                 return False
             self._follow = None
         except AxisbusError:
-            # the drive rejects the mode, or the path ends: brake along the path, else use the drive's own halt
+            # The drive rejects the mode, or the path ends: brake along the path, else use the drive's own halt.
             leaving.cancel(order)
         self._leaving = None
         return True
@@ -346,7 +346,7 @@ class StopSequence:
         order.goal = PowerState.QUICK_STOP_ACTIVE
         order.target_velocity = 0
         if self._parameters.holds_load is HoldsLoad.NO:
-            # otherwise a drive that does not receive the word would let its load fall
+            # Otherwise a drive that does not receive the word would let its load fall.
             order.target_torque = 0
         self._by_sdo.send(order.word, image, order)
         if self.seen is PowerState.QUICK_STOP_ACTIVE and (self._stands_now or self._by_sdo.stands):
@@ -418,7 +418,10 @@ class StopSequence:
 
 
 def _is_led(image: AxisImage, follow: Leading) -> bool:
-    """Whether the drive is in the mode of the trajectory, or unknown while following in csv, where a sudden 0 would jolt it."""
+    """Whether the drive is in the mode of the trajectory; in csv, an unknown mode counts as this mode.
+
+    Otherwise a sudden velocity target of 0 would jolt the drive.
+    """
     return image.mode == follow.mode or (image.mode is None and follow.mode is _CSV)
 
 

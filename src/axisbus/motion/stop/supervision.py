@@ -38,7 +38,7 @@ from axisbus.motion.stop_deceleration import CommandedMotion
 _ENABLED, _UNKNOWN = PowerState.OPERATION_ENABLED, PowerState.UNKNOWN
 _ERRORSTOP, _STOPPING = AxisState.ERRORSTOP, AxisState.STOPPING
 POWERED = MOVING | {AxisState.STANDSTILL, AxisState.STOPPING}
-# seconds for which a word of this master that has not taken effect yet may keep a drive enabled
+# Seconds for which a word of this master that has not taken effect yet may keep a drive enabled.
 _FLICKER = 0.25
 _LEAST_GAP = 0.25  # seconds: shorter gaps are normal on a busy computer
 # After one of these states a node may have lost its position: it has restarted, or another master is about to configure it.

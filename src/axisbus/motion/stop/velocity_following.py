@@ -42,7 +42,7 @@ _LONGEST = 60.0  # seconds of memory
 _SETTLED = (
     0.4  # seconds; less than the time for which a commanded speed excuses a lag (``following._SPEED_TIME``)
 )
-_TAKEN = 4.0  # scan periods: to the next SYNC, to the reaction of the drive, and to its visibility
+_TAKEN = 4.0  # scan periods: until the next SYNC, until the drive acts, and until this is seen
 
 
 class _Ramp:
