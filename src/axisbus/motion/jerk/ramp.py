@@ -3,10 +3,10 @@
 Theory of operation
 -------------------
 In each cycle the acceleration approaches the wanted acceleration, by the jerk at most. The wanted acceleration is the highest one
-from which the velocity just reaches its goal if the acceleration is then reduced to 0, in each cycle by as much as the jerk allows
-(``_rate_to``). In whole cycles this is a sum and no integral, so that differences of positions keep to all limits. The goal may
-change in every cycle: velocity and acceleration continue from their present values. If an acceleration can no longer be reduced in
-time, the velocity passes the goal and comes back.
+that can still be reduced to 0, in each cycle by as much as the jerk allows, when the velocity reaches its goal (``_rate_to``). In
+whole cycles this is a sum and no integral, so that differences of positions keep to all limits. The goal may change in every cycle:
+velocity and acceleration continue from their present values. If an acceleration can no longer be reduced in time, the velocity
+passes the goal and comes back.
 
 After a harder motion, the acceleration may be too high for its own jerk to reduce it below the highest velocity, or within
 ``LONGEST``. Then it is reduced with a higher jerk: no axis becomes too fast, or stays fast without an end.

@@ -5,8 +5,9 @@ Theory of operation
 In the position modes the commanded position is 6062h; in csp it is the target that was sent. In profile velocity mode it is the
 ramped velocity command, integrated (``RampedWay``). A drive may lag: because of its filters, by one or two scan periods, or by an
 inhibit time. So the allowed error is ``standstill_window`` plus the distance covered in 0.25 s at the highest commanded speed of
-the last 0.5 s (or ``following_error``). A larger error in two consecutive samples means a jam, a limit of the drive, a slipping
-coupling, or a drive that ignores its commands.
+the last 0.5 s to 1 s. ``following_error``, or the drive's own window (6065h) in the position modes, replaces this distance. A
+larger error in two consecutive samples means a jam, a limit of the drive, a slipping coupling, or a drive that ignores its
+commands.
 
 Both values of a comparison belong to the same time: 6062h is compared with the position at its own sample time
 (``AxisImage.lead``), however rarely 6062h arrives. Two samples of such a rare 6062h give only the mean speed between them. The

@@ -13,10 +13,12 @@ demand that arrives less often than the position has an outdated velocity. Such 
 which is added to the reaction time of a stop. Without a trusted demand, the lag comes from the ramps of the commands
 (``RampedWay.lag``). The lag belongs to the drive, so the monitor uses the last value until a later command gives another one.
 
-An axis at rest beyond a limit may move back (``position_limits``): the limit is then its rest position. A position has a noise of
-some increments, and a velocity is computed from two positions. So a velocity in a direction is ignored while the axis has moved in
-that direction, over all samples of its track, by no more than this noise, unless the command moves the axis in that direction. In
-that case the position itself must be beyond the limit by more than the noise.
+An axis at rest beyond a limit may move back (``position_limits``): the limit is then its rest position.
+
+A position has a noise of some increments, and a velocity is computed from two positions. So a velocity in a direction is ignored
+while the axis has moved in that direction by no more than this noise, over all samples of its track. It is not ignored if the
+command moves the axis in that direction. While the velocity is ignored, the monitor reports a danger only if the position itself is
+beyond the limit by more than the noise.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-A requested stop is not a completed stop. An axis is *at standstill* if three conditions have been seen since a moment (the
+A requested stop is not a completed stop. An axis is *at standstill* if the following has been seen since a moment (the
 beginning of a command, or of a step of the stop sequence):
 
 1. Positions received after that moment stay within the tolerance of one position for the whole ``standstill_time``. Values received
