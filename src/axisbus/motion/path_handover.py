@@ -1,4 +1,4 @@
-"""A path that takes over from another one: until it begins, what led the axis before goes on to lead it."""
+"""A path in csp that takes over from another path: until it begins, the previous path continues to command the axis."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from axisbus.motion.path_limit_check import PathSample
 
 
 class PathHandover(Follow):
-    """Holds what leads the axis before it begins, and whether it was stopped by then."""
+    """Holds the path that commands the axis before this one begins, and whether that path was stopped before the handover."""
 
     def __init__(self, parameters: AxisParameters, gate: StartBarrier, before: Follow | None) -> None:
-        """``before``: what leads the axis now; None where nothing does."""
+        """``before``: the path that commands the axis now; None if there is none."""
         super().__init__(None, parameters, gate)
         self._before = before
-        self._is_given_up = False  # it was stopped before it began
+        self._is_given_up = False  # the axis was stopped before this path began
 
     def begin_braking(self) -> bool:
-        """Begin to slow down along the path: its own, or the one before as long as that leads."""
+        """Begin to brake along this path, or along the previous path as long as that commands the axis."""
         if self._before is None:
             return super().begin_braking()
         self._is_given_up = True
@@ -28,26 +28,26 @@ class PathHandover(Follow):
 
     @property
     def leads_now(self) -> Follow:
-        """What leads the axis in this cycle: the path before, until this one takes over."""
+        """The path that commands the axis in this cycle: the previous path, until this one takes over."""
         return self if self._before is None else self._before
 
     @property
     def is_under_way(self) -> bool:
-        """Whether it leads the axis, or what does so before it."""
+        """Whether this path commands the axis, or the previous path does."""
         return super().is_under_way if self._before is None else self._before.is_under_way
 
     @property
     def last_step(self) -> PathSample:
-        """Where the axis was led to in the last cycle, and how fast."""
+        """The commanded position and velocity of the last cycle."""
         return super().last_step if self._before is None else self._before.last_step
 
     @property
     def at_rest(self) -> bool:
-        """Whether the commanded motion stands still."""
+        """Whether the commanded motion is at standstill."""
         return super().at_rest if self._before is None else self._before.at_rest
 
     def _go_along(self, before: Follow, image: AxisImage, order: CycleOutputs) -> None:
-        """Be led by what led the axis before; where that fails, the axis is braked along it as it would have been."""
+        """Let the previous path command the axis. If it fails, the axis is braked along that path, as without the handover."""
         try:
             before.step(image, order)
         finally:

@@ -1,17 +1,16 @@
-"""Joining a way to one that is gone along: the corner between them, and the speeds of what is still ahead.
+"""Append a path to the active path: the corner between both, and the speeds of the part that is still ahead.
 
 Theory of operation
 -------------------
-A way ends at rest, so its last stretches are left the more slowly the nearer its end is. When another way goes on from there, the
-corner between both is rounded, and what may be left how fast is reckoned anew from the joint on backwards, as far as it changes
-anything. A rounded corner begins before the end of its line, so that it may come too late for the speed that there is: it is then
-made narrower, until it does fit, and where none does the axes stop at the joint, as they would have done without it.
+A path ends at rest, so the exit speeds of its last speed zones decrease towards its end. When another path is appended, the corner
+between both is rounded. The exit speeds are recomputed from the transition backwards, as far as they change. A rounded corner
+begins before the end of its line, so the appended path may come too late for the present speed. The corner is then made narrower
+until it fits. If none fits, the axes stop at the transition, as they would have done without the appended path.
 
-Places keep their numbers, and what has been passed is let go of: so whoever goes along (``PathSpeed``) goes on where it is.
+Path positions stay the same, and the part that has been passed is dropped. ``PathSpeed`` therefore continues where it is.
 
-Each stretch has the velocity that is asked for on it (``velocities``), and that with which it is to be left (``exits``). Both are
-wishes within what the way allows: where it is too late to keep them, the speed comes as near as the acceleration lets it.
-"""
+Each speed zone has a requested velocity (``velocities``) and a requested exit velocity (``exits``). Both are requests within the
+path's limits: if it is too late to meet them, the speed comes as close as the acceleration permits."""
 
 from __future__ import annotations
 
@@ -28,12 +27,12 @@ from axisbus.motion.group.path_speed import PathSpeed, SpeedRequest
 from axisbus.motion.group.segments import Corner, Place, Straight, corner, direction
 from axisbus.motion.parameters import AxisLimits
 
-_NARROWER = 12  # times a corner is made half as wide, before it is a stop
+_NARROWER = 12  # number of times that a corner is halved before it becomes a stop
 _SAME = 1e-12
 
 
 class ActivePath(NamedTuple):
-    """A way that is gone along, with what is asked for on each of its stretches, and the last velocity."""
+    """An active path, with the requested velocities of its speed zones, and the velocity of its last command."""
 
     way: Path
     asked: SpeedRequest
@@ -41,9 +40,9 @@ class ActivePath(NamedTuple):
 
 
 class PathContinuation(NamedTuple):
-    """What is to follow: a way that begins where the other ends, its velocity, and how it takes over.
+    """The path to append, which begins at the end of the active path, with its velocity and how it takes over.
 
-    ``blend``: within which distance of the joint the corner stays.
+    ``blend``: the greatest distance of the corner from the transition.
     """
 
     way: Path
@@ -53,9 +52,9 @@ class PathContinuation(NamedTuple):
 
 
 class JoinedPath(NamedTuple):
-    """What is gone along from now on, and the place at which what follows takes over (``mark``).
+    """The combined path, and the path position at which the appended path takes over (``mark``).
 
-    ``told``: what its handle says of it, where it has not the joint that it asked for.
+    ``told``: the note on the handle if the transition differs from the requested one.
     """
 
     going: ActivePath
@@ -64,7 +63,7 @@ class JoinedPath(NamedTuple):
 
 
 class _Rows(NamedTuple):
-    """The stretches of a way, as lists."""
+    """The speed zones of a path, as lists."""
 
     marks: list[float]
     tops: list[float]
@@ -75,7 +74,7 @@ class _Rows(NamedTuple):
 
 
 def going_of(way: Path, velocity: float) -> ActivePath:
-    """Return a way that is gone along at one velocity."""
+    """Return an active path with one velocity."""
     same = (velocity,) * len(way.tops)
     return ActivePath(way, SpeedRequest(same, same), velocity)
 
@@ -87,9 +86,9 @@ def joined(
     limits: Sequence[AxisLimits],
     period: float,
 ) -> JoinedPath:
-    """Return both ways as one; ``travel`` is on the first, at any speed.
+    """Return both paths as one; ``travel`` is on the first one, at any speed.
 
-    What follows must have a length. It stops at the joint where the way turns back there, and where no corner fits any more.
+    The appended path must have a length. The axes stop at the transition if the path reverses there, or if no corner fits any more.
     """
     way = going.way
     first, last = following.way.pieces[0], way.pieces[-1]
@@ -127,7 +126,7 @@ def _stopped(going: ActivePath, travel: PathSpeed, following: PathContinuation, 
 def _bent(
     bend: Corner, going: ActivePath, following: PathContinuation, limits: Sequence[AxisLimits], period: float
 ) -> Path:
-    """Return the corner by itself, with its stretches."""
+    """Return the corner as a path of its own, with its speed zones."""
     cycle = CycleVelocity(max(going.velocity, following.velocity), period)
     return way_of([bend], limits, min(going.way.ramps[-1], following.way.ramps[0]), (), cycle)
 
@@ -180,7 +179,7 @@ def _rows_ahead(going: ActivePath, travel: PathSpeed) -> _Rows:
 
 
 def _add(rows: _Rows, way: Path, velocity: float, trim: float = 0.0) -> None:
-    """Append the stretches of ``way``, of which the first is ``trim`` shorter."""
+    """Append the speed zones of ``way``, whose first zone is shortened by ``trim``."""
     begin = rows.marks[-1] - trim
     rows.marks.extend(begin + mark for mark in way.marks[1:])
     rows.tops.extend(way.tops)
@@ -191,7 +190,7 @@ def _add(rows: _Rows, way: Path, velocity: float, trim: float = 0.0) -> None:
 
 
 def _split(rows: _Rows, speed: float, here: float) -> None:
-    """Let the end of the last stretch be for speeding up to ``speed``, from the place on from which that takes its acceleration."""
+    """Split the last speed zone where acceleration to ``speed`` must begin, so that its end is reached at that speed."""
     ramp, velocity = rows.ramps[-1], rows.velocities[-1]
     top = min(speed, rows.tops[-1])
     at = rows.marks[-1] - max(top * top - velocity * velocity, 0.0) / (2.0 * ramp)
@@ -205,14 +204,14 @@ def _split(rows: _Rows, speed: float, here: float) -> None:
 
 
 def _reckon(rows: _Rows, joint: int, settled: int, *, stands: bool) -> None:
-    """Find out from the stretch ``joint`` on backwards with which speed each may be left, and is to be.
+    """Recompute permitted and requested exit speeds, from speed zone ``joint`` backwards.
 
-    Up to ``settled`` that is known, and changes no farther back than where it stays as it was.
+    Zones before ``settled`` have exit speeds already. The recomputation ends at the first of them that does not change.
     """
     if stands:
         rows.leaves[joint] = rows.exits[joint] = 0.0
     else:
-        rows.leaves[joint] = rows.tops[joint]  # the end of a way, where it was 0
+        rows.leaves[joint] = rows.tops[joint]  # the former end of the path, where it was 0
     for number in range(joint - 1 if stands else joint, -1, -1):
         before = rows.leaves[number], rows.exits[number]
         _reckon_one(rows, number)
@@ -223,7 +222,7 @@ def _reckon(rows: _Rows, joint: int, settled: int, *, stands: bool) -> None:
 def _reckon_one(rows: _Rows, number: int) -> None:
     behind = number + 1
     gain = 2.0 * rows.ramps[behind] * (rows.marks[behind + 1] - rows.marks[behind])
-    if rows.leaves[number] > 0.0:  # else it stops there
+    if rows.leaves[number] > 0.0:  # otherwise a stop at its end
         reach = math.sqrt(rows.leaves[behind] ** 2 + gain)
         rows.leaves[number] = min(reach, rows.tops[number], rows.tops[behind])
     rows.exits[number] = min(rows.exits[number], math.sqrt(rows.exits[behind] ** 2 + gain))

@@ -1,22 +1,23 @@
-"""The way of one axis through the ends of several moves, each with its own velocity and ramps, without a stop between them.
+"""The profile of one axis through the end positions of several moves, without a stop between them.
 
 Theory of operation
 -------------------
-A *leg* leads from the end of the one before to its own end, by its own velocity, acceleration and deceleration. The end between
-two legs, the *joint*, is passed with the velocity that the buffer mode of the second asks for, as far as there is room: backwards
-from the last end, each leg must be able to brake to the velocity of its own end; forwards from here, it must be able to come to it.
-Where two legs lead in opposite directions, or one has no length, the joint is a stop.
+A *leg* is one move: from the end of the previous leg to its own end, with its own velocity, acceleration and deceleration. The end
+between two legs, the *transition*, is passed at the velocity that the buffer mode of the second leg requests, as far as there is
+room. Backwards from the last end, each leg must be able to brake to its exit velocity; forwards from the present position, it must
+be able to reach that velocity. If two legs have opposite directions, or one has no length, the axis stops at the transition.
 
-Within a leg the velocity changes to that of the leg, is kept, and changes to that of the joint; what is too short for that has a
-peak below it (or, where both ends are faster than the leg, a valley above it). So each leg is three stretches of even acceleration.
+Within a leg the velocity changes to that of the leg, is constant, and changes to that of the transition. If the leg is too short
+for that, the velocity has a peak below the leg's (or, if both ends are faster than the leg, a valley above it). Each leg therefore
+has three phases of constant acceleration.
 
-Legs that are added later change nothing up to now, and may only raise the velocities of joints: an axis that could brake to what
-was planned can brake to more.
+Legs that are added later change nothing up to the present time, and can only raise transition velocities: an axis that could brake
+to the planned velocity can brake to a higher one.
 
-Where the jerk is limited the axis is at the *mean* of the last while of the course (``softly``). So that it passes a joint with the
-velocity of that, the course holds that velocity for half of the while before the joint and behind it; at a stop it rests for all of
-it, until the mean has come there, too. Where a leg is too short for that it holds it for less, and the mean is a little off it.
-"""
+If the jerk is limited, the axis follows the *mean* of the profile over a time window (``jerk_limited``). To pass a transition at
+the transition velocity, the profile holds that velocity for half the window before and after the transition. At a stop the profile
+rests for the whole window, until the mean has arrived as well. If a leg is too short, it holds the velocity for less time, and the
+mean deviates slightly from it."""
 
 from __future__ import annotations
 
@@ -30,13 +31,13 @@ from typing import NamedTuple
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed
 
-_KEPT = 1.0  # seconds of what has been gone along
+_KEPT = 1.0  # seconds of the past that are stored
 
 
 class Leg(NamedTuple):
     """One move: to ``end`` (unit) with ``velocity`` (unit/s), ``up`` and ``down`` (unit/s²), all above 0.
 
-    ``mode``: how it takes over from the one before.
+    ``mode``: how it takes over from the previous move.
     """
 
     end: float
@@ -47,9 +48,9 @@ class Leg(NamedTuple):
 
 
 class LegTransition(NamedTuple):
-    """The end of a leg: when it is passed (s), how fast, and how fast it was to be passed; ``turns``: the way leads back there.
+    """The end of a leg: time (s), speed, requested speed, and ``turns``: the axis reverses there, or the next leg has no length.
 
-    ``held``: for how many seconds that speed is kept behind it, for the mean.
+    ``held``: seconds for which the speed is held after the transition, for the mean.
     """
 
     time: float
@@ -60,7 +61,7 @@ class LegTransition(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    """A stretch of even acceleration: when it begins (s), where, how fast, and with what acceleration."""
+    """A phase of constant acceleration: its start time (s), and the position, speed and acceleration at its start."""
 
     begin: float
     position: float
@@ -70,9 +71,9 @@ class _Piece(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class BlendedProfile:
-    """A way through the ends of legs to rest at ``end``, after ``duration`` seconds; ``joints``: those that were ahead.
+    """A profile through the ends of legs to rest at ``end``, after ``duration`` seconds.
 
-    ``mean``: seconds of which the axis is at the mean.
+    ``joints``: the transitions that were ahead when it was planned. ``mean``: length of the averaging window in seconds.
     """
 
     pieces: tuple[_Piece, ...]
@@ -98,11 +99,11 @@ class BlendedProfile:
         return max(abs(piece.rate) for piece in self.pieces)
 
     def passed_at(self, joint: LegTransition) -> float:
-        """Return the time of the mean at which the axis has passed a joint; where that is a stop, the mean has come there, too."""
+        """Return the time of the mean at which the axis has passed a transition; at a stop, the mean must have arrived too."""
         return joint.time if joint.speed else joint.time + 0.5 * self.mean
 
     def position(self, t: float) -> float:
-        """Return the position at ``t`` seconds; before and after, the ends."""
+        """Return the position at ``t`` seconds; beyond an end, the position at that end."""
         if t >= self.duration:
             return self.end
         piece = self._at(t)
@@ -110,7 +111,7 @@ class BlendedProfile:
         return piece.position + piece.speed * t + 0.5 * piece.rate * t * t
 
     def speed(self, t: float) -> float:
-        """Return the speed at ``t`` seconds (unit/s, signed); at the end, 0."""
+        """Return the velocity at ``t`` seconds (unit/s); at the end, 0."""
         if t >= self.duration:
             return 0.0
         piece = self._at(t)
@@ -121,12 +122,12 @@ class BlendedProfile:
 
 
 def course_of(start: float, legs: Sequence[Leg], mean: float = 0.0) -> BlendedProfile:
-    """Return the way from rest at ``start`` through the ends of ``legs``; ``mean``: seconds of which the axis is at the mean."""
+    """Return the profile from rest at ``start`` through the ends of ``legs``; ``mean``: averaging window in seconds."""
     return _planned((), 0.0, start, 0.0, legs, mean)
 
 
 def course_along(onward: ProfileFromSpeed, mean: float = 0.0) -> BlendedProfile:
-    """Return the way of one move that has begun from the speed that its axis had."""
+    """Return the profile of one active move, which began at the speed that its axis had."""
     pieces, t = [], 0.0
     for seconds, position, speed, rate in onward.pieces:
         pieces.append(_Piece(t, position, speed, rate))
@@ -135,11 +136,10 @@ def course_along(onward: ProfileFromSpeed, mean: float = 0.0) -> BlendedProfile:
 
 
 def extended(course: BlendedProfile, t: float, legs: Sequence[Leg]) -> BlendedProfile:
-    """Return a way that is ``course`` until ``t`` seconds and leads through the ends of ``legs`` from there: those ahead, and more.
+    """Return ``course`` up to ``t`` seconds, continued through the ends of ``legs``: the legs still ahead, and new ones.
 
-    The first leg must be the one under way, with the ramps that it was planned with. What the course holds behind a joint for the
-    mean it holds on to.
-    """
+    The first leg must be the active one, with the ramps that it was planned with. If the profile holds a velocity after a
+    transition for the mean, it keeps holding it."""
     t = max([t, *(joint.time + joint.held for joint in course.joints if joint.time <= t)])
     head = tuple(piece for piece in course.pieces if piece.begin < t)
     kept = tuple(
@@ -182,13 +182,13 @@ def _planned(
 
 
 def _ways(position: float, legs: Sequence[Leg]) -> list[float]:
-    """Return how far each leg leads, signed."""
+    """Return the signed distance of each leg."""
     starts = [position, *(leg.end for leg in legs[:-1])]
     return [leg.end - start for start, leg in zip(starts, legs, strict=True)]
 
 
 def _wishes(ways: Sequence[float], legs: Sequence[Leg]) -> list[tuple[float, bool]]:
-    """Return with which speed the end of each leg is to be passed, and whether the way leads back there, or goes no farther."""
+    """Return for the end of each leg the requested speed, and whether the axis reverses there or does not move on."""
     found = []
     for (leg, after), (way, beyond) in zip(pairwise(legs), pairwise(ways), strict=True):
         turns = after.mode.blends and not way * beyond > 0.0
@@ -199,7 +199,7 @@ def _wishes(ways: Sequence[float], legs: Sequence[Leg]) -> list[tuple[float, boo
 def _exits(
     speed: float, ways: Sequence[float], legs: Sequence[Leg], wishes: Sequence[tuple[float, bool]]
 ) -> list[float]:
-    """Return with which speed each leg ends: no faster than can be braked from behind it, or come to before it."""
+    """Return the exit speed of each leg: no higher than the axis can reach before it, or brake from after it."""
     exits = [0.0 if turns else asked for asked, turns in wishes]
     for number in range(len(legs) - 2, -1, -1):
         after = number + 1
@@ -215,10 +215,10 @@ def _exits(
 def _stretches(
     length: float, entry: float, leave: float, leg: Leg, held: float, holds: float
 ) -> list[tuple[float, float, float]]:
-    """Return seconds, speed at the beginning and acceleration of each stretch of a leg of ``length``; all are magnitudes.
+    """Return the phases of a leg of ``length``: duration in s, initial speed and acceleration; all speeds are magnitudes.
 
-    ``held``: seconds for which the first speed is kept, and ``holds`` the last one, as far as there is room.
-    """
+    ``held``: seconds for which the entry speed is held; ``holds``: seconds for which the exit speed is held. Both as far as there
+    is room."""
     if not holds:
         return _between(length, entry, leave, leg)
     needed = abs(leave * leave - entry * entry) / (2.0 * (leg.up if leave > entry else leg.down))
@@ -233,7 +233,7 @@ def _stretches(
 
 
 def _between(length: float, entry: float, leave: float, leg: Leg) -> list[tuple[float, float, float]]:
-    """Return those stretches in which the speed is its own."""
+    """Return the phases between the two holds."""
     kept = _kept(length, entry, leave, leg)
     first = leg.up if kept > entry else -leg.down
     last = leg.up if leave > kept else -leg.down
@@ -244,7 +244,7 @@ def _between(length: float, entry: float, leave: float, leg: Leg) -> list[tuple[
 
 
 def _kept(length: float, entry: float, leave: float, leg: Leg) -> float:
-    """Return the speed that is kept in the middle of a leg: its own, a lower peak, or a higher valley."""
+    """Return the constant speed in the middle of a leg: the leg's velocity, a lower peak, or a higher valley."""
     up, down, own = leg.up, leg.down, leg.velocity
     if entry <= own and leave <= own:
         peak = (2.0 * up * down * length + down * entry * entry + up * leave * leave) / (up + down)

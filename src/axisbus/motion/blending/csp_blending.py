@@ -1,12 +1,11 @@
-"""Moves of one axis that pass into each other, led by the master in cyclic synchronous position mode.
+"""Blended moves of one axis in cyclic synchronous position mode, with set-points streamed by the master.
 
 Theory of operation
 -------------------
-All are one path (``BlendedProfile``), which is extended by each command that joins it, from the time on at which it is. So nothing
-jumps: neither place nor speed changes where it was already planned. Each command's ticket ends when its own end has been passed,
-the last one's when the axis has come up with it and stands. An override and a halt act on the time of the path, as on any
-trajectory's.
-"""
+All moves form one profile (``BlendedProfile``). Each added command extends it from the present time on, so neither position nor
+velocity changes where it was already planned. The ticket of a command ends when the axis has passed its end; the ticket of the last
+command ends when the axis has arrived there and is at standstill. An override and a halt act on the time of the profile, as for any
+trajectory."""
 
 from __future__ import annotations
 
@@ -35,11 +34,11 @@ from axisbus.motion.moves.follow import Follow
 from axisbus.motion.override.factor import spared
 from axisbus.motion.parameters import AxisParameters
 
-_TO_REST = 1e-9  # of a second before its end, a path is not extended any more
+_TO_REST = 1e-9  # seconds before its end at which a profile can no longer be extended
 
 
 class BlendedCommand(NamedTuple):
-    """One command: its leg (units), where it ends in unwrapped increments, its ticket and the caller's own deadline (s)."""
+    """One command: its leg (units), its end in unwrapped increments, its ticket, and the caller's own deadline (s)."""
 
     leg: Leg
     target: int
@@ -48,7 +47,7 @@ class BlendedCommand(NamedTuple):
 
 
 class BlendedMoves(Follow):
-    """Holds the commands whose ends are ahead, the path through them, and the deadline of the first."""
+    """Holds the commands whose ends are ahead, the profile through them, and the deadline of the first command."""
 
     foresees = False
 
@@ -61,7 +60,7 @@ class BlendedMoves(Follow):
         self._deadline: float | None = None
 
     def take_up(self, going: MoveProgress, before: CspMove) -> None:
-        """Be the first command, which goes on already: from the last target of ``before``, in its time."""
+        """Take over an active move as the first command: from the last target of ``before``, on the time scale of that move."""
         self._lead_along(course_along(going.way))
         self.resume(before)
         self.clock = self._time = going.clock
@@ -70,22 +69,22 @@ class BlendedMoves(Follow):
 
     @property
     def target(self) -> int:
-        """Where the last command ends, in unwrapped increments, without what is laid over the path."""
+        """End of the last command in unwrapped increments, without a superimposed distance."""
         return self._parts[-1].target
 
     @property
     def commands(self) -> int:
-        """How many commands share it, and have not ended."""
+        """The number of commands that share the profile and have not ended."""
         return len(self._parts)
 
     @property
     def window(self) -> int:
-        """Of how many cycles of the course the axis is at the mean."""
+        """The number of cycles in the mean that the axis follows."""
         return 1
 
     @property
     def why_not(self) -> str:
-        """Why nothing can join it now; "" where something can."""
+        """Why no command can be added now; "" if one can."""
         if self._addition is not None:
             return "a distance is being laid over what is under way"
         if self._course is not None and self._along >= self._course.duration - _TO_REST:
@@ -93,16 +92,16 @@ class BlendedMoves(Follow):
         return ""
 
     def join(self, part: BlendedCommand) -> None:
-        """Go on to the end of another command; nothing must speak against it (``why_not``)."""
+        """Append another command; allowed only if ``why_not`` is empty."""
         self._milestones.add(self._parts[-1].ticket, part.ticket)
         self._parts.append(self._within(part))
         if self._course is not None:
             self._lead_along(self._extended(self._course))
 
     def _within(self, part: BlendedCommand) -> BlendedCommand:
-        """Return a command that joins such that it keeps the limits also where an override makes time run faster by now.
+        """Return the command with reduced limits, so that the axis stays within its limits while an override speeds time up.
 
-        Time cannot always be slowed down before it begins: the axis may need all of its deceleration for what is under way.
+        Time cannot always be slowed down before the command begins: the axis may need its full deceleration for the active move.
         """
         rate, pace, leg = self._time.fastest, self._pace, part.leg
         if rate <= 1.0 or pace is None:
@@ -115,10 +114,10 @@ class BlendedMoves(Follow):
         return part._replace(leg=slower)
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Return True when the axis has come up with the end of the last command."""
+        """Return True when the axis has arrived at the end of the last command."""
         self._check_deadline(
             image
-        )  # before it goes on: what fails is braked in this cycle, from where it was
+        )  # before advancing: if it raises, the axis brakes in this cycle from its position
         self._go_ahead(image)
         if self._course is None and self._prepared:
             units = self._parameters.units.position
@@ -131,23 +130,23 @@ class BlendedMoves(Follow):
         return False
 
     def _go_ahead(self, image: AxisImage) -> None:
-        """Let what is in front of the axis go on by one cycle; here nothing is."""
+        """Advance the profile behind a mean by one cycle; nothing to do here."""
 
     def _legs(self) -> list[Leg]:
         return [part.leg for part in self._parts]
 
     @property
     def _along(self) -> float:
-        """How long it has gone along the course, in the time of that."""
+        """The present time on the profile, in its seconds."""
         return self.clock.t
 
     @property
     def _mean(self) -> float:
-        """Seconds of the course of which the axis is at the mean."""
+        """Length of the averaging window, in seconds of the profile."""
         return 0.0
 
     def _extended(self, course: BlendedProfile) -> BlendedProfile:
-        """Return the way on from here through all ends, with the joints that are passed here, and not yet by the axis."""
+        """Return the profile extended through all ends, including transitions that the profile has passed but the axis has not."""
         t, before = self._along, course.joints[len(course.joints) - len(self._parts) + 1 :]
         passed = [joint for joint in before if joint.time <= t]
         longer = extended(course, t, self._legs()[len(passed) :])
@@ -163,7 +162,7 @@ class BlendedMoves(Follow):
         self.lead_on(course)
 
     def _pass_ends(self, course: BlendedProfile) -> None:
-        """End the commands whose ends have been passed; the course keeps the joints that were ahead when it was planned."""
+        """End the commands whose ends the axis has passed; the profile keeps the transitions that were ahead at planning."""
         t = self.clock.t
         for joint in course.joints[len(course.joints) - len(self._parts) : -1]:
             if t < course.passed_at(joint):
@@ -174,7 +173,7 @@ class BlendedMoves(Follow):
         self._milestones.pass_to(t)
 
     def _tell(self, joint: LegTransition, ticket: CommandStatus) -> None:
-        """Note where a command has not taken over as it was asked to."""
+        """Note on the ticket if a command has not taken over as requested."""
         unit = self._units.unit
         if joint.turns:
             ticket.note = turned_back()

@@ -1,14 +1,14 @@
-"""Moves of one axis that pass into each other with a limited jerk: the axis is at the mean of the last cycles of their course.
+"""Blended moves of one axis with limited jerk: the axis follows the mean of the last cycles of their profile.
 
 Theory of operation
 -------------------
-What goes along the course (``SmoothedProfile``) is as hard as the legs are, under every override, and the axis is led to the mean
-of its last places. So its velocity and its acceleration are means, too, and the acceleration changes by no more than twice that of
-the legs in the time of the mean. The course leaves room at its joints for that, so that they are passed as fast as they are to be.
+The profile (``SmoothedProfile``) has the accelerations of the legs, under every override, and the axis is commanded to the mean of
+its last positions. Velocity and acceleration of the axis are therefore means as well, and the acceleration changes by no more than
+twice that of the legs in the time of the mean. The profile leaves room at its transitions for the mean, so that they are passed at
+the intended velocity.
 
-How many cycles the mean takes is settled by the first of the moves; another one may join that needs no more. Time never runs faster
-than it does without an override: the course would be harder by its square.
-"""
+The first move determines the number of cycles in the mean; another move may be added if it needs no more. Time never runs faster
+than without an override, because the acceleration of the profile would grow with the square of the factor."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.pathclock import PathClock
 
-# Time comes to another rate by what a straight line says of the speeds (``PathClock``); on a course that bends, an eighth is lost.
+# ``PathClock`` changes the rate of time as computed for a path of constant velocity; while the velocity varies, an eighth is lost.
 _STRAIGHT = 0.85
 
 
 class SmoothedProfile:
-    """Goes along a course, and holds its last times and places. To the axis it is its clock: ``t`` is the time of the mean."""
+    """Advances along a profile and stores its last times and positions. Is the clock of its axis: ``t`` is the time of the mean."""
 
     __slots__ = ("_places", "_times", "braking", "course", "led", "ramp", "t", "time")
 
     def __init__(
         self, course: BlendedProfile, places: deque[float], led: ReferenceState, ramp: float, period: float
     ) -> None:
-        """``places``: those of the last cycles, as many as the mean has, the last of them where ``course`` begins.
+        """``places``: the positions of the last cycles, one per cycle of the mean; the last one is the start of ``course``.
 
-        ``led``: where the axis is led to by now; ``ramp``: by how much the speed ahead may change, in unit/s².
+        ``led``: the commanded state of the axis; ``ramp``: permitted change of the profile's speed, in unit/s².
         """
         window = len(places)
         self.course = course
@@ -53,29 +53,29 @@ class SmoothedProfile:
 
     @property
     def window(self) -> int:
-        """Of how many cycles the mean is taken."""
+        """The number of cycles in the mean."""
         return len(self._places)
 
     @property
     def stopped(self) -> bool:
-        """Whether it stands because it was braked."""
+        """Whether it is at standstill because it was braked."""
         return self.braking and self.time.stopped and self._rests
 
     def told(self, t: float) -> str:
-        """Return a time for people."""
+        """Return a time as text for messages."""
         return self.time.told(t)
 
     def aim(self, factor: float) -> None:
-        """Let time come to run at ``factor``, 1 at most."""
+        """Let the rate of time approach ``factor``, limited to 1."""
         self.time.aim(min(factor, 1.0), self._way, self.ramp)
 
     def brake(self) -> None:
-        """Come to rest on the course; a second call changes nothing."""
+        """Brake to rest on the profile; a second call has no effect."""
         self.braking = True
         self.time.brake(self._way, self.ramp)
 
     def advance(self, period: float) -> None:
-        """Go on by one cycle of ``period`` seconds."""
+        """Advance by one cycle of ``period`` seconds."""
         self.time.advance(period)
         t, times, before = min(self.time.t, self.course.duration), self._times, self.led
         times.append(t)
@@ -86,14 +86,14 @@ class SmoothedProfile:
         self.led = ReferenceState(place, velocity, (velocity - before.velocity) / period)
 
     def walk(self, target: float, gait: JerkLimits, by: float) -> OnlineProfile:
-        """Return what goes on from here to ``target``, with all places ``by`` farther on."""
+        """Return a profile that continues from here to ``target``, with all positions shifted by ``by``."""
         places = deque((place + by for place in self._places), maxlen=self.window)
         speed = self.course.speed(self.time.t) * self.time.rate
         return OnlineProfile(target, gait, places, speed, self.led._replace(place=self.led.place + by))
 
     @property
     def _rests(self) -> bool:
-        """Whether nothing ahead has moved for all of the mean."""
+        """Whether the profile has not moved during the whole averaging window."""
         return self._times[0] == self._times[-1]
 
     def _way(self, t: float) -> float:
@@ -102,7 +102,7 @@ class SmoothedProfile:
 
 @dataclass(frozen=True, slots=True)
 class _Softened:
-    """The course as the axis is led along it, as a trajectory: it is asked for the present place alone."""
+    """The smoothed profile as a trajectory; only its present position is queried."""
 
     ahead: SmoothedProfile
     span: tuple[float, float]
@@ -111,42 +111,42 @@ class _Softened:
     duration: float
 
     def position(self, _t: float) -> float:
-        """Return the place of this cycle."""
+        """Return the commanded position of this cycle."""
         return self.ahead.led.place
 
 
 class JerkLimitedBlendedMoves(BlendedMoves):
-    """Holds what goes along the course of the commands, once that is known."""
+    """Holds the smoothed profile of the commands, once it is known."""
 
     def __init__(
         self, part: BlendedCommand, parameters: AxisParameters, gate: StartBarrier, window: int
     ) -> None:
-        """``part``: the first command, which begins from rest (or see ``taken_up``); ``window``: of how many cycles the mean is."""
+        """``part``: the first command, begun from rest (or see ``take_up_softly``); ``window``: number of cycles in the mean."""
         super().__init__(part, parameters, gate)
         self._window = window
         self.ahead: SmoothedProfile | None = None
 
     @property
     def window(self) -> int:
-        """Of how many cycles the mean is taken."""
+        """The number of cycles in the mean."""
         return self._window
 
     @property
     def acceleration(self) -> float:
-        """With which acceleration it leads the axis (unit/s²)."""
+        """The commanded acceleration (unit/s²)."""
         ahead = self.ahead
         is_led = ahead is not None and self.clock is ahead and self._addition is None
         return ahead.led.acceleration if ahead is not None and is_led else super().acceleration
 
     def walk_to(self, target: float, gait: JerkLimits) -> OnlineProfile | None:
-        """Return what goes on from here to ``target``, where it leads the axis; None where it does not."""
+        """Return a profile that continues from here to ``target``; None if the smoothed profile does not command the axis."""
         ahead = self.ahead
         if ahead is None or self.clock is not ahead or self._addition is not None:
             return None
         return ahead.walk(target, gait, self.shifted)
 
     def take_up_softly(self, way: ProfileFromSpeed, before: JerkLimitedMove) -> None:
-        """Be the first command, which goes on already: ``way`` is what ``before`` has in front."""
+        """Take over an active move as the first command: ``way`` is the profile behind the mean of ``before``."""
         walk = before.walk
         assert walk is not None
         course = course_along(way, self._mean)
@@ -163,12 +163,12 @@ class JerkLimitedBlendedMoves(BlendedMoves):
             ahead.advance(self._period)
 
     def begin_braking(self) -> bool:
-        """Begin to brake by the axis's own deceleration, as hard as without a jerk; along the course where none is known."""
+        """Begin to brake at the axis's own deceleration, as without a jerk limit; if none is known, along the profile."""
         return self.brake_alone() or super().begin_braking()
 
     @property
     def _mean(self) -> float:
-        # One cycle more than there is between its places: joints lie between cycles.
+        # One cycle more than between the positions, because transitions lie between cycles.
         return self._window * self._period
 
     @property
@@ -199,5 +199,5 @@ class JerkLimitedBlendedMoves(BlendedMoves):
         return _STRAIGHT * min(min(leg.up, leg.down) for leg in self._legs())
 
     def _pass_ends(self, course: BlendedProfile) -> None:
-        if self.clock is self.ahead:  # else it is braked, and goes by no course
+        if self.clock is self.ahead:  # otherwise the axis brakes and follows no profile
             super()._pass_ends(course)

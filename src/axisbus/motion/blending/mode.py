@@ -1,4 +1,4 @@
-"""How a motion takes over from the one before it (PLCopen's BufferMode), and how fast the joint between them is passed."""
+"""How a motion takes over from the previous motion (PLCopen's BufferMode), and the velocity at the transition."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ from enum import Enum
 
 
 class BufferMode(Enum):
-    """When a motion begins, and how fast the one before it then is (PLCopen part 1, BufferMode, without *Aborting*)."""
+    """When a motion begins, and the velocity of the previous one at that time (PLCopen part 1, BufferMode, without *Aborting*)."""
 
-    BUFFERED = "buffered"  # when that has ended, at rest
-    LOW = "blending_low"  # at the lower velocity of both
+    BUFFERED = "buffered"  # when the previous motion has ended, at rest
+    LOW = "blending_low"  # at the lower of both velocities
     PREVIOUS = "blending_previous"
     NEXT = "blending_next"
-    HIGH = "blending_high"  # at the higher velocity of both
+    HIGH = "blending_high"  # at the higher of both velocities
 
     @property
     def blends(self) -> bool:
-        """Whether nothing stops between both."""
+        """Whether there is no stop between the motions."""
         return self is not BufferMode.BUFFERED
 
     def velocity(self, previous: float, following: float) -> float:
-        """Return with which velocity the end of the one before is passed; those of both are magnitudes in one unit."""
+        """Return the velocity at the end of the previous motion; both arguments are magnitudes in one unit."""
         return {
             BufferMode.BUFFERED: 0.0,
             BufferMode.LOW: min(previous, following),

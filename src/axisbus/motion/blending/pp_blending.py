@@ -1,17 +1,17 @@
-"""Ends of moves that a drive passes in profile position mode: when it is to be given the next velocity, and who has been passed.
+"""Blended moves in profile position mode: when to write the next velocity, and which commands have ended.
 
 Theory of operation
 -------------------
-CiA 402 has bit 9 (change on set-point) with a buffer of set-points for that. It is not used: how many set-points a drive keeps, and
-which of the profile it keeps with them, differs; it knows *previous* alone of PLCopen's four velocities; and what a drive keeps in
-its buffer is gone on with when a halt ends. So the drive has one set-point, the last end of all, which it takes at once (bit 5). It
-passes the ends before that with the velocity that it has, and where this is to be another one, it is given anew.
+CiA 402 defines bit 9 (change on set-point) and a set-point buffer for this purpose. They are not used, for three reasons. Drives
+differ in the number of buffered set-points and in the profile parameters stored with them. Bit 9 supports only *previous* of
+PLCopen's four velocities. After a halt a drive continues with its buffered set-points. So the drive gets one set-point, the end of
+the last command, which it takes at once (bit 5). It passes the earlier ends at its velocity, and if this velocity is to change, the
+set-point is written again.
 
-*When*: at the end itself where the velocity of the one before is kept until there, else as much before as the change takes by the
-ramps of the next. The writes and the handshake take time as well: as long as they took the last time. One that comes too early
-keeps to the velocity of the next a little longer; one that comes too late passes the end a little faster, or slower. Nothing jumps:
-each change is made by the drive's own ramps.
-"""
+*When*: at the end of a command if its velocity applies up to there; otherwise earlier, by the distance of the speed change at the
+ramps of the next command. The writes and the handshake take time as well: their last measured duration is used. If a change comes
+too early, the axis runs at the next velocity a little longer; if it comes too late, the axis passes the end a little faster or
+slower. Nothing jumps, because the drive's own ramps make each change."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from axisbus.motion.moves.activity import present_speed
 from axisbus.motion.moves.profile import MoveProfile, braking_distance
 from axisbus.motion.parameters import AxisParameters
 
-_LEAD = 0.25  # seconds: what a hold has delayed is no measure
-_LATE = 5.0  # scan periods beside that, in which the axis goes on as it was
-_SLOWER = 0.85  # of the velocity that was asked for: the measured one is noisy
+_LEAD = 0.25  # seconds: a longer response was delayed by a hold and is not representative
+_LATE = 5.0  # additional scan periods during which the axis continues unchanged
+_SLOWER = 0.85  # of the requested velocity: the measured one is noisy
 
 
 class BlendedTarget(NamedTuple):
-    """A move: where it ends (unwrapped increments), its profile, how it takes over, and its ticket."""
+    """A move: its end (unwrapped increments), its profile, how it takes over, and its ticket."""
 
     target: int
     profile: MoveProfile
@@ -43,7 +43,7 @@ class BlendedTarget(NamedTuple):
 
 
 class PpBlending:
-    """Holds the moves whose ends are ahead, and whether the drive has been asked for the velocity of the second."""
+    """Holds the moves whose ends are ahead, and whether the velocity of the second has been written to the drive."""
 
     __slots__ = (
         "_asked_at",
@@ -56,7 +56,7 @@ class PpBlending:
     )
 
     def __init__(self, first: BlendedTarget, parameters: AxisParameters) -> None:
-        """``first``: the move that is under way."""
+        """``first``: the active move."""
         self._parts = deque([first])
         self._parameters = parameters
         self._milestones = CommandEnds()
@@ -67,11 +67,11 @@ class PpBlending:
 
     @property
     def commands(self) -> int:
-        """How many moves share the motion, and have not ended."""
+        """The number of moves that share the motion and have not ended."""
         return len(self._parts)
 
     def add(self, part: BlendedTarget, now: float) -> None:
-        """Go on to the end of another move, of which the drive is given the target at once."""
+        """Append another move, whose target is written to the drive at once."""
         before = self._parts[-1].ticket
         self._milestones.add(before, part.ticket)
         self._milestones.mark(before, self._number)
@@ -80,12 +80,12 @@ class PpBlending:
         self._asked_at = now
 
     def taken(self, now: float) -> None:
-        """The drive has taken what it was given last: it is known how long that takes."""
+        """Note that the drive has accepted the last set-point, to measure the response time."""
         if self._asked_at is not None:
             self._lead, self._asked_at = min(now - self._asked_at, _LEAD), None
 
     def look(self, image: AxisImage) -> MoveProfile | None:
-        """Return the profile that the drive is to have from now on; None where it keeps the one that it has."""
+        """Return the profile to write to the drive now; None if the drive keeps its profile."""
         if image.position is None or len(self._parts) < 2:
             return None
         before, after = self._parts[0], self._parts[1]
@@ -102,7 +102,7 @@ class PpBlending:
         return asked
 
     def _distance(self, before: BlendedTarget, after: BlendedTarget, factor: float) -> float:
-        """Return how far before the end of a move the drive must be given the velocity of the next."""
+        """Return the distance before the end of a move at which the next velocity must be written."""
         old, new, up, down = before.profile.speed, after.profile.speed, after.profile.up, after.profile.down
         assert old
         assert new
@@ -114,9 +114,9 @@ class PpBlending:
         return abs(new * new - old * old) / (2.0 * (up if new > old else down)) + old * self._lead
 
     def _braking(self, before: MoveProfile, after: MoveProfile, image: AxisImage) -> MoveProfile:
-        """Return the profile of the second, with the deceleration of the first where its own comes too late for the last end.
+        """Return the second profile, with the first one's deceleration if its own is too low to stop at the last end.
 
-        That is all that the drive brakes for: it was planned with the first until now.
+        The drive brakes only for the last end, which was planned with the first deceleration until now.
         """
         position, speed = image.position, (before.speed or 0.0) * image.override
         assert position is not None
@@ -138,7 +138,7 @@ class PpBlending:
         self._milestones.pass_to(self._number - len(self._parts))
 
     def _tell(self, before: BlendedTarget, after: BlendedTarget, image: AxisImage) -> None:
-        """Note on the second where it has taken over at a lower velocity than it was to."""
+        """Note on the second move if it has taken over at a lower velocity than requested."""
         speed, factor = present_speed(image, self._parameters), image.override
         assert before.profile.speed
         assert after.profile.speed
@@ -151,5 +151,5 @@ class PpBlending:
 
 
 def _is_same(one: MoveProfile, other: MoveProfile) -> bool:
-    """Whether a drive need not be told of the second; a caller's time for it has to begin anew."""
+    """Return whether no new set-point is needed; one is needed if a timeout given by the caller must restart."""
     return one[:3] == other[:3] and one.timeout is None and other.timeout is None

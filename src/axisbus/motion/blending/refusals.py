@@ -1,4 +1,4 @@
-"""Why a motion of a group cannot go on with what is under way, and what would be needed for it."""
+"""Errors of a group motion that cannot be appended to the active motion, with their remedies."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ COMMANDS = 100  # that share one motion
 
 
 def no_path_to_extend(name: str) -> StateError:
-    """Return why points cannot be added."""
+    """Return the error if points cannot be added."""
     return StateError(
         f"{name}: the group is on no path to which points could be added",
         observed="its last path has ended, or something else is under way",
@@ -20,7 +20,7 @@ def no_path_to_extend(name: str) -> StateError:
 
 
 def not_a_line(name: str) -> StateError:
-    """Return why nothing can be passed into what was asked for."""
+    """Return the error if the active command cannot be blended into the requested one."""
     return StateError(
         f"{name}: what the group does cannot be passed into the next without a stop",
         observed="blending goes on from a line or a path of the same axes, behind which nothing waits",
@@ -29,7 +29,7 @@ def not_a_line(name: str) -> StateError:
 
 
 def require_joint(line: PathMotion, following: PathContinuation, name: str) -> None:
-    """Raise StateError where ``following`` cannot go on from the end of ``line``, or too much is ahead."""
+    """Raise StateError if ``following`` cannot be appended to ``line``, or if too many commands or segments are ahead."""
     if line.commands >= COMMANDS or line.pieces + len(following.way.pieces) > MOST:
         raise StateError(
             f"{name}: too much is ahead of the axes already",

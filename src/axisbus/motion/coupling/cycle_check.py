@@ -1,4 +1,4 @@
-"""Slaves that are masters, too: in a chain, and never in a ring."""
+"""Chains of couplings: a slave may be the master of other slaves, but not of its own master."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from axisbus.motion.coupling.slave_axis import Coupled
 
 
 def require_no_ring(master: AxisCore, slave: AxisCore, name: str) -> None:
-    """Raise StateError where ``master`` is led by ``slave``, by itself or by others; ``name`` says what was asked for."""
+    """Raise StateError if ``master`` follows ``slave``, directly or through others; ``name``: the command, for the message."""
     chain = [slave.parameters.name]
     leads: AxisCore | None = master
     while leads is not None:

@@ -1,18 +1,19 @@
-"""A slave led by its master: how it comes into step, and where it is due in each cycle.
+"""A slave that follows its master: how it synchronises, and its set-point in each cycle.
 
 Theory of operation
 -------------------
-A joint is stepped once per cycle before the axes, as a group's line is, and leaves the place that is due for its follower
-(``Coupled``). What it goes by is where the master was led to in the cycle before: a slave is one cycle behind.
+A coupling is stepped once per cycle before the axes, like the path of a group, and leaves the set-point for its follower
+(``Coupled``). It uses the position that was commanded to the master in the previous cycle: a slave is one cycle behind.
 
-1. It stands (or goes on as it did) until it may begin: ``AtPlace`` waits until the master comes by.
-2. It comes into step: by its acceleration up to the speed that is due (``SyncAtSpeed``), or on a ``SyncInCurve`` while its master
-   goes on.
-3. It is in step: where the law says, each cycle.
+1. The slave is at standstill (or continues its motion) until synchronisation begins: with ``AtPlace`` it waits for the master to
+   reach the start of the synchronisation distance.
+2. The slave synchronises: by its acceleration up to the required speed (``SyncAtSpeed``), or along a ``SyncInCurve`` over a
+distance
+   of the master.
+3. The slave is synchronised: in each cycle it follows the gear or cam.
 
-Nothing of it is told to the axis but places, so what is watched on every path holds on this one too: the limits, velocity and
-acceleration from cycle to cycle, the following error.
-"""
+The axis gets nothing but positions. So every check of a path applies here as well: the limits, velocity and acceleration from cycle
+to cycle, and the following error."""
 
 from __future__ import annotations
 
@@ -30,21 +31,21 @@ from axisbus.motion.coupling.sync_options import AtPlace, SyncAtSpeed, SyncInPla
 from axisbus.motion.group.commands import Couple
 from axisbus.motion.moves.follow import Follow
 
-_FADE = 0.5  # seconds in which what a slave is off is taken back
+_FADE = 0.5  # seconds in which a slave's initial deviation is removed
 
 
 class Engagement:
-    """One slave and its master; ``place`` is where the slave is due, ``failure`` why it can be led no more."""
+    """One slave and its master. ``place``: set-point of the slave; ``failure``: why the slave can no longer be commanded."""
 
     def __init__(
         self, command: Couple, master: AxisCore, slave: AxisCore, period: float, before: Follow | None
     ) -> None:
-        """``before``: what leads the slave along a path now, if anything does; ``period`` of the scan in seconds."""
+        """``before``: the path that commands the slave now; None if there is none. ``period``: scan period in seconds."""
         self.in_step = False
-        self.planned = False  # it leads the slave
+        self.planned = False  # it commands the slave
         self.failure: AxisbusError | None = None
         self.refused = (
-            False  # the failure is that the slave cannot come into step, and nothing of it has moved
+            False  # whether the failure is that the slave cannot synchronise, before any motion of it
         )
         self.place = 0.0
         self.phase = PhaseShift(period)
@@ -55,16 +56,16 @@ class Engagement:
         self._law = command.law
         self._period = period
         self._speed = 0.0  # of the slave, in its unit per s
-        self._base = 0.0  # where the slave is when its law says 0
-        self._fade: SyncInCurve | None = None  # what it is off, by its seconds in step
+        self._base = 0.0  # offset of the slave from the result of its gear or cam
+        self._fade: SyncInCurve | None = None  # the initial deviation, by the seconds since synchronisation
         self._since = 0.0
-        self._passed: float | None = None  # where the master was in the cycle before
+        self._passed: float | None = None  # position of the master in the previous cycle
         self._lead: Callable[[], float] = self._wait
 
     # -- what a group's command asks of what leads its axes -----------------------------------------------------------
 
     def step(self, _period: float, _begins: bool, _name: str) -> None:
-        """Once per cycle, before the axes; what goes wrong is told to the slave, which brakes then."""
+        """Once per cycle, before the axes: update the set-point. An error is passed to the slave, which then brakes."""
         try:
             self.master.step()
             if self.planned:
@@ -74,19 +75,19 @@ class Engagement:
 
     @property
     def gives_up(self) -> AxisbusError | None:
-        """Nothing: its slave breaks off by itself."""
+        """None: the slave itself stops the motion."""
         return None
 
     def leads(self) -> bool:
-        """Whether the slave was led since this was asked last."""
+        """Return whether the slave was commanded since the last call."""
         return self.follow.take_stepped()
 
     # -- the slave -----------------------------------------------------------------------------------------------------
 
     def require_start(self, place: float, velocity: float) -> None:
-        """Raise AxisbusError where the slave, at ``place`` with ``velocity`` (unit/s), could not be led as the master is now.
+        """Raise AxisbusError if a slave at ``place`` with ``velocity`` (unit/s) cannot be coupled in the master's present state.
 
-        A master of its own looks: that of this joint begins with the slave.
+        Uses a temporary ``Master``, because this coupling's own begins with the slave.
         """
         master = Master(self.master.core, self._command.by, self._period)
         try:
@@ -100,7 +101,7 @@ class Engagement:
             self._require_far(entry, m)
 
     def take_up(self, place: float, velocity: float) -> None:
-        """Lead the slave, which is at ``place`` with ``velocity`` (unit/s), from the next cycle on."""
+        """Command the slave, which is at ``place`` with ``velocity`` (unit/s), from the next cycle on."""
         self.planned = True
         self._speed = velocity
         self.place = place + velocity * self._period
@@ -134,7 +135,7 @@ class Engagement:
         return self.place + self._speed * self._period
 
     def _take_up_speed(self) -> float:
-        """Change the speed by the acceleration; in step once it is the one that is due."""
+        """Change the speed by the acceleration; the slave is synchronised at the required speed."""
         entry, m = self._command.entry, self.master
         assert isinstance(entry, SyncAtSpeed)
         due = self._command.law.at(m.place)
@@ -147,7 +148,7 @@ class Engagement:
         return place
 
     def _begin_blend(self, end: float) -> None:
-        """Come into step while the master goes on to ``end``."""
+        """Begin to synchronise while the master moves to ``end``."""
         m = self.master
         slope = self._speed / m.velocity if m.velocity else 0.0
         goal = self._command.law.at(end)
@@ -163,7 +164,7 @@ class Engagement:
         return self._in_step()
 
     def _join(self, relative: bool) -> None:
-        """Be in step from here: where the slave is must be where it is due, and as fast, within what it may do in a cycle."""
+        """Synchronise at once: raise LimitError unless the slave is at its set-point, within its position window."""
         law, m = self._command.law, self.master
         due = law.at(m.place)
         here = self.place + self._speed * self._period
@@ -192,7 +193,7 @@ class Engagement:
         return due + self._fade.at(self._since)
 
     def _met(self, entry: AtPlace) -> float | None:
-        """Return where the master will be when both are to be at their places, in the cycle in which it comes near; else None."""
+        """Return the master's synchronisation position in the cycle in which synchronisation begins, otherwise None."""
         before, m = self._passed, self.master.place
         modulo = self.master.core.parameters.units.modulo
         if before is None or m == before:
@@ -207,7 +208,7 @@ class Engagement:
         return entry.master + turns * modulo if min(before, m) <= gate + turns * modulo else None
 
     def _nearest(self, entry: AtPlace, end: float) -> float:
-        """Return the slave's place for the meeting; of an endless one, the turn that is nearest to where it comes by itself."""
+        """Return the slave's synchronisation position; for a modulo axis, in the turn nearest to its expected position."""
         modulo = self._slave.units.modulo
         if modulo is None:
             return entry.slave

@@ -1,4 +1,4 @@
-"""Where a slave is to be for a place of its master: by a gear, or by a cam."""
+"""The law of a coupling: the position of a slave as a function of its master's position, by gear or cam."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from axisbus.motion.spline import SplineSegment
 
 
 class SlaveReference(NamedTuple):
-    """Where the slave is due, and how that changes with the master: its slope (unit per unit), and how the slope does."""
+    """The slave's set-point, its derivative by the master's position (``slope``, unit per unit), and the slope's derivative."""
 
     place: float
     slope: float
@@ -20,30 +20,29 @@ class SlaveReference(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Gear:
-    """The slave goes ``ratio`` units for one unit of its master; below 0 the other way."""
+    """The slave moves ``ratio`` units for one unit of its master; below 0 in the opposite direction."""
 
     ratio: float
 
     def at(self, master: float) -> SlaveReference:
-        """Return where the slave is due."""
+        """Return the slave's set-point with its derivatives."""
         return SlaveReference(self.ratio * master, self.ratio, 0.0)
 
     def place(self, master: float) -> float:
-        """Return that place alone: what is asked for in every cycle."""
+        """Return the slave's set-point only, as each cycle needs it."""
         return self.ratio * master
 
     def raised(self, _: float) -> float:
-        """Return how far its turns have taken the slave: a gear counts none."""
+        """Return 0: a gear has no turns."""
         return 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class CamLaw:
-    """The curve of a cam: ``parts`` from the master's place ``first`` on, each of which begins at its ``mark`` (from 0 on).
+    """The curve of a cam: ``parts`` from the master's position ``first`` on; each part begins at its ``mark`` (starting at 0).
 
-    ``period``: how long the cam is, in units of the master. Where it repeats, each turn begins ``lift`` units of the slave farther;
-    where it does not (``lift`` None), the slave rests before its beginning and beyond its end.
-    """
+    ``period``: length of the cam in units of the master. If the cam repeats, each turn begins ``lift`` units of the slave farther.
+    If it does not repeat (``lift`` None), the slave is at standstill before the cam's beginning and after its end."""
 
     first: float
     marks: tuple[float, ...]
@@ -52,19 +51,19 @@ class CamLaw:
     lift: float | None
 
     def at(self, master: float) -> SlaveReference:
-        """Return where the slave is due."""
+        """Return the slave's set-point with its derivatives."""
         part, s, inside = self._found(master)
         if not inside:
             return SlaveReference(part.at(s), 0.0, 0.0)
         return SlaveReference(self.raised(master) + part.at(s), part.speed_at(s), part.bend_at(s))
 
     def place(self, master: float) -> float:
-        """Return that place alone: what is asked for in every cycle."""
+        """Return the slave's set-point only, as each cycle needs it."""
         part, s, inside = self._found(master)
         return part.at(s) + (self.raised(master) if inside else 0.0)
 
     def _found(self, master: float) -> tuple[SplineSegment, float, bool]:
-        """Return the part that is due, where on it, and whether the master is within the cam."""
+        """Return the part for a position of the master, the distance along the part, and whether the master is within the cam."""
         along = master - self.first
         if self.lift is not None:
             along -= math.floor(along / self.period) * self.period
@@ -73,7 +72,7 @@ class CamLaw:
         return self.parts[number], within - self.marks[number], within == along
 
     def raised(self, master: float) -> float:
-        """Return how far the turns behind the master have taken the slave."""
+        """Return the distance of the slave over all completed turns of the cam."""
         return 0.0 if self.lift is None else math.floor((master - self.first) / self.period) * self.lift
 
 

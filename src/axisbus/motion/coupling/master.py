@@ -1,15 +1,14 @@
-"""Where the master of a slave is, and how fast, without a jump: by what leads it where that is ours, else by what its drive tells.
+"""Position and velocity of a coupling's master, without jumps: commanded values if the master controls it, else reported ones.
 
 Theory of operation
 -------------------
-What this program itself leads is known to any fraction: the path of a trajectory, the last target in csp, a virtual axis. What a
-drive tells (``MasterEstimator``) comes in whole increments, and at moments of its own; so it is filtered, and carried on to where a
-target would be.
+If this program controls the axis, its position is known exactly: the path of a trajectory, the last target in csp, a virtual axis.
+Values reported by a drive (``MasterEstimator``) are whole increments and come at their own times. They are therefore filtered, and
+extrapolated to the time at which a target takes effect.
 
-What leads the master changes from command to command, and the kinds differ by a following error or a cycle. A drive that leads
-itself goes on through cycles that this computer was too late for, and its slave, which had no targets meanwhile, is behind. Both
-are debts, taken back little by little (``LagCorrection``): the slave never jumps, and is in step again within a second or two.
-"""
+The source of the position changes from command to command, and the sources differ by a following error or by one cycle. A drive
+that controls its own motion continues during cycles that the computer misses; its slave gets no targets meanwhile and lags. Both
+deviations are removed gradually (``LagCorrection``): the slave never jumps, and is synchronised again within a second or two."""
 
 from __future__ import annotations
 
@@ -24,16 +23,16 @@ _UNKNOWN = frozenset({AxisState.ERRORSTOP, AxisState.HOMING})
 
 
 class Master:
-    """Follows one axis; ``place`` (its unit) and ``velocity`` (per s) are those of the last step."""
+    """Follows one axis; ``place`` (in its unit) and ``velocity`` (per s) are those of the last step."""
 
     def __init__(self, core: AxisCore, by: By, period: float) -> None:
-        """``period``: of the scan, in seconds."""
+        """``period``: scan period in seconds."""
         self.core = core
         self.place = 0.0
         self.velocity = 0.0
         self._by = by
         self._period = period
-        self._origin = core.image.origin  # what is counted anew meanwhile moves no slave
+        self._origin = core.image.origin  # fixed, so that a change of the origin does not move a slave
         self._kind: str | None = None
         self._target: int | None = None  # the last one, in increments
         self._debt = LagCorrection(period)
@@ -41,14 +40,14 @@ class Master:
 
     @property
     def name(self) -> str:
-        """The axis."""
+        """The name of the axis."""
         return self.core.parameters.name
 
     def step(self) -> None:
-        """Once per cycle, before the axes: see where it was led to, or is, in the cycle before.
+        """Update position and velocity from the last cycle's commanded or reported values; once per cycle, before the axes.
 
         Raises:
-            AxisbusError: it is lost: nobody knows where it will be.
+            AxisbusError: the axis is lost, homing or in ErrorStop, so its position is unknown.
         """
         core, image = self.core, self.core.image
         if core.state in _UNKNOWN or image.position is None or not image.operational:
@@ -75,7 +74,7 @@ class Master:
         return NodeError(f"nobody knows where {self.name} is", node=core.parameters.node)
 
     def _leads_to(self) -> int | None:
-        """Return the increment that this program leads it to; None where its drive leads itself, or nothing does."""
+        """Return the last target in increments; None if the drive controls its own motion, or the axis is not controlled."""
         core = self.core
         if core.parameters.encoder:
             return None
@@ -83,7 +82,7 @@ class Master:
 
     @property
     def _moved(self) -> float:
-        """How far its origin has been moved meanwhile, in its unit."""
+        """The distance by which the axis's origin has moved since the start, in its unit."""
         origin = self.core.image.origin
         return (
             0.0
@@ -95,7 +94,7 @@ class Master:
         return self.core.parameters.units.position.to_units(increment - self._origin)
 
     def _take_led(self, kind: str, place: float, went: float) -> None:
-        """``went``: how far it was led in the last cycle."""
+        """Use a commanded position; ``went``: distance commanded in the last cycle."""
         before, self._kind = self._kind, kind
         if before is None:
             self.place, self.velocity = place, went / self._period

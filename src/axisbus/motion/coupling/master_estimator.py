@@ -1,19 +1,20 @@
-"""Where a master that its drive leads will be, by what that tells; and how what a slave is behind is taken back.
+"""Estimate the position of a coupling's master from the values that its drive reports, and remove a slave's lag gradually.
+
+Used if the drive controls the master's motion (pp, pv): the library then knows only sampled and quantised values of it.
 
 Theory of operation
 -------------------
-What comes in whole increments has differences that are no velocity for a slave. So it goes through a filter of second order
-(``_SHARES``): nothing is late at constant speed, and what is rounded away does not shake the slave. What answers a SYNC was sampled
-at it: as far as the velocity is known, it is carried on from there to when a target would take effect. That is the grid of the
-scan, which a cycle that comes late does not move; so neither it nor a lost frame is seen as a change of speed.
+Reported positions are whole increments, so their differences are too coarse a velocity for a slave. A filter of second order
+(``_SHARES``) has no lag at constant speed, and quantisation does not shake the slave. A value that answers a SYNC was sampled at
+that SYNC. The estimate extrapolates it, with the estimated velocity, to the time at which a target takes effect. That time lies on
+the grid of the scan, which a late cycle does not shift. So neither a late cycle nor a lost frame looks like a change of speed.
 
-A demand (6062h) that becomes known in motion is not taken before the master is at standstill: it is ahead of the position, and a
-slave that changed from one to the other would be jolted.
+If the demand value (6062h) becomes known while the master moves, it is not used before the master is at standstill. It is ahead of
+the actual position, and a slave that changed from one to the other would jump.
 
-Over cycles that were skipped the drive goes on, and what it made without a target of the slave is a debt of that. A
-``LagCorrection`` is taken back as a spring with critical damping draws in: its speed never jumps, and is a tenth of the master's,
-as far as that is enough for a few seconds.
-"""
+During skipped cycles the drive keeps moving. The distance that it covers without a target for the slave becomes a lag of the slave.
+A ``LagCorrection`` removes the lag like a critically damped spring: the slave's speed never jumps, and the correction speed is at
+most a tenth of the master's, as long as that is enough to remove the lag within a few seconds."""
 
 from __future__ import annotations
 
@@ -24,27 +25,27 @@ from axisbus.cia402.port import ValueTransport
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.coupling.sync_options import By
 
-_CYCLES = 4.0  # the time constant of the filter
+_CYCLES = 4.0  # the time constant of the filter, in scan periods
 _THETA = math.exp(-1.0 / _CYCLES)
-_SHARES = 1.0 - _THETA**2, (1.0 - _THETA) ** 2  # of what is off, that place and velocity are corrected by
-_LATE = 2.0  # cycles that what is told is older than what is led
-_BEFORE = 0.125  # of a period: a drive may answer a SYNC before the scan has looked at its clock
-_SOON, _AT_LEAST = 3.0, 0.5  # 1/s, of a debt that is taken back
-_FASTER = 0.1  # of the master's speed, at most, by which one is
+_SHARES = 1.0 - _THETA**2, (1.0 - _THETA) ** 2  # of the residual, to correct position and velocity
+_LATE = 2.0  # cycles by which a reported value is older than a commanded one
+_BEFORE = 0.125  # of a period: a drive may answer a SYNC before the scan has read its clock
+_SOON, _AT_LEAST = 3.0, 0.5  # 1/s: highest and lowest natural frequency of the correction
+_FASTER = 0.1  # of the master's speed: the highest correction speed
 
 
 class LagCorrection:
-    """What a place is off from where it is due, on its way to nothing; ``value`` in units, ``rate`` per second."""
+    """Deviation of a position, gradually reduced to zero; ``value`` in units, ``rate`` its change in units/s."""
 
     def __init__(self, period: float) -> None:
-        """``period``: of the scan, in seconds."""
+        """``period``: scan period in seconds."""
         self.value = 0.0
         self.rate = 0.0
         self._period = period
         self._pull = _SOON
 
     def add(self, off: float, speed: float) -> None:
-        """Be ``off`` more from now on; the slower the master, the longer that is taken back."""
+        """Increase the deviation by ``off`` units; the slower the master moves, the longer the correction takes."""
         if not off:
             return
         self.value += off
@@ -52,7 +53,7 @@ class LagCorrection:
         self._pull = min(max(pull, _AT_LEAST), _SOON)
 
     def step(self) -> float:
-        """Return what is left a cycle later."""
+        """Advance by one cycle and return the remaining deviation in units."""
         if self.value == 0.0 == self.rate:
             return 0.0
         pull = self._pull
@@ -62,28 +63,28 @@ class LagCorrection:
 
 
 class MasterEstimator:
-    """Follows one master by what its drive tells; ``velocity`` in units per second."""
+    """Follows one master by the values that its drive reports; ``velocity`` in units/s."""
 
     def __init__(self, core: AxisCore, by: By, period: float) -> None:
-        """``period``: of the scan, in seconds."""
+        """``period``: scan period in seconds."""
         self.velocity = 0.0
         self._core = core
         self._by = by
         self._period = period
         self._place = 0.0
-        self._at = -math.inf  # when it was, or will have been, there
+        self._at = -math.inf  # the time of ``_place``, possibly in the future
         self._due_at = -math.inf
         self._stamp = -math.inf
-        self._by_demand = False  # 6062h, not 6064h, tells where the master is
+        self._by_demand = False  # 6062h instead of 6064h gives the master's position
         self._syncs: deque[float] = deque(maxlen=4)
 
     @property
     def due(self) -> float:
-        """Where the master will be when a target of this cycle takes effect."""
+        """The expected position of the master when a target of this cycle takes effect."""
         return self._place + self.velocity * (self._due_at - self._at)
 
     def begin(self, origin: int) -> None:
-        """Begin with what is told now; ``origin`` is the increment that counts as 0."""
+        """Start with the values reported now; ``origin``: the increment that counts as 0."""
         core, image = self._core, self._core.image
         self._start()
         seen, self._stamp, source = self._seen()
@@ -94,19 +95,20 @@ class MasterEstimator:
         self._at = self._sampled(self._stamp, source)
 
     def go_on_from(self, place: float, velocity: float) -> None:
-        """Begin with where something else had the master in the last cycle."""
+        """Start with the master's position and velocity of the last cycle, as another source gave them."""
         self._start()
         self._place, self._at, self.velocity = place, self._due_at, velocity
 
     def step(self, origin: int) -> float:
-        """Take what came in the last cycle, and return the way of the drive through cycles that were skipped before it."""
+        """Process the last cycle's values; return the distance that the drive covered in cycles skipped before it."""
         image, period = self._core.image, self._period
         self._syncs.append(image.now)
         self._due_at += period
         skipped = round((image.now + period - self._due_at) / period)
         self._due_at += skipped * period
         seen, stamp, source = self._seen()
-        # What comes with each SYNC, or is asked for, and did not come is late or lost; what comes by itself has not changed.
+        # A value expected by SYNC or by request that did not come is late or lost. An event-driven value that did not come is
+        # unchanged.
         if stamp != self._stamp:
             self._correct(seen - origin, self._sampled(stamp, source))
         elif source is ValueTransport.EVENT_PDO:
@@ -122,25 +124,25 @@ class MasterEstimator:
         self._syncs.append(now - self._period)
 
     def _seen(self) -> tuple[int, float, ValueTransport | None]:
-        """Return what the drive tells in increments, its stamp, and how it comes."""
+        """Return the reported position in increments, its time stamp, and its transport."""
         core, image = self._core, self._core.image
         inputs = core.capabilities.inputs
         demand = image.demand if self._by is By.COMMAND else None
         self._by_demand = demand is not None and (self._by_demand or image.standstill)
         if demand is not None and self._by_demand:
             return demand, image.demand_stamp, inputs.get("demand")
-        assert image.position is not None  # else it is lost
+        assert image.position is not None  # otherwise the node is lost
         return image.position, image.position_stamp, inputs.get("position")
 
     def _sampled(self, stamp: float, source: ValueTransport | None) -> float:
-        """Return when what came at ``stamp`` was so."""
+        """Return the sampling time of a value that arrived at ``stamp``."""
         if source is not ValueTransport.SYNC_PDO:
             return stamp
         before = stamp + _BEFORE * self._period
         return max((sync for sync in self._syncs if sync <= before), default=stamp)
 
     def _correct(self, seen: int, at: float) -> None:
-        """Go on to ``at`` as before, and correct that by what was seen."""
+        """Extrapolate to time ``at``, and correct the estimate by the reported value."""
         passed = at - self._at
         self._place += self.velocity * passed
         self._at = at

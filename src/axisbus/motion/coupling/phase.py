@@ -1,4 +1,4 @@
-"""How far a slave sees its master from where that is: a shift that is changed while both go on (MC_PhasingRelative)."""
+"""The phase shift between a slave and its master, which can be changed while both move (MC_PhasingRelative)."""
 
 from __future__ import annotations
 
@@ -7,28 +7,28 @@ from axisbus.motion.superimposed.offset_profile import Shift
 
 
 class PhaseShift:
-    """Holds the shift (``value``, units of the master), and how it changes."""
+    """Holds the shift (``value``, in units of the master) and its change in progress."""
 
     def __init__(self, period: float) -> None:
-        """``period``: of the scan, in seconds."""
+        """``period``: scan period in seconds."""
         self._shift = Shift(period)
 
     @property
     def value(self) -> float:
-        """How far it is shifted now."""
+        """The present shift in units of the master."""
         return self._shift.value
 
     @property
     def over(self) -> bool:
-        """Whether nothing changes it now."""
+        """Whether no change is in progress."""
         return self._shift.at_rest
 
     def change(self, command: PhaseBy) -> None:
-        """Go on by so much more, from the shift and the speed that it has now; what is still to come of a change is kept."""
+        """Change the shift by ``command.shift`` more, from its present value and rate; the rest of an earlier change is added."""
         end = self._shift.end + command.shift
         self._shift.aim(end, command.velocity, command.acceleration, command.acceleration)
 
     def step(self) -> None:
-        """Once per cycle of the slave in step."""
+        """Advance by one cycle of the synchronised slave."""
         if not self._shift.at_rest:
             self._shift.go(self._shift.wanted())

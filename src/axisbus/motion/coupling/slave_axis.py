@@ -1,4 +1,4 @@
-"""An axis that another one leads, in cyclic synchronous position mode; and one that was let go of, which keeps its speed."""
+"""A slave axis coupled to a master, in cyclic synchronous position mode; and a released slave, which keeps its speed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _ENDLESS = 1e9  # seconds
 
 
 class Leader(Protocol):
-    """What leads a slave (``Joint``)."""
+    """The source of a slave's set-points (``Engagement``)."""
 
     failure: AxisbusError | None
     refused: bool
@@ -32,14 +32,14 @@ class Leader(Protocol):
     place: float
 
     def require_start(self, place: float, velocity: float) -> None:
-        """Raise AxisbusError where a slave that is at ``place`` with ``velocity`` (unit/s) cannot be led by it."""
+        """Raise AxisbusError if a slave at ``place`` with ``velocity`` (unit/s) cannot be coupled."""
 
     def take_up(self, place: float, velocity: float) -> None:
-        """Lead the slave from the next cycle on; it is at ``place``, with ``velocity`` (unit/s)."""
+        """Command the slave from the next cycle on; it is at ``place``, with ``velocity`` (unit/s)."""
 
 
 class _Now:
-    """The clock of a slave: its path goes on by nothing of its own."""
+    """The clock of a slave: it does not advance, because the master determines the slave's path."""
 
     t = 0.0
     braking = False
@@ -49,11 +49,11 @@ class _Now:
         return "this moment"
 
     def advance(self, period: float) -> None:
-        """Nothing goes on by itself."""
+        """Do nothing."""
 
 
 class _Due:
-    """Where a slave is due, as the path that it follows."""
+    """The set-point of a slave, as a path to follow."""
 
     duration = _ENDLESS
 
@@ -66,7 +66,7 @@ class _Due:
 
 @dataclass(frozen=True, slots=True)
 class _Steady:
-    """On and on with the speed of a ``start``."""
+    """Continue at the constant velocity of ``start``."""
 
     start: PathSample
     duration: float = _ENDLESS
@@ -76,28 +76,28 @@ class _Steady:
 
 
 class Coupled(Follow):
-    """One slave; a halt takes it away from its master, and brakes it by its own deceleration.
+    """One slave. A halt ends the coupling, and brakes the axis at its own deceleration.
 
-    Its command has ended well once it is in step, and it is led on.
+    Its command ends as done when the slave is synchronised; the slave then continues to follow its master.
     """
 
     goes_on = True
     ends_at_rest = False
 
     def __init__(self, leader: Leader, parameters: AxisParameters, before: Follow | None) -> None:
-        """``before``: what leads the axis along a path now, if anything does."""
+        """``before``: the path that commands the axis now; None if there is none."""
         super().__init__(_Due(leader), parameters, OPEN)
         self._leader = leader
         self._own_clock = False
         self.clock = _Now()
         self.brakes_along = True
         self._is_taken_up = before is None
-        self._is_in_step = False  # and its command has ended by that
+        self._is_in_step = False  # which has ended its command
         if before is not None:
             self.resume(before)
 
     def require_start(self, core: AxisCore) -> None:
-        """Raise AxisbusError where its axis cannot be led from where it is: nothing has changed then."""
+        """Raise AxisbusError if the axis cannot be coupled at its present position; the axis is then unchanged."""
         if not self._is_taken_up:
             self._leader.require_start(*self.last_step)
         elif core.image.position is not None:
@@ -106,16 +106,16 @@ class Coupled(Follow):
 
     @property
     def master(self) -> AxisCore:
-        """The axis that leads it."""
+        """The master of this slave."""
         return self._leader.master.core
 
     @property
     def is_led(self) -> bool:
-        """Whether it still goes by its master."""
+        """Whether the slave still follows its master."""
         return self._running and not self.clock.braking
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Return True when the axis is in step with its master, and nothing changes how it sees that."""
+        """Return True when the axis is synchronised with its master and no phase shift is in progress."""
         if not self.clock.braking and self._leader.failure is not None:
             self._stepped, self.refused = True, self._leader.refused
             raise self._leader.failure
@@ -127,10 +127,10 @@ class Coupled(Follow):
         return self._is_in_step
 
     def phase_by(self, command: PhaseBy, name: str) -> None:
-        """See the master shifted from now on, little by little.
+        """Shift the phase of the master as this slave sees it, gradually.
 
         Raises:
-            StateError: the axis is not in step with it yet.
+            StateError: the axis is not yet synchronised with its master.
         """
         if not self._leader.in_step:
             raise StateError(
@@ -141,7 +141,7 @@ class Coupled(Follow):
         self._is_in_step = False
 
     def foresee(self) -> Foreseen | None:
-        """Return the next target, as ``Follow`` does, as long as the axis is in step and nothing is in its way."""
+        """Return the next target, as ``Follow`` does, as long as the axis is synchronised and no limit is in its way."""
         leader, limits = self._leader, self._limits
         if leader.failure is not None or not self._is_in_step:
             return None
@@ -154,7 +154,7 @@ class Coupled(Follow):
         return super().foresee()
 
     def begin_braking(self) -> bool:
-        """Begin to brake by itself; False where it does not run, or no deceleration is known."""
+        """Begin to brake at the axis's own deceleration; False if it does not run or no deceleration is known."""
         return self.brake_alone()
 
     def _start(self, image: AxisImage) -> None:
@@ -170,10 +170,10 @@ class Coupled(Follow):
         super()._go_to(value)
 
     def _stop(self, value: float, limits: Room) -> float | None:
-        """Return where the axis could be braked to, where that is beyond its limits; what its master does next nobody knows."""
+        """Return the position to which the axis would brake if that is outside its limits; the master's next motion is unknown."""
         speed = (value - self.last_step.position) / self._period
         deceleration = self._parameters.path_deceleration
-        assert deceleration  # else it would not have been coupled
+        assert deceleration  # without it the axis would not have been coupled
         return leaves(limits, value, speed, deceleration)
 
     def _leads_out(self, value: float, stop: float) -> LimitError:
@@ -200,7 +200,7 @@ class Coupled(Follow):
 
 
 class Disengaged(Follow):
-    """An axis that was led, and goes on with the speed that it had (MC_GearOut)."""
+    """An axis that has left its master, and continues at its last velocity (MC_GearOut)."""
 
     goes_on = True
     ends_at_rest = False
@@ -211,6 +211,6 @@ class Disengaged(Follow):
         self.resume(before)
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Return True: from now on it is on its own."""
+        """Return True: the command ends at once, and the axis continues on its own."""
         super().step(image, order)
         return True

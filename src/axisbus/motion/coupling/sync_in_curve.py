@@ -1,4 +1,4 @@
-"""The curve on which a slave comes into step, from its own place and slope to those that are due, while its master goes on."""
+"""The synchronisation curve of a slave, from its own position and slope to the required ones, over a distance of its master."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from axisbus.motion.coupling.gear_and_cam import SlaveReference
 
 
 class SyncInCurve:
-    """A curve of fifth degree over the master's way from ``begin`` to ``end``; neither slope nor bend jumps at its ends."""
+    """A polynomial of degree five over the master's positions ``begin`` to ``end``; slope and ``bend`` do not jump at its ends."""
 
     __slots__ = ("_begin", "_factors", "_length", "_slope")
 
     def __init__(self, begin: float, end: float, start: SlaveReference, goal: SlaveReference) -> None:
-        """``begin`` and ``end`` differ; ``end`` lies below it where the master goes backwards."""
+        """``begin`` and ``end`` must differ; ``end`` is the lower one if the master moves backwards."""
         length = end - begin
         a, b, c = start.place, start.slope * length, 0.5 * start.bend * length**2
         place = goal.place - a - b - c
@@ -25,11 +25,11 @@ class SyncInCurve:
         self._slope = start.slope
 
     def share(self, master: float) -> float:
-        """Return how much of it lies behind the master: 0 at its beginning, 1 at its end."""
+        """Return the share of the curve that the master has passed: 0 at its beginning, 1 at its end."""
         return (master - self._begin) / self._length
 
     def at(self, master: float) -> float:
-        """Return where the slave is due; before the beginning, straight on."""
+        """Return the slave's set-point; before the beginning, linear extrapolation."""
         a, b, c, d, e, f = self._factors
         u = self.share(master)
         if u <= 0.0:

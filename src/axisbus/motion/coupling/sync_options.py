@@ -1,4 +1,4 @@
-"""By what a slave goes, and how it comes into step with its master, as frozen values."""
+"""Options of a coupling as frozen values: the master's value to follow, and how the slave synchronises with its master."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import Enum
 
 
 class By(Enum):
-    """What a slave goes by: where its master is led to, or where it really is."""
+    """The value of the master to follow: its commanded position or its actual position."""
 
     COMMAND = "command"
     ACTUAL = "actual"
@@ -15,14 +15,14 @@ class By(Enum):
 
 @dataclass(frozen=True, slots=True)
 class SyncAtSpeed:
-    """MC_GearIn: the slave takes up its speed with ``acceleration`` (unit/s²), and is in step from where it has it."""
+    """MC_GearIn: the slave accelerates to the required speed with ``acceleration`` (unit/s²), and is then synchronised."""
 
     acceleration: float
 
 
 @dataclass(frozen=True, slots=True)
 class AtPlace:
-    """MC_GearInPos: the slave is at ``slave`` when the master is at ``master``; the master's ``over`` units before are for that."""
+    """MC_GearInPos: slave at ``slave`` when master at ``master``; ``over``: master distance (units) for the synchronisation."""
 
     master: float
     slave: float
@@ -31,9 +31,9 @@ class AtPlace:
 
 @dataclass(frozen=True, slots=True)
 class SyncInPlace:
-    """MC_CamIn: from where both are, within the next ``over`` units of the master (0: the slave stands where it is due).
+    """MC_CamIn: synchronise from the present positions within ``over`` units of the master (0: the slave must be at its set-point).
 
-    ``relative``: the place where the slave is counts as that where it is due.
+    ``relative``: the slave's present position counts as its set-point.
     """
 
     over: float = 0.0

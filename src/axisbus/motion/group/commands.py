@@ -1,4 +1,4 @@
-"""What a user can ask of a group, as frozen values."""
+"""The commands of a group, as frozen values."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from axisbus.motion.point_stream.commands import AddPoints, FollowPoints
 
 @dataclass(frozen=True, slots=True)
 class ForEach:
-    """The same or own axis commands for every axis of the group; ``together``: all start in one cycle, once all are prepared."""
+    """One axis command for each axis of the group. ``together``: all axes start in one cycle, when all are prepared."""
 
     commands: Mapping[str, c.Command]
     together: bool = False
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """The axes that it concerns."""
+        """The axes of the command."""
         return tuple(self.commands)
 
 
@@ -31,7 +31,7 @@ class ForEach:
 class MoveLinear:
     """MC_MoveLinearAbsolute: a straight line to ``ends`` (units), with path velocity and acceleration (units/s, units/s²).
 
-    ``jerk`` in units/s³; None: it is not limited. ``buffer``: it begins when what the group does has ended well.
+    ``jerk`` in units/s³; None: not limited. ``buffer``: begin when the group's active commands have ended as done.
     """
 
     ends: Mapping[str, float]
@@ -42,15 +42,15 @@ class MoveLinear:
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """The axes that it concerns."""
+        """The axes of the command."""
         return tuple(self.ends)
 
 
 @dataclass(frozen=True, slots=True)
 class PathTransition:
-    """How a path takes over from the one that is under way, without a stop: the corner stays within ``blend`` (units) of the joint.
+    """How a path takes over from the active path without a stop: the corner stays within ``blend`` (units) of the transition.
 
-    ``extends``: its points belong to that path, and are refused when it has ended.
+    ``extends``: the points belong to the active path, and are rejected if it has ended.
     """
 
     mode: BufferMode
@@ -60,10 +60,10 @@ class PathTransition:
 
 @dataclass(frozen=True, slots=True)
 class MovePath:
-    """MC_MovePath, MC_MoveCircularAbsolute: along a ``way`` of these axes, which begins where they stand, with ``velocity``.
+    """MC_MovePath, MC_MoveCircularAbsolute: along the path ``way``, which begins at the axes' position, with ``velocity``.
 
-    ``window``: of how many cycles the mean is taken; more than one where its jerk is limited. ``buffer``: as ``MoveLinear``. With
-    ``takeover`` it goes on with what is under way.
+    ``window``: number of cycles to average over; more than one if the jerk is limited. ``buffer``: as in ``MoveLinear``. With
+    ``takeover`` the path is appended to the active path.
     """
 
     axes: tuple[str, ...]
@@ -76,9 +76,9 @@ class MovePath:
 
 @dataclass(frozen=True, slots=True)
 class GroupContinue:
-    """MC_GroupContinue: these axes go on along their last line, path or stream, from where it was left.
+    """MC_GroupContinue: resume the last line, path or stream of these axes from the position where it was interrupted.
 
-    ``stream``: the number of a stream to which points are added again; None: they go to the end of what is known.
+    ``stream``: the number of a stream that gets more points; None: the axes go to the end of the known points.
     """
 
     axes: tuple[str, ...]
@@ -87,31 +87,31 @@ class GroupContinue:
 
 @dataclass(frozen=True, slots=True)
 class GroupSetOverride:
-    """MC_GroupSetOverride: lines and paths are gone along at ``factor`` times their velocity, from 0 (they hold) to 1.5."""
+    """MC_GroupSetOverride: lines and paths run at ``factor`` times their velocity, from 0 (hold) to 1.5."""
 
     factor: float
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """None that a stop could concern: it leaves an override as it is."""
+        """No axis: a stop does not change an override."""
         return ()
 
 
 @dataclass(frozen=True, slots=True)
 class CellSetOverride:
-    """MC_SetOverride for all axes there are, and that come later: ``factor`` from 0 (they hold) to 1.5, times that of each axis."""
+    """MC_SetOverride for all present and future axes: ``factor`` from 0 (hold) to 1.5, multiplied by the override of each axis."""
 
     factor: float
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """None that a stop could concern: it leaves an override as it is."""
+        """No axis: a stop does not change an override."""
         return ()
 
 
 @dataclass(frozen=True, slots=True)
 class Couple:
-    """MC_GearIn, MC_GearInPos, MC_CamIn: ``slave`` goes where ``law`` has it for ``master``, once in step by ``entry``."""
+    """MC_GearIn, MC_GearInPos, MC_CamIn: ``slave`` follows ``master`` by ``law``, after it has been synchronised by ``entry``."""
 
     master: str
     slave: str
@@ -121,13 +121,13 @@ class Couple:
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """The axis that it concerns: its master goes on as it does."""
+        """The slave: the command does not change the motion of the master."""
         return (self.slave,)
 
 
 @dataclass(frozen=True, slots=True)
 class ProbeMove:
-    """``axis`` makes ``move`` (an absolute one) until ``probe`` (of one edge) has seen an edge, and is halted then."""
+    """``axis`` executes the absolute move ``move``; it is halted when the one-edge ``probe`` has latched an edge."""
 
     axis: str
     move: c.Move
@@ -135,7 +135,7 @@ class ProbeMove:
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """The axis that it concerns."""
+        """The axis of the command."""
         return (self.axis,)
 
 

@@ -41,7 +41,7 @@ from axisbus.motion.probing.probe_move import ProbeSearch
 from axisbus.motion.states import AxisState
 from axisbus.motion.user_code_errors import broken
 
-_ENDS_ALL = (c.Halt, c.Stop, c.QuickStop, c.Disable)  # what waits, too
+_ENDS_ALL = (c.Halt, c.Stop, c.QuickStop, c.Disable)  # these commands also drop the commands that wait
 Begin = Callable[[AxisCore, Follow, CommandStatus], None]
 
 
@@ -56,20 +56,22 @@ class EndedGroupCommand(Protocol):
 
 
 class GroupCore:
-    """The axes of one group; holds what it has under way."""
+    """The axes of one group; holds the group's active commands and its queue."""
 
     def __init__(self, axes: Mapping[str, AxisCore], period: float) -> None:
-        """``axes`` by name; ``period`` of the scan in seconds."""
+        """``axes`` by name; ``period``: scan period in seconds."""
         self.axes = axes
         self._period = period
         self._under_way: list[ActiveGroupCommand | ProbeSearch] = []
-        self._line: PathMotion | PointStreamMotion | None = None  # the last one, also when it was left
+        self._line: PathMotion | PointStreamMotion | None = (
+            None  # the last one, also after it was interrupted
+        )
         self._factor = 1.0
         self._queue = Queue()
         self._ended = False
 
     def accept(self, command: GroupCommand, ticket: CommandStatus) -> None:
-        """Let a command take effect. What is under way ends where its axes are told something else."""
+        """Let a command take effect. An active command ends when its axes get other commands. Errors end ``ticket``."""
         try:
             _ACCEPT[type(command)](self, command, ticket)
         except AxisbusError as error:
@@ -77,8 +79,8 @@ class GroupCore:
         self._ended = self._ended or not ticket.busy
 
     def step(self) -> None:
-        """Once per cycle, before the axes."""
-        for undertaking in list(self._under_way):  # what waits may begin meanwhile
+        """Advance all active commands; called once per cycle, before the axes step."""
+        for undertaking in list(self._under_way):  # a command that waits may begin during this loop
             was_busy = undertaking.busy
             if isinstance(undertaking.line, (PathMotion, PointStreamMotion)):
                 undertaking.line.travel.factor = self._factor_of(undertaking.line)
@@ -99,7 +101,7 @@ class GroupCore:
         return ended
 
     def abandon(self, ended: Callable[[str], AxisbusError]) -> None:
-        """End what is under way, with the error that ``ended`` makes for its name: the scan has ended."""
+        """End all active commands because the scan has ended; ``ended`` makes the error from the command's name."""
         self._queue.drop("what was before it", None)
         for undertaking in self._under_way:
             if isinstance(undertaking.line, PointStreamMotion):
@@ -107,7 +109,7 @@ class GroupCore:
             undertaking.abandon(ended(undertaking.name))
 
     def brake_hard(self, names: Collection[str]) -> None:
-        """Let the lines that lead any of ``names`` brake, where they do, as hard as all of their axes may."""
+        """Let active straight lines that command any axis of ``names`` brake, if they brake, as hard as all their axes permit."""
         for undertaking in self._under_way:
             line = undertaking.line
             if isinstance(line, PathMotion) and not set(names).isdisjoint(line.names):
@@ -122,7 +124,7 @@ class GroupCore:
         self._undertake(undertaking, lambda: self._tell_each(command, undertaking))
 
     def _require_each(self, command: ForEach, ticket: CommandStatus) -> None:
-        """Raise what one axis refuses the command with, before another one has begun it."""
+        """Raise the error of an axis that rejects the command, before any other axis begins it."""
         for name, each in command.commands.items():
             require(self.axes[name], each, CommandStatus(f"{ticket.name} [{name}]"))
 
@@ -131,7 +133,7 @@ class GroupCore:
             accept(self.axes[name], axis_command, undertaking.child(name), undertaking.gate)
 
     def _go_on_after(self, ended: EndedGroupCommand) -> None:
-        """Begin what waits first, when nothing is under way any more; what has ended badly ends all that waits."""
+        """Begin the first waiting command when no command is active; if ``ended`` has failed, drop all waiting commands."""
         if ended.error is not None:
             self._queue.drop(ended.name, ended.error)
         elif not self._is_busy:
@@ -154,7 +156,7 @@ class GroupCore:
         self._go_along(PathMotion(command, self.axes, gate), gate, ticket)
 
     def _take_over(self, command: MovePath, takeover: PathTransition, ticket: CommandStatus) -> None:
-        """Let a path go on with what is under way, without a stop; where nothing is, it begins."""
+        """Append a path to the active command without a stop. If no command is active, begin the path from standstill."""
         self._require_no_stop(command.axes, ticket)
         plain = replace(command, takeover=None)
         if not self._is_busy:
@@ -167,7 +169,7 @@ class GroupCore:
         assert isinstance(line, PathMotion)
         if (
             line.is_at_its_end or not undertaking.leads_all()
-        ):  # it is coming to rest there, and nothing is kept
+        ):  # it comes to rest at its end, and no velocity is maintained
             ticket.note = began_from_rest("it came when the one before had come to its end already")
             self._move_along(replace(plain, buffer=True), ticket)
             return
@@ -175,13 +177,17 @@ class GroupCore:
         require_joint(line, following, ticket.name)
         try:
             line.join(following, undertaking.pass_on(ticket), ticket)
-        except Exception as error:  # noqa: BLE001  # whatever it is, it ends this motion
+        except Exception as error:  # noqa: BLE001  # any exception ends this motion
             undertaking.break_off(broken(error, ticket.name))
 
     def _to_join(
         self, command: MovePath, takeover: PathTransition, ticket: CommandStatus
     ) -> ActiveGroupCommand:
-        """Return what is under way, where it is one line that the command can go on with (StateError)."""
+        """Return the active command if it is one path that ``command`` can extend.
+
+        Raises:
+            StateError: several commands are active or wait, or the active command is not a path of the same axes.
+        """
         busy = [each for each in self._under_way if each.busy]
         if len(busy) == 1 and not self._queue and isinstance(busy[0], ActiveGroupCommand):
             line = busy[0].line
@@ -224,7 +230,7 @@ class GroupCore:
         self._go_along(stream, stream.gate, ticket)
 
     def _add_points(self, command: AddPoints, ticket: CommandStatus) -> None:
-        """Let a stream go on; what comes for one that is over is let go of, as its own ticket has told why."""
+        """Append points to a running stream. Points for an ended stream are ignored: its own ticket has given the reason."""
         for undertaking in self._under_way:
             stream = undertaking.line
             if undertaking.busy and isinstance(stream, PointStreamMotion) and stream.number == command.stream:
@@ -251,7 +257,7 @@ class GroupCore:
         self._undertake(undertaking, lambda: self._lead(line.follows, begin_follow, undertaking))
 
     def _factor_of(self, line: PathMotion | PointStreamMotion) -> float:
-        """The override of a way: of the group, times the lowest of the axes that it leads: no axis alone is slowed."""
+        """Return a path's override: the group's factor times the lowest of its axes, so that no axis is slowed alone."""
         lowest = min(self.axes[name].override.factor for name in line.follows)
         return min(self._factor * lowest, FASTER)
 
@@ -283,16 +289,16 @@ class GroupCore:
         self._under_way.append(search)
 
     def _undertake(self, undertaking: ActiveGroupCommand, begin: Callable[[], None]) -> None:
-        """Let it begin; whatever breaks meanwhile leaves no axis with its part alone."""
+        """Begin a command. If an exception occurs, break off the command, so that no axis moves alone."""
         self._under_way.append(undertaking)
         try:
             begin()
-        except Exception as error:  # noqa: BLE001  # whatever it is, it ends this command
+        except Exception as error:  # noqa: BLE001  # any exception ends this command
             undertaking.break_off(broken(error, undertaking.name))
         undertaking.gather()
 
     def _require_no_stop(self, names: Sequence[str], ticket: CommandStatus) -> None:
-        """Raise StateError where an axis is being stopped: nothing begins by itself after a halt."""
+        """Raise StateError if an axis is being stopped: after a halt, no command begins automatically."""
         for name in names:
             if self.axes[name].ladder is not None:
                 raise StateError(f"{ticket.name}: {name} is being halted", remedy="wait until it stands")

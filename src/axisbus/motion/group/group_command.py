@@ -1,16 +1,17 @@
-"""One command of a group under way: what each axis has been told, where all wait for each other, and when it has ended.
+"""One active command of a group: its axis commands, the barrier at which the axes wait for each other, and its end.
 
 Theory of operation
 -------------------
-A group's command is nothing but a command for each of its axes (a *child*), and it ends when they have ended. So a new command of
-the group, or of one axis, does to it what it does on each axis: one that is harmless there (an enable of what is enabled) takes
-nothing away, and one that stops or replaces a child ends it. Several undertakings of one group may thus be under way at a time.
+A group command consists of one command per axis (a *child*), and ends when all children have ended. A new command of the group, or
+of one axis, therefore affects the group command through its children. A command that changes nothing on an axis (enabling an
+enabled axis) does not end its child; a command that stops or replaces a child ends it. Several commands of one group may be active
+at a time.
 
-Where all start together, or move on one line, an axis that drops out takes the others with it. That is looked for before the gate
-may open, so that nobody starts in the very cycle in which somebody has gone.
+If all axes start together, or move on one path, an axis that drops out stops the others too. This is checked before the start
+barrier may open, so that no axis starts in the same cycle in which another axis drops out.
 
-An axis that has ended its part early stays where the command has brought it until the others have ended theirs. If it is given
-another command, or fails, before that, the group's command is not done.
+An axis whose child ends early holds its final position until the other children have ended. If the axis gets another command
+or fails before that, the group command does not end as done.
 """
 
 from __future__ import annotations
@@ -33,25 +34,28 @@ _TOGETHER = "nobody of a group starts alone, or goes on along a line that anothe
 
 
 class GroupSetPointSource(Protocol):
-    """What leads axes together: a line, or the joint of a slave and its master."""
+    """A source of set-points for several axes: a path, or the coupling of a slave to its master."""
 
     @property
     def planned(self) -> bool:
-        """Whether it leads them."""
+        """Whether it is planned, so that it commands the axes."""
 
     @property
     def gives_up(self) -> AxisbusError | None:
-        """Why it leads them no farther, where it found that itself; all are then braked along their way."""
+        """The error because of which the source itself stops the motion, or None; all axes are then braked along their path."""
 
     def step(self, period: float, begins: bool, name: str) -> None:
-        """Once per cycle of ``period`` seconds, before the axes; ``begins``: all may begin. ``name`` says what was asked for."""
+        """Advance by one cycle of ``period`` seconds, before the axes step.
+
+        ``begins``: all axes may begin. ``name``: the command's name, for error messages.
+        """
 
     def leads(self) -> bool:
-        """Whether any axis was led since this was asked last."""
+        """Return whether any axis was commanded by this source since the last call."""
 
 
 class ActiveGroupCommand:
-    """Holds the command's ticket, its children by axis, the gate, and the line where it is one."""
+    """Holds the command's ticket, its children by axis, the start barrier, and the path if there is one."""
 
     def __init__(
         self,
@@ -60,49 +64,49 @@ class ActiveGroupCommand:
         gate: StartBarrier = OPEN,
         line: GroupSetPointSource | None = None,
     ) -> None:
-        """``axes``: those of the group, by name."""
+        """``axes``: the axes of the group, by name."""
         self.gate = gate
         self._ticket = ticket
         self._axes = axes
         self._line = line
         self._children: dict[str, CommandStatus] = {}
-        self._goes_on: set[str] = set()  # axes with a command that waited for the end of their part
+        self._goes_on: set[str] = set()  # axes that began a queued command when their child ended
         self._called_off = False
-        self._reason: AxisbusError | None = None  # why, where no axis's own error says it
+        self._reason: AxisbusError | None = None  # the reason, if no axis's own error gives it
         ticket.begin()
 
     @property
     def ticket(self) -> CommandStatus:
-        """That of its command."""
+        """The ticket of the command."""
         return self._ticket
 
     def leads_all(self) -> bool:
-        """Whether each of its axes is still under way by it, and nobody has dropped out."""
+        """Return whether every axis still executes its child, and no axis has dropped out."""
         under_way = all(child.busy for child in self._children.values())
         return self.busy and under_way and not self._called_off and self._dropped_out() is None
 
     def pass_on(self, ticket: CommandStatus) -> CommandStatus:
-        """Be the motion of another command from now on, which has joined it; return the ticket of the one before."""
+        """Become the motion of another command, which has been appended; return the previous command's ticket."""
         before, self._ticket = self._ticket, ticket
         return before
 
     def child(self, axis: str) -> CommandStatus:
-        """Return the ticket of what ``axis`` is told for this command."""
+        """Create and return the ticket for the command that ``axis`` gets as its part."""
         child = CommandStatus(f"{self._ticket.name} [{axis}]")
         self._children[axis] = child
         child.then(lambda: self._note_next(axis))
         return child
 
     def _note_next(self, axis: str) -> None:
-        """Note an axis that goes on with what waited for the end of its part: that was asked for, and interrupts nothing."""
+        """Note an axis that begins a queued command at the end of its part: the user has requested it, so it is no interruption."""
         if self._axes[axis].queue:
             self._goes_on.add(axis)
 
     def step(self, period: float) -> None:
-        """Once per cycle, before the axes: see who has dropped out, open the gate, plan the line and go on along it."""
+        """Once per cycle, before the axes step: check for axes that dropped out, open the barrier, plan or advance the path."""
         try:
             self._go_on(period)
-        except Exception as error:  # noqa: BLE001  # whatever it is, it ends this command and stops its axes
+        except Exception as error:  # noqa: BLE001  # any exception ends this command and stops its axes
             self.break_off(broken(error, self._ticket.name))
         self.gather()
 
@@ -113,16 +117,16 @@ class ActiveGroupCommand:
 
     @property
     def error(self) -> AxisbusError | None:
-        """What has ended its ticket badly."""
+        """The error of the ticket; None if it has none."""
         return self._ticket.error
 
     @property
     def is_over(self) -> bool:
-        """Whether the ticket has ended, and no axis is led any more."""
+        """Whether the ticket has ended, and the command's path no longer commands any axis."""
         return not self._ticket.busy and (self._line is None or not self._line.leads())
 
     def gather(self) -> None:
-        """End the ticket when every axis has ended."""
+        """End the ticket when every child has ended."""
         if not self._ticket.busy or any(child.busy for child in self._children.values()):
             return
         errors = [error for child in self._children.values() if (error := child.error) is not None]
@@ -130,7 +134,7 @@ class ActiveGroupCommand:
         self._ticket.finish(Status.DONE if error is None else end_as(error), error)
 
     def break_off(self, error: AxisbusError) -> None:
-        """End the command with ``error``: what has not begun is not begun, what is led along the line is stopped."""
+        """End the command with ``error``: axes that have not begun do not begin, and axes that move along the path are stopped."""
         moving = self._line is not None and self._line.planned
         self._reason, self._line, self._called_off = error, None, True
         self.gate.shut()
@@ -142,7 +146,7 @@ class ActiveGroupCommand:
 
     @property
     def line(self) -> GroupSetPointSource | None:
-        """The way that its axes are led along, if there is one."""
+        """The source of the axes' set-points, such as a path; None if there is none."""
         return self._line
 
     def abandon(self, error: AxisbusError) -> None:
@@ -151,7 +155,7 @@ class ActiveGroupCommand:
 
     @property
     def name(self) -> str:
-        """What was asked for."""
+        """The name of the command."""
         return self._ticket.name
 
     def _go_on(self, period: float) -> None:
@@ -164,7 +168,7 @@ class ActiveGroupCommand:
             self._line.step(period, self.gate.is_open, self._ticket.name)
 
     def _call_off(self) -> None:
-        """Nobody starts alone, and nobody goes on along a line that another has left."""
+        """Stop the other axes if one has dropped out: no axis starts alone or continues along a path that another axis has left."""
         if self._called_off or not self._ticket.busy or (self.gate.is_open and self._line is None):
             return
         failure = None if self._line is None else self._line.gives_up
@@ -183,7 +187,7 @@ class ActiveGroupCommand:
             self._stop(axis, reason)
 
     def _dropped_out(self) -> AxisbusError | None:
-        """Return why an axis has ended badly, or is about to (a fault is looked into before it is told); None if none has."""
+        """Return why an axis has failed or is about to (a fault is analysed before its child ends); None if no axis has."""
         for axis, child in self._children.items():
             core = self._axes[axis]
             error = core.error if child.busy and core.state is AxisState.ERRORSTOP else child.error
@@ -192,7 +196,7 @@ class ActiveGroupCommand:
         return None
 
     def _left_early(self) -> AxisbusError | None:
-        """Return why an axis that has ended its part well is not where the command has brought it any more; None if all are."""
+        """Return the error if an axis whose child is done no longer holds its final position; None if all do."""
         for axis, child in self._children.items():
             core, name = self._axes[axis], self._ticket.name
             if child.status is not Status.DONE or axis in self._goes_on:
@@ -209,7 +213,7 @@ class ActiveGroupCommand:
         return None
 
     def _own(self) -> list[str]:
-        """The axes that run what they were told by this command; one that was at the same already goes on with that."""
+        """Return the axes that execute this command's children. An axis that already ran the same command continues with that."""
         return [axis for axis, child in self._children.items() if self._axes[axis].running.ticket is child]
 
     def _stop(self, axis: str, reason: str) -> None:
@@ -217,12 +221,12 @@ class ActiveGroupCommand:
 
 
 def _again(error: AxisbusError) -> AxisbusError:
-    """Return the same error for one axis, to which it may add what was seen of its drive."""
+    """Return a copy of the error for one axis, to which the axis may add observations of its drive."""
     again = copy(error)
     again.__cause__ = error.__cause__
     return again
 
 
 def _worst(errors: list[AxisbusError]) -> AxisbusError | None:
-    """Return the first failure; a mere interruption only if there is nothing worse."""
+    """Return the first failure; an interruption only if there is no failure."""
     return next((error for error in errors if end_as(error) is Status.ERROR), errors[0] if errors else None)

@@ -1,15 +1,15 @@
-"""A way along which the jerk is limited: how fast corners are, and how far before and behind them that holds.
+"""Speed zones of a path with limited jerk: the highest speed in corners, and how far before and after them it applies.
 
 Theory of operation
 -------------------
-The place is the mean of those of the last cycles (``travel``). So its speed and its acceleration are means, too, and while it is in
-a corner some of what they are made of lies before and behind that. Where the corner's own speed and acceleration hold for as far as
-is gone with that speed in the time of the mean, all of it is in there, and the mean keeps to them.
+The position is the mean of the positions of the last cycles (``path_speed``). Speed and acceleration are therefore means as well.
+While the mean is in a corner, some of its values belong to positions before or after the corner. If the corner's speed and
+acceleration also hold for the distance covered at that speed in the time of the mean, all these values comply, and so does the
+mean.
 
-On a curve of curvature k the jerk is (j - k²v³) along the way and (3kva + k'v³) across it, with the speed v, the acceleration a,
-and its change j. In a corner a is no more than a small share of what it is on lines, and so is j; v is the highest with which both
-parts together are no more than the jerk.
-"""
+On a curve of curvature k the jerk is (j - k²v³) along the path and (3kva + k'v³) across it, with the speed v, the acceleration a,
+and its change j. In a corner, a is limited to a small share of its value on lines, and so is j. v is the highest speed at which
+both components together do not exceed the jerk."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from typing import NamedTuple
 from axisbus.motion.group.segments import Corner
 from axisbus.motion.group.speed_zone import SpeedZone
 
-# Of the acceleration, in corners: more would leave too little of the jerk for the turn, less would make a halt there long.
+# Of the acceleration, in corners: a larger share leaves too little jerk for the turn, a smaller one prolongs a halt in the corner.
 _SHARE = 0.3
-_SAFE = 0.99  # between two of the places that are looked at
-_ROUNDS = 40  # of halving
-_NEXT = 1e-9  # of the length: as near as stretches may join
-# Where the curvature of a corner, and the change of that, are high: its second quarter (the third is the same, backwards).
+_SAFE = 0.99  # margin for values between two of the evaluated positions
+_ROUNDS = 40  # of bisection
+_NEXT = 1e-9  # relative to the length: the smallest distance between two boundaries
+# Where the curvature of a corner and its rate of change are high: the second quarter (the third is symmetric).
 _PLACES = tuple(0.25 + n / 32 for n in range(9))
 _CURVED = tuple((1.0 - math.cos(math.tau * x), math.tau * math.sin(math.tau * x)) for x in _PLACES)
 
 
 class Soft(NamedTuple):
-    """The ``jerk`` (unit/s³), the time of the mean (s), the highest acceleration (unit/s²) on the way, and the highest speed."""
+    """The ``jerk`` (unit/s³), the time of the mean (s), and the highest acceleration (unit/s²) and speed (unit/s) on the path."""
 
     jerk: float
     seconds: float
@@ -41,7 +41,7 @@ class Soft(NamedTuple):
 
 
 def softened(corner: Corner, parts: Sequence[SpeedZone], soft: Soft) -> list[SpeedZone]:
-    """Return the stretches of a corner with what the jerk leaves of speed and acceleration; as one where they are the same."""
+    """Return the speed zones of a corner with speed and acceleration reduced for the jerk; one zone if all are equal."""
     ramp = min(_SHARE * soft.hardest, *(part.ramp for part in parts))
     fastest = _fastest(corner, ramp, soft)
     found = [part._replace(top=min(part.top, fastest), ramp=ramp) for part in parts]
@@ -51,7 +51,7 @@ def softened(corner: Corner, parts: Sequence[SpeedZone], soft: Soft) -> list[Spe
 
 
 def _fastest(corner: Corner, ramp: float, soft: Soft) -> float:
-    """Return the highest speed with which the jerk is kept."""
+    """Return the highest speed in a corner that does not exceed the jerk."""
     jerk, mean = _SAFE * soft.jerk, corner.angle / corner.length
     changes = 2.0 * ramp / soft.seconds
     bends = [(mean * rise, mean * change / corner.length) for rise, change in _CURVED]
@@ -67,9 +67,9 @@ def _fastest(corner: Corner, ramp: float, soft: Soft) -> float:
 
 
 def reaching(stretches: Sequence[SpeedZone], corners: Sequence[int], soft: Soft) -> Iterator[SpeedZone]:
-    """Divide stretches so that what corners allow holds for as far as the mean reaches; ``corners``: the numbers of theirs.
+    """Divide speed zones so that the limits of corners hold over the distance of the mean; ``corners``: indices of corner zones.
 
-    Stretches of a workspace are as corners here: what they allow is another from each to the next.
+    Speed zones of a path in the workspace are treated like corners, because their limits change from each zone to the next.
     """
     marks = list(accumulate((each.length for each in stretches), initial=0.0))
     gone = [soft.seconds * min(stretches[n].top, soft.fastest) for n in corners]
@@ -92,7 +92,7 @@ def reaching(stretches: Sequence[SpeedZone], corners: Sequence[int], soft: Soft)
 
 
 def _edges(marks: Sequence[float], others: Sequence[float]) -> list[float]:
-    """Return where stretches join: all ``marks``, and what of the others is on the way and not next to one that is there."""
+    """Return the zone boundaries: all ``marks``, and those of ``others`` that lie on the path and not next to another boundary."""
     least = _NEXT * marks[-1]
     found, is_mark = [marks[0]], True
     inside = [(edge, False) for edge in others if marks[0] < edge < marks[-1]]

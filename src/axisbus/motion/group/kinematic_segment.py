@@ -1,13 +1,13 @@
-"""A piece of a way in the workspace of a machine whose axes make its places together, as a piece of the axes' own.
+"""A path segment in the workspace of a machine with kinematics, as a segment in axis positions.
 
 Theory of operation
 -------------------
-Along such a piece the axes' parts of the speed change from place to place, and where they do the axes are accelerated though the
-speed stays. So it is surveyed: at short distances, the first and the second difference of each axis's position. If an axis's part
-changes much between two samples, the steepest interval is halved until the part hardly changes any more. If it never does
-(``_HALVINGS``), or an axis leaps (``_WILD``), as near a place where arms are stretched out, the way is refused: no speed along it
-would keep the axis's acceleration. In each stretch what turns and what speeds up have half of an axis's acceleration each.
-"""
+Along such a segment the ratio of axis speed to path speed varies, and where it varies the axes accelerate even at constant path
+speed. So the segment is surveyed: at short distances, the first and second differences of each axis position are computed. If an
+axis's ratio changes much between two samples, the steepest interval is halved until the ratio hardly changes. If it keeps changing
+(``_HALVINGS``), or an axis leaps (``_WILD``), for example near a position with stretched arms, the path is rejected: no path speed
+would keep the axis within its acceleration. In each speed zone, the change of direction and the change of speed get half of an
+axis's acceleration each."""
 
 from __future__ import annotations
 
@@ -22,21 +22,23 @@ from axisbus.motion.group.kinematics import Kinematics
 from axisbus.motion.group.segments import SPEEDS, Arc, Corner, Place, Straight, turning
 from axisbus.motion.parameters import AxisLimits
 
-_FINE = 24  # stretches in a piece as long as the machine is large
-_CORNER = 12  # of a corner, whose curvature changes
-_ROUND = 32  # of a whole circle
+_FINE = 24  # zones in a segment as long as the machine's characteristic length
+_CORNER = 12  # in a corner, because its curvature varies
+_ROUND = 32  # in a full circle
 _MOST = 400
-_STEPS = 4  # samples in a stretch
-_SPARE = 1.05  # what may lie between two samples
-_WILD = 2.0  # by how much an axis's part may change within a stretch
-_UNEVEN = 0.25  # of an axis's part: what more it changes by within a stretch is looked at more closely
+_STEPS = 4  # samples in a zone
+_SPARE = 1.05  # margin for values between two samples
+_WILD = 2.0  # permitted relative change of an axis's ratio within a zone
+_UNEVEN = (
+    0.25  # of an axis's ratio: if it changes by more within a zone, the interval is examined more closely
+)
 _STILL = 1e-9  # relative to an axis's position: smaller motion is rounding
-_HALVINGS = 5  # of an interval; near stretched arms the part grows by 1.4 with each
+_HALVINGS = 5  # of an interval; near stretched arms the ratio grows by 1.4 with each
 _HALF = 0.5
 
 
 class Surveyed(NamedTuple):
-    """A stretch: its length, each axis's highest part of the speed and change of that (per unit), and its box."""
+    """A surveyed zone: its length, each axis's highest speed ratio and change of that ratio (per unit), and its position range."""
 
     length: float
     shares: Place
@@ -48,32 +50,32 @@ class Surveyed(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class KinematicSegment:
-    """``base`` in the workspace, gone along by the axes of ``kinematics``."""
+    """Segment ``base`` in the workspace, executed by the axes of ``kinematics``."""
 
     base: Straight | Arc | Corner
     kinematics: Kinematics
 
     @property
     def length(self) -> float:
-        """Of the piece, in the workspace."""
+        """Length of the segment in the workspace."""
         return self.base.length
 
     def at(self, s: float) -> Place:
-        """Return the axes' positions at ``s``; raises ValueError out of reach."""
+        """Return the axis positions at ``s``; raises ValueError if they are out of reach."""
         return self.kinematics.inverse(self.base.at(s))
 
     def curvatures(self, count: int) -> Place:
-        """Those in the workspace."""
+        """Return the curvatures in the workspace."""
         return self.base.curvatures(count)
 
     @property
     def shares(self) -> Place:
-        """Of each axis, its highest part of the speed."""
+        """The highest ratio of axis speed to path speed, by axis."""
         return tuple(map(max, zip(*(part.shares for part in survey(self)), strict=True)))
 
     @property
     def bends(self) -> Place:
-        """Of each axis, its part of an acceleration along the way."""
+        """The highest ratio of axis acceleration to an acceleration along the path, by axis."""
         return self.shares
 
     @property
@@ -85,7 +87,7 @@ class KinematicSegment:
 
 
 class SegmentLimits(NamedTuple):
-    """A stretch as the axes' limits leave it: its length, highest speed and acceleration."""
+    """A zone with the axes' limits applied: its length, highest speed and acceleration."""
 
     length: float
     top: float
@@ -95,7 +97,7 @@ class SegmentLimits(NamedTuple):
 def held(
     parts: Iterable[Surveyed], limits: Sequence[AxisLimits], acceleration: float
 ) -> Iterator[SegmentLimits]:
-    """Return the stretches of a piece, of which ``acceleration`` is what may be along it, and across it."""
+    """Return the zones of a segment with limits applied; ``acceleration`` is the permitted value along the path and across it."""
     for part in parts:
         ramp, top = acceleration, math.inf
         for limit, share, bend in zip(limits, part.shares, part.bends, strict=True):
@@ -112,10 +114,10 @@ def held(
 
 @lru_cache(maxsize=4096)
 def survey(piece: KinematicSegment) -> tuple[Surveyed, ...]:
-    """Return the stretches of a piece, as they were found.
+    """Return the zones of a segment, without limits applied.
 
     Raises:
-        ValueError: a place of it is out of reach, or too near to where an axis would have to leap.
+        ValueError: a position is out of reach, or too close to one at which an axis would have to leap.
     """
     base = piece.base
     count = _CORNER if isinstance(base, Corner) else 1
@@ -137,7 +139,7 @@ def _stretch(
     piece: KinematicSegment, places: Sequence[Place], number: int, step: float, curvature: float
 ) -> Surveyed:
     first = max(number * _STEPS - 1, 0)
-    near = places[first : (number + 1) * _STEPS + 2]  # and one on either side
+    near = places[first : (number + 1) * _STEPS + 2]  # and one sample on either side
     columns = list(zip(*near, strict=True))
     length = step * _STEPS
     if not step:
@@ -145,7 +147,7 @@ def _stretch(
         return Surveyed(0.0, still, still, 0.0, near[0], near[0])
     slopes = [[(b - a) / step for a, b in pairwise(column)] for column in columns]
     bends = [[(b - a) / step for a, b in pairwise(row)] for row in slopes]
-    parts: list[tuple[float, float]] = []  # of each axis: its highest slope, and the highest change of that
+    parts: list[tuple[float, float]] = []  # by axis: the highest ratio, and its highest change
     for axis, (row, changes) in enumerate(zip(slopes, bends, strict=True)):
         least, most = min(map(abs, row)), max(map(abs, row))
         if most - least > _WILD * (least + 1e-9) and (most - least) * length > _LEAP:
@@ -165,10 +167,10 @@ def _stretch(
 def _steepest(
     piece: KinematicSegment, axis: int, start: float, step: float, a: Place, b: Place
 ) -> tuple[float, float]:
-    """Return the highest slope of an axis within an interval from ``a`` to ``b``, and the highest change of it that was found.
+    """Return an axis's highest ratio within an interval from ``a`` to ``b``, and the highest change of it that was found.
 
     Raises:
-        ValueError: the slope does not become steady, however short the interval.
+        ValueError: the ratio does not become steady, however short the interval.
     """
     slope, change = abs(b[axis] - a[axis]) / step, 0.0
     for _ in range(_HALVINGS):
@@ -193,9 +195,9 @@ def _leap(place: Place) -> ValueError:
     )
 
 
-_LEAP = 20.0  # units of an axis within a stretch: what is less is no leap, however its part changes
+_LEAP = 20.0  # units of an axis within a zone: less is not a leap, however much the ratio changes
 
 
 def _rounded(bend: float, share: float, length: float) -> float:
-    """Return a change of an axis's part, or 0 where it is nothing but what numbers are rounded to."""
+    """Return a change of an axis's ratio, or 0 if it is only a rounding error."""
     return bend if bend * length > 1e-6 * share else 0.0

@@ -1,9 +1,8 @@
-"""How the axes of a machine make a place in its workspace: CoreXY, SCARA, and the delta robot.
+"""Kinematics: conversion between axis positions and workspace positions, for CoreXY, SCARA and delta robots.
 
-Lengths are in one unit, angles in degrees. Each is a frozen value: ``forward`` leads from the axes' positions to the place,
-``inverse`` back; a place beyond its reach is a ValueError. What has more axes than it needs (a lift, a tool) passes them on as they
-are.
-"""
+Lengths are in one unit, angles in degrees. Each class is a frozen value. ``forward`` converts axis positions to the workspace
+position, ``inverse`` does the opposite and raises ValueError if the position is out of reach. Additional axes, such as a lift or a
+tool, are passed through unchanged."""
 
 from __future__ import annotations
 
@@ -15,7 +14,7 @@ from axisbus.motion.group.segments import Place
 _COS, _SIN = (
     (1.0, -0.5, -0.5),
     (0.0, math.sqrt(3.0) / 2.0, -math.sqrt(3.0) / 2.0),
-)  # of the arms of a delta: 0, 120, 240 degrees
+)  # direction of the arms of a delta robot: 0, 120, 240 degrees
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,27 +23,26 @@ class CoreXY:
 
     @property
     def characteristic_length(self) -> float:
-        """How far things are apart where its axes' parts of a way change: nowhere."""
+        """Distance over which the ratios of axis speed to path speed vary: infinite, because they are constant."""
         return math.inf
 
     def forward(self, axes: Place) -> Place:
-        """Return the place for the axes' positions."""
+        """Return the workspace position for axis positions."""
         a, b, *rest = axes
         return (0.5 * (a + b), 0.5 * (a - b), *rest)
 
     def inverse(self, place: Place) -> Place:
-        """Return the axes' positions for a place."""
+        """Return the axis positions for a workspace position."""
         x, y, *rest = place
         return (x + y, x - y, *rest)
 
 
 @dataclass(frozen=True, slots=True)
 class Scara:
-    """Two arms in a plane: ``upper`` from the shoulder at (0, 0) to the elbow, ``fore`` from there on.
+    """Two arms in a plane: ``upper`` from the shoulder at (0, 0) to the elbow, ``fore`` from the elbow to the tool.
 
-    The first axis turns the shoulder (0 along x), the second the elbow (0 stretched out). ``left``: the elbow is bent to positive
-    angles. The shoulder's positions are those within half a turn of ``middle``.
-    """
+    The first axis turns the shoulder (0: along x), the second the elbow (0: stretched). ``left``: the elbow bends to positive
+    angles. Shoulder positions are within half a turn of ``middle``."""
 
     upper: float
     fore: float
@@ -53,11 +51,11 @@ class Scara:
 
     @property
     def characteristic_length(self) -> float:
-        """Its reach."""
+        """The reach of the arms."""
         return self.upper + self.fore
 
     def forward(self, axes: Place) -> Place:
-        """Return the place for the axes' positions."""
+        """Return the workspace position for axis positions."""
         shoulder, elbow, *rest = axes
         t, u = math.radians(shoulder), math.radians(shoulder + elbow)
         x = self.upper * math.cos(t) + self.fore * math.cos(u)
@@ -65,10 +63,10 @@ class Scara:
         return (x, y, *rest)
 
     def inverse(self, place: Place) -> Place:
-        """Return the axes' positions for a place.
+        """Return the axis positions for a workspace position.
 
         Raises:
-            ValueError: it is out of reach.
+            ValueError: the position is out of reach.
         """
         x, y, *rest = place
         cos = (x * x + y * y - self.upper**2 - self.fore**2) / (2.0 * self.upper * self.fore)
@@ -85,10 +83,10 @@ class Scara:
 
 @dataclass(frozen=True, slots=True)
 class Delta:
-    """Three arms around a base (0, 0, 0), which hold a plate below it, z downwards negative; three axes turn the upper arms.
+    """Three arms around a base at (0, 0, 0) that hold a plate below it (negative z); three axes turn the upper arms.
 
-    ``base`` and ``plate``: how far the joints are from the middle; ``upper`` and ``fore``: how long the arms are. At 0 an upper arm
-    lies level, and at positive angles it points down. The arms stand at 0, 120 and 240 degrees from x.
+    ``base`` and ``plate``: distance of the joints from the centre; ``upper`` and ``fore``: length of the arms. At 0 an upper arm is
+    horizontal, and at positive angles it points down. The arms are at 0, 120 and 240 degrees from x.
     """
 
     base: float
@@ -98,36 +96,36 @@ class Delta:
 
     @property
     def characteristic_length(self) -> float:
-        """Its reach."""
+        """The reach of the arms."""
         return self.upper + self.fore
 
     def forward(self, axes: Place) -> Place:
-        """Return the place for the axes' positions.
+        """Return the workspace position for axis positions.
 
         Raises:
-            ValueError: the arms do not meet, or could meet in more than one place.
+            ValueError: the arms do not meet, or their position is ambiguous.
         """
         knees = [self._knee(angle, n) for n, angle in enumerate(axes[:3])]
         return (*_below(knees, self.fore), *axes[3:])
 
     def inverse(self, place: Place) -> Place:
-        """Return the axes' positions for a place.
+        """Return the axis positions for a workspace position.
 
         Raises:
-            ValueError: it is out of reach.
+            ValueError: the position is out of reach.
         """
         x, y, z, *rest = place
         return (*(self._angle(x, y, z, n) for n in range(3)), *rest)
 
     def _knee(self, angle: float, arm: int) -> tuple[float, float, float]:
-        """Where a forearm begins, with the plate's joint moved to its middle."""
+        """Return the start of a forearm, shifted so that the plate's joint is at the plate's centre."""
         out = self.base - self.plate + self.upper * math.cos(math.radians(angle))
         return out * _COS[arm], out * _SIN[arm], -self.upper * math.sin(math.radians(angle))
 
     def _angle(self, x: float, y: float, z: float, arm: int) -> float:
         out = x * _COS[arm] + y * _SIN[arm] - (self.base - self.plate)  # in the plane of the arm
         across = y * _COS[arm] - x * _SIN[arm]
-        fore = self.fore**2 - across**2  # of what lies in the plane, squared
+        fore = self.fore**2 - across**2  # squared, in the plane of the arm
         far = math.hypot(out, z)
         cos = (far**2 + self.upper**2 - fore) / (2.0 * far * self.upper) if far and fore >= 0.0 else 2.0
         if not -1.0 <= cos <= 1.0:
@@ -138,11 +136,11 @@ class Delta:
 Kinematics = CoreXY | Scara | Delta
 
 
-_SAME = 1e-9  # of the forearms' length: joints that are no farther apart are in one point
+_SAME = 1e-9  # relative to the forearms' length: knees no farther apart count as one point
 
 
 def _below(knees: list[tuple[float, float, float]], reach: float) -> tuple[float, float, float]:
-    """Return the lower one of the two places that are ``reach`` away from three."""
+    """Return the lower one of the two points at distance ``reach`` from three points."""
     first, second, third = knees
     u = [b - a for a, b in zip(first, second, strict=True)]
     d = math.hypot(*u)

@@ -1,12 +1,12 @@
-"""A way that axes go together: its pieces, how fast and how hard each may be gone along, and how fast it may be left.
+"""A path for several axes: its segments, the highest speed and acceleration in each part, and the highest exit speeds.
 
 Theory of operation
 -------------------
-On a curve, the acceleration of an axis is made of what turns and what speeds up. Both together are no more than the axis's limit
-where the one is at most 0.8 of it and the other 0.6 (0.8² + 0.6² = 1, and so are the squares of a tangent's and a normal's part).
-The speed at each joint is low enough to come to rest at the end of the way, and at each stop on it, by what each piece allows:
-whatever was asked for, and whatever becomes of that meanwhile, keeps to that (``travel``).
-"""
+On a curve, an axis needs acceleration for the change of direction and for the change of speed. The sum stays within the axis's
+limit if the first is at most 0.8 of the limit and the second at most 0.6 (0.8² + 0.6² = 1, and the squares of the tangential and
+the normal component add up in the same manner). The speed at the end of each speed zone is low enough to come to rest at the end of
+the path, and at each stop on it, with the permitted acceleration of each zone. These speeds hold whatever velocity is requested,
+and however the request changes during the motion (``path_speed``)."""
 
 from __future__ import annotations
 
@@ -25,28 +25,27 @@ from axisbus.motion.moves.profile import duration
 from axisbus.motion.parameters import AxisLimits
 from axisbus.motion.sampled_path.segment import SampledSegment, surveyed
 
-_AT_ONCE = 8  # stretches in a cycle: each takes some of its time
+_AT_ONCE = 8  # speed zones per cycle: each one costs computing time
 _FINE, _LEAST = 1 << 30, 1e-290
-Part = Piece | KinematicSegment | SampledSegment  # of a way
+Part = Piece | KinematicSegment | SampledSegment  # a segment of a path
 _CHANGING = (
     Corner,
     KinematicSegment,
     SampledSegment,
-)  # along which what is allowed changes from place to place
+)  # segments along which the permitted speed and acceleration vary
 
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """The pieces of a way, begun at ``starts``, and its stretches, begun at ``marks``; a place is ``s``, 0 to ``length``.
+    """The segments of a path, starting at ``starts``, and its speed zones, starting at ``marks``; path positions: 0 to ``length``.
 
-    Each stretch has its highest speed (``tops``) and acceleration (``ramps``), and ``leaves``: the speed at its end; in the unit of
-    the path, per s and per s². What each axis of a place comes to is known, too: ``lowest`` and ``highest`` place, its highest part
-    of the speed (``shares``), highest speed and acceleration.
-    """
+    Each speed zone has a highest speed (``tops``), an acceleration (``ramps``) and a highest speed at its end (``leaves``), in the
+    unit of the path, per s and per s². For each axis the path knows the ``lowest`` and ``highest`` position, the highest ratio of
+    axis speed to path speed (``shares``), the highest speed and the highest acceleration."""
 
     pieces: tuple[Part, ...]
     starts: tuple[float, ...]
-    marks: tuple[float, ...]  # and the length of all
+    marks: tuple[float, ...]  # followed by the total length
     tops: tuple[float, ...]
     ramps: tuple[float, ...]
     leaves: tuple[float, ...]
@@ -58,29 +57,29 @@ class Path:
 
     @property
     def length(self) -> float:
-        """Of all pieces."""
+        """Length of all segments."""
         return self.marks[-1]
 
     def number(self, s: float) -> int:
-        """Return which stretch ``s`` lies on; where two join, the second."""
+        """Return the number of the speed zone that contains ``s``; at a boundary, the second zone."""
         return min(max(bisect_right(self.marks, s) - 1, 0), len(self.tops) - 1)
 
     def is_last(self, number: int) -> bool:
-        """Whether a stretch is the last one."""
+        """Whether a speed zone is the last one."""
         return number + 1 == len(self.tops)
 
     def piece(self, s: float) -> tuple[Part, float]:
-        """Return the piece on which ``s`` lies, and how far along it."""
+        """Return the segment that contains ``s``, and the distance along it."""
         number = max(bisect_right(self.starts, s) - 1, 0)
         return self.pieces[number], max(s - self.starts[number], 0.0)
 
     def at(self, s: float) -> Place:
-        """Return the place of each axis at ``s``; before and after, the ends."""
+        """Return the axis positions at ``s``; beyond an end, the positions at that end."""
         piece, gone = self.piece(s)
         return piece.at(gone)
 
     def seconds(self, velocity: float) -> float:
-        """Return how long it takes at ``velocity``, at most: as if it stopped at the end of each stretch."""
+        """Return an upper bound of the duration at ``velocity``, computed as if the path stopped at the end of each speed zone."""
         lengths = (b - a for a, b in pairwise(self.marks))
         return sum(
             duration(length, min(velocity, top), ramp)
@@ -88,7 +87,7 @@ class Path:
         )
 
     def larger(self, by: float) -> Path:
-        """Return the same way with places that are ``by`` times as large, for pieces that are straight lines."""
+        """Return the same path with path positions multiplied by ``by``; for paths of straight lines only."""
         rows = (self.starts, self.marks, self.tops, self.ramps, self.leaves)
         starts, marks, tops, ramps, leaves = (tuple(by * one for one in each) for each in rows)
         pieces = tuple(
@@ -99,7 +98,7 @@ class Path:
         return replace(way, leaves=leaves, shares=shares)
 
     def slower(self, share: float) -> Path:
-        """Return the same way with ``share`` (above 0, at most 1) of its speeds and accelerations: it can be gone along as well."""
+        """Return the path with its speeds and accelerations multiplied by ``share`` (above 0, at most 1), which is feasible too."""
         tops, ramps, leaves = ([share * one for one in each] for each in (self.tops, self.ramps, self.leaves))
         return replace(self, tops=tuple(tops), ramps=tuple(ramps), leaves=tuple(leaves))
 
@@ -108,7 +107,7 @@ NOWHERE = Path((), (), (0.0,), (), (), (), (), (), (), (), ())
 
 
 class CycleVelocity(NamedTuple):
-    """The velocity that is asked for, and the period of a cycle in s."""
+    """The requested velocity, and the scan period in s."""
 
     velocity: float
     period: float
@@ -122,12 +121,12 @@ def way_of(
     cycle: CycleVelocity | None = None,
     soft: Soft | None = None,
 ) -> Path:
-    """Return the way of ``pieces`` for axes with these limits (in the order of a ``Place``).
+    """Return the path of ``pieces`` for axes with these limits (in the order of a ``Place``).
 
-    ``acceleration`` is that of the path, in its unit per s². ``stops``: the numbers of the pieces at whose end it stands still.
-    ``cycle``: where it is given, corners are no finer than what a cycle makes, and no cycle has much more than eight stretches.
-    ``soft``: the limit of jerk, for straight lines and corners; also of a workspace, where it is that of the tool.
-    """
+    ``acceleration``: acceleration of the path, in its unit per s². ``stops``: the indices of the segments that end with a stop.
+    ``cycle``: if given, the speed zones of a corner are no shorter than the distance in one cycle, and a cycle crosses little more
+    than eight of them. ``soft``: the limit of jerk, for straight lines and corners; also for a path in the workspace, where it
+    limits the jerk of the tool."""
     shares, bends, boxes = zip(*((piece.shares, piece.bends, piece.box) for piece in pieces), strict=True)
     hardest = [min(acceleration, least([limit.acceleration for limit in limits], parts)) for parts in bends]
     fastest = [least([limit.velocity for limit in limits], parts) for parts in shares]
@@ -167,7 +166,7 @@ def way_of(
 def _stretches(
     number: int, piece: Piece, fastest: float, ramp: float, cycle: CycleVelocity | None
 ) -> Iterator[SpeedZone]:
-    """Divide a piece into stretches, each of which takes a cycle at least."""
+    """Divide a segment into speed zones, each of which takes at least one cycle."""
     count = _FINE
     if cycle is not None:
         slowest = min(cycle.velocity, fastest, turning(piece.curvatures(1)[0], ramp))
@@ -180,7 +179,7 @@ def _stretches(
 
 
 def _not_too_many(stretches: Sequence[SpeedZone], period: float) -> list[SpeedZone]:
-    """Slow down where a cycle would have to go through more stretches than it has the time for."""
+    """Reduce speeds so that one cycle does not cross more than ``_AT_ONCE`` speed zones."""
     marks = list(accumulate((each.length for each in stretches), initial=0.0))
     last = len(stretches) - _AT_ONCE
     return [
@@ -190,7 +189,7 @@ def _not_too_many(stretches: Sequence[SpeedZone], period: float) -> list[SpeedZo
 
 
 def _each(choose: Callable[[Iterable[float]], float], rows: Sequence[Place]) -> Place:
-    """Return what is chosen of each column."""
+    """Apply ``choose`` to each column."""
     return tuple(choose(column) for column in zip(*rows, strict=True))
 
 
@@ -199,7 +198,7 @@ def _scaled(rows: Sequence[Place], by: Sequence[float]) -> list[Place]:
 
 
 def least(limits: Sequence[float | None], parts: Place) -> float:
-    """Return what the axes' limits allow along a way of which they have these parts."""
+    """Return the path speed or acceleration that the axes' limits allow; ``parts``: ratio of axis speed to path speed, by axis."""
     allowed = (limit / part for limit, part in zip(limits, parts, strict=True) if part and limit is not None)
     return min(allowed, default=math.inf)
 
@@ -207,7 +206,7 @@ def least(limits: Sequence[float | None], parts: Place) -> float:
 def _leaves(
     stretches: Sequence[SpeedZone], ramps: Sequence[float], stops: Collection[int]
 ) -> tuple[float, ...]:
-    """From the end on backwards: what each stretch may be left with."""
+    """Compute the highest exit speed of each speed zone, from the end of the path backwards."""
     found, after = [0.0] * len(stretches), None
     for number in range(len(stretches) - 1, -1, -1):
         here = stretches[number]

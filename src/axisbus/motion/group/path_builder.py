@@ -1,4 +1,4 @@
-"""Ways for groups: straight lines, lines through points with rounded corners, and arcs of circles."""
+"""Paths for groups: straight lines, lines through points with rounded corners, and circular arcs."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from axisbus.motion.group.path import Path, way_of
 from axisbus.motion.group.segments import Arc, Corner, Piece, Place, Straight, corner, direction
 from axisbus.motion.parameters import AxisParameters
 
-_LONGEST = 366 * 86400.0  # seconds of one way: what would take more than a year was not meant
-# Of the way from 0 to 1: far beyond one scan period, and numbers of which the squares are numbers too.
+_LONGEST = 366 * 86400.0  # seconds per path: a longer duration is taken for a mistake
+# For a path position from 0 to 1: far more than one scan period can use, while the squares are still finite numbers.
 _FASTEST = 1e6  # per s
 _STEEPEST = 1e12  # per s²
 _SLOWEST = 0.5  # seconds by which a limit of jerk may prolong a halt
-_SAME = 1e-9  # of the largest number: points that are as near are one
+_SAME = 1e-9  # relative to the largest coordinate: points no farther apart count as equal
 
 
 def plan_line(
@@ -27,14 +27,14 @@ def plan_line(
     acceleration: float,
     name: str = "move_linear",
 ) -> tuple[Path, float]:
-    """Plan a straight line from rest to rest; return the way, of which 1 is the whole, and the velocity along it.
+    """Plan a straight line from rest to rest; return the path, with positions from 0 to 1, and the velocity along it.
 
-    ``velocity`` and ``acceleration`` are those of the path (the Euclidean length over all axes, in the axes' units per s and s²).
-    The way is slower where an axis's own limits ask for it: the slowest axis sets the time, and all stay on the line. ``name`` says
-    what was asked for.
+    ``velocity`` and ``acceleration`` apply to the path (the Euclidean length over all axes, in the axes' units per s and s²). The
+    path is slower if an axis's own limits require it: the slowest axis determines the duration, and all axes stay on the line.
+    ``name``: the command's name for messages.
 
     Raises:
-        LimitError: it would take more than a year.
+        LimitError: the line would take more than a year.
     """
     start, end = (tuple(places[axis] for axis in ends) for places in (starts, ends))
     limits = [axes[axis].limits for axis in ends]
@@ -50,9 +50,9 @@ def plan_line(
 
 
 def require_end(way: Path, velocity: float, name: str, unit: float = 1.0) -> None:
-    """Raise LimitError where a way takes more than a year: a number that is a thousand powers of ten too small leads nowhere.
+    """Raise LimitError if a path takes more than a year, because a velocity or acceleration is far too small.
 
-    ``unit``: what 1 of the way is in the axes' units.
+    ``unit``: length of path position 1 in the axes' units.
     """
     slow = min((*way.tops, velocity)), min(way.ramps)
     seconds = way.seconds(velocity) if all(slow) else math.inf
@@ -61,12 +61,12 @@ def require_end(way: Path, velocity: float, name: str, unit: float = 1.0) -> Non
 
 
 def window(hardest: float, jerk: float | None, period: float, name: str) -> int:
-    """Return of how many cycles of ``period`` s the mean is taken, so that ``jerk`` (units/s³; None: no limit) is kept.
+    """Return the number of cycles of ``period`` s to average over, so that ``jerk`` (units/s³; None: no limit) is not exceeded.
 
-    ``hardest``: the highest acceleration (units/s²); ``name`` says what was asked for.
+    ``hardest``: the highest acceleration (units/s²); ``name``: the command's name for messages.
 
     Raises:
-        LimitError: it would be so small that it takes seconds until anything happens.
+        LimitError: the jerk is so small that it would prolong a halt by more than 0.5 s.
     """
     if jerk is None or not hardest:
         return 1
@@ -83,13 +83,14 @@ def window(hardest: float, jerk: float | None, period: float, name: str) -> int:
 def polyline(
     points: Sequence[Place], blend: float, *, joins: bool = False, more: bool = False
 ) -> tuple[list[Piece], set[int]]:
-    """Return the pieces of straight lines through ``points``, and at the end of which of them there is a stop.
+    """Return the segments of straight lines through ``points``, and the indices of the segments that end with a stop.
 
-    Each corner is rounded so that the way comes within ``blend`` (units) of it, and takes no more than half of a line between two
-    corners; with 0, and where it goes straight back, it stops there. Points that are the same count once.
+    Each corner is rounded so that the path passes within ``blend`` (units) of it. A corner uses at most half of a line between two
+    corners. With ``blend`` 0, and where the path reverses its direction, the path stops at the corner. Consecutive equal points
+    count once.
 
-    ``joins``: it goes on from another way, so that half of its first line is left for the corner between both; ``more``: another
-    one may go on from it.
+    ``joins``: the path is appended to another one, so half of its first line is left for the corner between both. ``more``: another
+    path may be appended.
     """
     least = _SAME * _size(points)
     points = _different(points, least)
@@ -114,10 +115,10 @@ def polyline(
 
 
 def arc_through(start: Place, via: Place, end: Place) -> Arc:
-    """Return the arc from ``start`` by ``via`` to ``end``, in as many dimensions as they have.
+    """Return the arc from ``start`` through ``via`` to ``end``, in any number of dimensions.
 
     Raises:
-        ValueError: they lie on one line, or two are the same.
+        ValueError: the points lie on one line, or two are equal.
     """
     first, length = direction(start, via)
     across = [b - a for a, b in zip(start, end, strict=True)]
@@ -130,16 +131,16 @@ def arc_through(start: Place, via: Place, end: Place) -> Arc:
     centre = tuple(s + u * a + v * b for s, a, b in zip(start, first, normal, strict=True))
     radius = math.hypot(u, v)
     out = tuple((s - c) / radius for s, c in zip(start, centre, strict=True))
-    # Square to ``out``, and towards ``via``.
+    # Perpendicular to ``out``, in the direction of ``via``.
     along = tuple((v * a - u * b) / radius for a, b in zip(first, normal, strict=True))
     return Arc(centre, out, along, radius, _angle(out, along, centre, end))
 
 
 def arc_about(start: Place, centre: Place, end: Place, *, clockwise: bool) -> Arc:
-    """Return the arc of two axes from ``start`` about ``centre`` to ``end``; once round where those are the same.
+    """Return the arc of two axes from ``start`` around ``centre`` to ``end``; a full circle if those are equal.
 
     Raises:
-        ValueError: the centre is not as far from the end as from the start, or is one of them.
+        ValueError: the distances from the centre to the start and to the end differ, or the centre equals one of them.
     """
     out, radius = direction(centre, start)
     far = math.dist(centre, end)
@@ -150,7 +151,7 @@ def arc_about(start: Place, centre: Place, end: Place, *, clockwise: bool) -> Ar
 
 
 def _angle(out: Place, along: Place, centre: Place, end: Place) -> float:
-    """Return by how much an arc turns to come to ``end``, above 0: all round where it ends as it begins."""
+    """Return the angle of an arc up to ``end``, above 0; a full circle if the arc ends at its start."""
     spoke = [e - c for e, c in zip(end, centre, strict=True)]
     x, y = (sum(a * b for a, b in zip(spoke, axis, strict=True)) for axis in (out, along))
     angle = math.atan2(y, x) % math.tau
@@ -160,7 +161,7 @@ def _angle(out: Place, along: Place, centre: Place, end: Place) -> float:
 def _turn(
     rays: Sequence[tuple[Place, float]], number: int, tip: Place, blend: float, *, joins: bool, more: bool
 ) -> tuple[Corner | None, bool]:
-    """Return how the way turns behind line ``number``: the corner, and whether it stops there instead; neither where it goes on."""
+    """Return the corner after line ``number``, and whether the path stops there instead; (None, False) if the line is straight."""
     (into, came), (out, goes) = rays[number - 1], rays[number]
     is_first, is_last = number == 1 and not joins, number + 1 == len(rays) and not more
     room = min(came if is_first else 0.5 * came, goes if is_last else 0.5 * goes)

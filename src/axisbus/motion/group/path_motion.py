@@ -1,4 +1,4 @@
-"""A way of a group under way: its axes' followers, the way that they share, and their travel along it."""
+"""The motion of a group along a path: the axes' followers, the path that they share, and the position along it."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from axisbus.motion.moves.follow import Follow
 from axisbus.motion.override.factor import FASTER
 from axisbus.motion.parameters import AxisParameters
 
-_NEAR = 1e-6  # units: ends that are as near are one
-MOST = 2000  # pieces (lines and corners) that are ahead, before more are refused
+_NEAR = 1e-6  # units: end points no farther apart count as equal
+MOST = 2000  # segments (lines and corners) ahead; a path that would exceed this is rejected
 
 
 class _Coming(NamedTuple):
-    """A way that is to go on with this one, the ticket that ends where it takes over, and its own."""
+    """A path to append to this one, the ticket that ends at the transition, and the ticket of the appended path."""
 
     following: PathContinuation
     ticket: CommandStatus
@@ -36,7 +36,7 @@ class _Coming(NamedTuple):
 
 
 class PathMotion:
-    """Holds the travel, which goes on for as long as any axis is led along the way, whatever has become of the command."""
+    """Holds the position along the path, and advances it while any axis is commanded along the path, even if the command ended."""
 
     def __init__(
         self,
@@ -45,16 +45,16 @@ class PathMotion:
         gate: StartBarrier,
         left: PathMotion | None = None,
     ) -> None:
-        """``axes``: those of the group, by name; ``left``: the same one, gone on with from where it was left."""
+        """``axes``: the axes of the group, by name; ``left``: the interrupted motion that this one resumes."""
         self._command = command
         self._axes = {name: axes[name] for name in command.axes}
         self._left = left if left is not None and left.planned else None
         self._way, self._velocity, self._window = NOWHERE, 0.0, 1
-        self._going: ActivePath | None = None  # once another command has joined it
+        self._going: ActivePath | None = None  # set when another command has been appended
         self._along: PathPosition | None = None
-        self._unit = 1.0  # what 1 of the way is in units
+        self._unit = 1.0  # length of path position 1 in the axes' units
         self._period = 0.0
-        self._coming: list[_Coming] = []  # what has joined before it was planned
+        self._coming: list[_Coming] = []  # paths appended before this one was planned
         self._milestones = CommandEnds()
         self._news = False
         self.travel = PathSpeed()
@@ -65,28 +65,29 @@ class PathMotion:
 
     @property
     def gives_up(self) -> AxisbusError | None:
-        """Nothing that it would find itself."""
+        """None: a path does not stop its motion of its own accord."""
         return None
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The axes that it leads."""
+        """The axes that move along the path."""
         return tuple(self._axes)
 
     @property
     def is_at_its_end(self) -> bool:
-        """Whether the last target has been given."""
+        """Whether the last target has been sent."""
         return self.planned and self.travel.t >= self._way.length
 
     @property
     def top(self) -> float:
-        """The highest speed along it that all of its stretches allow."""
+        """The highest path speed that all speed zones allow."""
         return min(self._way.tops)
 
     def brake_hard(self) -> None:
-        """Let it be braked, if it is, as hard as all of its axes may be, or by its own deceleration, if that is harder.
+        """Let a braking motion use the highest deceleration that all its axes permit, or the path's own if that is higher.
 
-        That lets go of a limit of jerk. Only a straight one: in a corner, what turns the axes comes on top.
+        Hard braking drops the limit of jerk. This applies only to a straight line: in a corner the axes also need acceleration for
+        the change of direction.
         """
         share = max(self._way.shares, default=0.0)
         straight = isinstance(self._command, MoveLinear) and self._going is None
@@ -94,11 +95,11 @@ class PathMotion:
             self.travel.hard = min(_hardest(core) for core in self._axes.values()) / share
 
     def step(self, period: float, begins: bool, name: str) -> None:
-        """Plan as soon as it ``begins`` (all wait where they stand), then go on by one cycle of ``period`` seconds.
+        """Plan the path as soon as it ``begins``; afterwards advance by one cycle of ``period`` seconds. Until then all axes wait.
 
         Raises:
-            LimitError: there is no such line (see ``plan_line``); ``name`` says in its text what was asked for.
-            StateError: the way does not begin where the axes stand.
+            LimitError: the line is impossible (see ``plan_line``); ``name`` is the command's name in the message.
+            StateError: an axis is not at the start of the path.
         """
         if self.planned:
             self.travel.advance(period)
@@ -111,22 +112,22 @@ class PathMotion:
                 self._join(*each)
 
     def leads(self) -> bool:
-        """Whether any axis was led along the way since this was asked last."""
+        """Return whether any axis was commanded along the path since the last call."""
         led = [follow.take_stepped() for follow in self.follows.values()]
         return any(led)
 
     @property
     def commands(self) -> int:
-        """How many commands share it, and have not ended."""
+        """The number of commands that share the path and have not ended."""
         return 1 + len(self._milestones)
 
     @property
     def pieces(self) -> int:
-        """How many lines and corners are ahead, at most."""
+        """An upper bound of the number of segments (lines and corners) ahead."""
         return len(self._way.pieces) + sum(len(following.way.pieces) for following, *_ in self._coming)
 
     def why_not(self, following: PathContinuation) -> str:
-        """Return why another way cannot go on from this one without a stop; "" where it can."""
+        """Return why another path cannot be appended without a stop; "" if it can."""
         if self._is_soft:
             return "what is under way has a limit of jerk, with which no corner is passed"
         way = self._last_way
@@ -143,7 +144,7 @@ class PathMotion:
 
     @property
     def _last_way(self) -> Path | None:
-        """The way that ends where all ends; None where that is not known yet."""
+        """The last path of the motion; None if it is not known yet."""
         if self._coming:
             return self._coming[-1].following.way
         if self.planned:
@@ -154,7 +155,7 @@ class PathMotion:
 
     @property
     def _last_place(self) -> Place:
-        """Where all ends, in units."""
+        """The end point of the motion, in units."""
         way = self._last_way
         if way is not None:
             return way.at(way.length)
@@ -162,7 +163,7 @@ class PathMotion:
         return tuple(self._command.ends.values())
 
     def join(self, following: PathContinuation, ticket: CommandStatus, next_ticket: CommandStatus) -> None:
-        """Go on with another way, from the end of this one; ``ticket`` ends there, and ``next_ticket`` takes over."""
+        """Append another path to the end of this one. ``ticket`` ends at the transition, then ``next_ticket`` takes over."""
         self._milestones.add(ticket, next_ticket)
         if self.planned:
             self._join(following, ticket, next_ticket)
@@ -170,7 +171,7 @@ class PathMotion:
             self._coming.append(_Coming(following, ticket, next_ticket))
 
     def take_news(self) -> bool:
-        """Return whether a command that shares it has ended since this was asked last."""
+        """Return whether a command that shares the path has ended since the last call."""
         news, self._news = self._news, False
         return news
 
@@ -188,7 +189,7 @@ class PathMotion:
         next_ticket.note = found.told
 
     def _in_units(self) -> ActivePath:
-        """Count places in units from now on, as what joins it does."""
+        """Convert path positions to the axes' units, as appended paths use them."""
         along, by = self._along, self._unit
         assert along is not None
         if by != 1.0:
@@ -198,16 +199,16 @@ class PathMotion:
         return going_of(self._way, self._velocity)
 
     def _follow_along(self, along: PathPosition) -> None:
-        """Let the axes that are still on it have their shares of it."""
+        """Give the new path to the axes that still follow this motion."""
         for number, follow in enumerate(self.follows.values()):
             if follow.clock is self.travel:
                 follow.begin(AxisPathShare(along, number, FASTER * self._velocity))
 
     def again(self, gate: StartBarrier, group: Mapping[str, AxisCore], name: str) -> PathMotion:
-        """Return what goes on with it from where it was left.
+        """Return a motion that resumes this one from the position where it was interrupted.
 
         Raises:
-            StateError: an axis is no longer there; ``name`` says in its text what was asked for.
+            StateError: an axis is no longer at that position; ``name`` is the command's name in the message.
         """
         line = PathMotion(self._command, group, gate, self)
         if self.planned:
@@ -215,7 +216,7 @@ class PathMotion:
         return line
 
     def require_near(self, place: Place, name: str, what: str) -> None:
-        """Raise StateError, which says ``what`` an axis does, where one does not stand at ``place``."""
+        """Raise StateError if an axis is not at ``place``, within its position window; ``what`` is the message's predicate."""
         for (axis, core), there in zip(self._axes.items(), place, strict=True):
             units = core.parameters.units.position
             away, allowed = abs(self._start(axis) - there), abs(units.to_units(core.parameters.place_window))
@@ -241,7 +242,7 @@ class PathMotion:
         self.planned = True
 
     def _take_way(self, name: str, period: float) -> float:
-        """Find out which way it is, and how fast; return where on it to begin."""
+        """Determine the path and its velocity; return the path position at which to begin."""
         command, left = self._command, self._left
         if left is not None:
             self._way, self._velocity, self._window = left._way, left._velocity, left._window
@@ -268,7 +269,7 @@ class PathMotion:
 
 
 def _bounds_of(core: AxisCore) -> AxisParameters:
-    """Return what an axis may do on a line: before it is homed, where it must be, its position limits promise nothing."""
+    """Return an axis's parameters for a path; without position limits if it need not be homed, as they hold only after homing."""
     parameters = core.parameters
     return (
         parameters if core.bounded else replace(parameters, limits=replace(parameters.limits, position=None))
@@ -276,6 +277,6 @@ def _bounds_of(core: AxisCore) -> AxisParameters:
 
 
 def _hardest(core: AxisCore) -> float:
-    """Return the hardest deceleration that an axis may have: its limit, else that of its moves; in unit/s²."""
+    """Return the highest deceleration of an axis in unit/s²: its limit, otherwise the deceleration of its moves."""
     parameters = core.parameters
     return parameters.limits.acceleration or parameters.path_deceleration or 0.0

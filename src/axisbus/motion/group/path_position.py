@@ -1,4 +1,4 @@
-"""Where the axes of a group are to be along their way: one place for all of them in a cycle, and each axis's share of it."""
+"""Commanded positions of a group's axes along their path: one position vector per cycle, and each axis's component of it."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from axisbus.motion.group.path import Path, least
 from axisbus.motion.group.segments import Place
 from axisbus.motion.parameters import AxisLimits
 
-_SLOPE = 100.0  # units of way for one of what the beginning is off
+_SLOPE = 100.0  # units of path over which one unit of start offset is removed
 
 
 class PathPosition:
-    """A way as it is gone along from ``begin`` on; holds the place that was asked for last.
+    """Positions along a path from path position ``begin`` on; caches the result of the last query.
 
-    Axes stand where they stand, within a window of where the way has them: what they are off is taken back little by little.
+    The axes start within a window around the path's start. The offset of each axis from the path is removed gradually.
     """
 
     __slots__ = ("_begin", "_fade", "_last", "_off", "_place", "way")
 
     def __init__(self, way: Path, begin: float, here: Place) -> None:
-        """``here``: where the axes stand."""
+        """``here``: the actual positions of the axes, in units."""
         self.way = way
         self._begin = begin
         self._off = tuple(a - b for a, b in zip(here, way.at(begin), strict=True))
@@ -33,7 +33,7 @@ class PathPosition:
         self._place: Place = here
 
     def eased(self, limits: Sequence[AxisLimits], velocity: float) -> Path:
-        """Return the way, so slow (at ``velocity`` at most) that what is taken back leads no axis beyond its limits."""
+        """Return the path, slowed so that removing the start offset at ``velocity`` or less exceeds no axis's limits."""
         if not self._fade or not any(self._off):
             return self.way
         slopes = tuple(abs(off) / self._fade for off in self._off)
@@ -43,11 +43,11 @@ class PathPosition:
         return self.way.slower(1.0 / (1.0 + max(more_speed, more_ramp)))
 
     def scale(self, way: Path, by: float) -> None:
-        """Go on along ``way``, which is the same with places ``by`` times as large."""
+        """Continue along ``way``: the same path, with path positions multiplied by ``by``."""
         self.way, self._begin, self._fade, self._last = way, self._begin * by, self._fade * by, math.nan
 
     def at(self, s: float) -> Place:
-        """Return the place at ``s``."""
+        """Return the axis positions at path position ``s``."""
         if s == self._last:
             return self._place
         place, gone = self.way.at(s), s - self._begin
@@ -59,10 +59,10 @@ class PathPosition:
 
 
 class AxisPathShare:
-    """One axis's share of a way, as the trajectory that it follows: what goes on is the place on the way (``PathSpeed``)."""
+    """One axis's component of a path, as a trajectory to follow. Its parameter is the path position (``PathSpeed``), not time."""
 
     def __init__(self, along: PathPosition, number: int, fastest: float) -> None:
-        """``number``: which axis of a place it is; ``fastest``: the highest velocity along the way that can be asked for."""
+        """``number``: index of the axis in a ``Place``; ``fastest``: the highest path velocity that can be requested."""
         self._along = along
         self._number = number
         way = along.way
@@ -72,5 +72,5 @@ class AxisPathShare:
         self.top_acceleration = way.accelerations[number]
 
     def position(self, s: float) -> float:
-        """Return the position at the place ``s`` of the way."""
+        """Return the axis position at path position ``s``."""
         return self._along.at(s)[self._number]

@@ -1,15 +1,15 @@
-"""What paths are made of, each by its own length: straight lines, arcs of circles, and corners that are rounded.
+"""Geometry of path segments, each parametrised by its own length: straight lines, circular arcs and rounded corners.
 
 Theory of operation
 -------------------
-A piece is walked along by ``s`` from 0 to its ``length``, with a tangent of length 1, so that the speed along it is that of the
-path. A corner turns with the curvature of a raised cosine, which is 0 where it joins its lines: neither velocity nor acceleration
-jumps there. Its place is the integral of its direction, by eight points of Gauss and Legendre: a fixed number of steps, to within
-a few billionths of its length.
+A segment is traversed by ``s`` from 0 to its ``length``, with a tangent of length 1, so that the rate of ``s`` is the path speed.
+The curvature of a corner is a raised cosine, which is 0 at both ends: neither velocity nor acceleration jumps where the corner
+joins its lines. A position in a corner is the integral of the direction, by eight-point Gauss-Legendre quadrature: a fixed number
+of steps, accurate to a few billionths of the corner's length.
 
-``shares`` are the highest parts of the speed that each axis has of it, ``bends`` those that it can have of an acceleration, and
-``curvatures(count)`` the highest of each of at most so many stretches of the same length, in 1/unit: what limits are made of.
-"""
+The limits of a segment are computed from three properties. ``shares`` are the highest ratios of axis speed to path speed, by axis.
+``bends`` are the highest ratios of axis acceleration to an acceleration of the path. ``curvatures(count)`` divides the segment into
+at most that many parts of equal length, and returns the highest curvature of each, in 1/unit."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ _NODES = (
     (0.7966664774136267, 0.2223810344533745),
     (0.9602898564975363, 0.1012285362903763),
 )
-# On a curve, of an axis's acceleration: what turns, and what speeds up (0.8² + 0.6² = 1).
+# On a curve, shares of an axis's acceleration: for the change of direction, and for the change of speed (0.8² + 0.6² = 1).
 TURNS, SPEEDS = 0.8, 0.6
-_STRETCHES = 12  # of a corner: enough that it is gone into faster than through its middle
+_STRETCHES = 12  # parts of a corner: enough that its ends can be faster than its middle
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,38 +43,38 @@ class Straight:
     length: float
 
     def at(self, s: float) -> Place:
-        """Return the place at ``s``."""
+        """Return the axis positions at ``s``."""
         if s >= self.length:
             return self.end
         share = s / self.length
         return tuple([a + (b - a) * share for a, b in zip(self.start, self.end, strict=True)])
 
     def curvatures(self, _count: int) -> Place:
-        """It has none."""
+        """Return 0: a straight line has no curvature."""
         return (0.0,)
 
     @property
     def shares(self) -> Place:
-        """Of each axis, its part of the speed."""
+        """Ratio of axis speed to path speed, by axis."""
         length = self.length or math.inf
         return tuple(abs(b - a) / length for a, b in zip(self.start, self.end, strict=True))
 
     @property
     def bends(self) -> Place:
-        """Of each axis, its part of the acceleration."""
+        """Ratio of axis acceleration to path acceleration, by axis."""
         return self.shares
 
     @property
     def box(self) -> tuple[Place, Place]:
-        """The lowest and the highest place of each axis."""
+        """The lowest and the highest position of each axis."""
         return _box(self.start, self.end)
 
 
 @dataclass(frozen=True, slots=True)
 class Arc:
-    """A part of a circle about ``centre``: ``out`` leads from there to its start, ``along`` is its direction there.
+    """An arc around ``centre``: ``out`` is the direction from the centre to the start, ``along`` the tangent at the start.
 
-    Both are of length 1; ``radius`` in the unit of the path, ``angle`` in radians, above 0.
+    Both have length 1; ``radius`` is in the unit of the path, ``angle`` in radians, above 0.
     """
 
     centre: Place
@@ -85,11 +85,11 @@ class Arc:
 
     @property
     def length(self) -> float:
-        """Of the arc."""
+        """Length of the arc."""
         return self.radius * self.angle
 
     def at(self, s: float) -> Place:
-        """Return the place at ``s``."""
+        """Return the axis positions at ``s``."""
         turned = min(s / self.radius, self.angle)
         cos, sin = self.radius * math.cos(turned), self.radius * math.sin(turned)
         return tuple(
@@ -97,22 +97,22 @@ class Arc:
         )
 
     def curvatures(self, _count: int) -> Place:
-        """The same everywhere."""
+        """Return the curvature, which is constant."""
         return (1.0 / self.radius,)
 
     @property
     def shares(self) -> Place:
-        """Of each axis, its highest part of the speed."""
+        """The highest ratio of axis speed to path speed, by axis."""
         return tuple(_highest(a, -o, self.angle) for o, a in zip(self.out, self.along, strict=True))
 
     @property
     def bends(self) -> Place:
-        """Of each axis, its highest part of an acceleration in the plane of the circle."""
+        """The highest ratio of axis acceleration to an acceleration in the plane of the circle, by axis."""
         return tuple(map(math.hypot, self.out, self.along))
 
     @property
     def box(self) -> tuple[Place, Place]:
-        """The lowest and the highest place of each axis."""
+        """The lowest and the highest position of each axis."""
         ends = zip(self.at(0.0), self.at(self.length), strict=True)
         rows = [
             _swing(c, self.radius * o, self.radius * a, self.angle, each)
@@ -123,9 +123,9 @@ class Arc:
 
 @dataclass(frozen=True, slots=True)
 class Corner:
-    """A corner at ``tip``, rounded from ``trim`` before it to as far behind it; ``into`` and ``out`` are its directions.
+    """A corner at ``tip``, rounded from ``trim`` before it to ``trim`` after it; ``into`` and ``out`` are its directions.
 
-    Both are of length 1; ``angle`` is by how much it turns, above 0 and below pi.
+    Both have length 1; ``angle`` is the change of direction in radians, above 0 and below pi.
     """
 
     tip: Place
@@ -136,7 +136,7 @@ class Corner:
     angle: float
 
     def at(self, s: float) -> Place:
-        """Return the place at ``s``; both halves are the same, seen from their own ends."""
+        """Return the axis positions at ``s``; both halves are symmetric, each computed from its own end."""
         if s <= 0.5 * self.length:
             return self._from(self.into, self.out, s, 1.0)
         return self._from(self.out, self.into, max(self.length - s, 0.0), -1.0)
@@ -148,23 +148,23 @@ class Corner:
         return tuple([t + along * h + across * o for t, h, o in zip(self.tip, here, there, strict=True)])
 
     def curvatures(self, count: int) -> Place:
-        """None at its ends, in its middle twice that of the circle that turns as much over the same length."""
+        """Return curvatures: 0 at both ends; in the middle, twice the curvature of an arc with the same angle and length."""
         middle = self.angle / self.length
         return tuple(middle * factor for factor in _rise(min(count, _STRETCHES)))
 
     @property
     def shares(self) -> Place:
-        """Of each axis, its highest part of the speed."""
+        """The highest ratio of axis speed to path speed, by axis."""
         return tuple(_highest(d, n, self.angle) for d, n in zip(self.into, self._normal, strict=True))
 
     @property
     def bends(self) -> Place:
-        """Of each axis, its highest part of an acceleration in the plane of the corner."""
+        """The highest ratio of axis acceleration to an acceleration in the plane of the corner, by axis."""
         return tuple(map(math.hypot, self.into, self._normal))
 
     @property
     def box(self) -> tuple[Place, Place]:
-        """The lowest and the highest place of each axis, that of the tip included."""
+        """The lowest and the highest position of each axis; includes the tip."""
         low, high = _box(self.at(0.0), self.at(self.length))
         return tuple(map(min, low, self.tip)), tuple(map(max, high, self.tip))
 
@@ -179,18 +179,20 @@ Piece = Straight | Arc | Corner
 
 @cache
 def _rise(count: int) -> Place:
-    """Return the highest curvature of each stretch of a corner that turns by 1 over a length of 1."""
-    middle = (min(max(0.5, n / count), (n + 1) / count) for n in range(count))  # its place next to the middle
+    """Return the highest curvature in each part of a corner with angle 1 and length 1."""
+    middle = (
+        min(max(0.5, n / count), (n + 1) / count) for n in range(count)
+    )  # the point closest to the middle
     return tuple(1.0 - math.cos(math.tau * at) for at in middle)
 
 
 def turning(curvature: float, ramp: float) -> float:
-    """Return how fast a curve may be gone along, of which ``ramp`` is the acceleration (per s²)."""
+    """Return the highest speed on a curve, for which ``ramp`` is the permitted acceleration (per s²)."""
     return math.sqrt(TURNS * ramp / curvature) if curvature else math.inf
 
 
 def turned(angle: float, share: float) -> tuple[float, float]:
-    """Return where a corner of length 1 is after ``share`` of it, seen from its start along its first direction."""
+    """Return the coordinates after ``share`` of a corner of length 1, relative to its start and its first direction."""
     half, x, y = 0.5 * share, 0.0, 0.0
     for node, weight in _NODES:
         at = half * (1.0 + node)
@@ -201,9 +203,12 @@ def turned(angle: float, share: float) -> tuple[float, float]:
 
 
 def corner(tip: Place, into: Place, out: Place, *, within: float, room: float) -> Corner | None:
-    """Return the corner that stays ``within`` so much of ``tip`` and takes no more than ``room`` of either line; None: it is none.
+    """Return the corner that stays ``within`` that distance of ``tip`` and uses at most ``room`` of either line; None: no corner.
 
-    A turn by less than a millionth of a millionth is a straight line; one that goes back on itself cannot be rounded (ValueError).
+    If the direction changes by less than 1e-12 rad, the lines are treated as one straight line.
+
+    Raises:
+        ValueError: the path reverses its direction, so that the corner cannot be rounded.
     """
     cos = sum(a * b for a, b in zip(into, out, strict=True))
     across = math.sqrt(sum((b - cos * a) ** 2 for a, b in zip(into, out, strict=True)))
@@ -213,7 +218,7 @@ def corner(tip: Place, into: Place, out: Place, *, within: float, room: float) -
     if angle > math.pi - 1e-3:
         raise ValueError("a way back cannot be rounded")
     x, y = turned(angle, 0.5)
-    # Its middle lies on the line that halves the angle at the tip.
+    # The middle of the corner lies on the bisector of the angle at the tip.
     trim = x + y * math.tan(0.5 * angle)
     away = y / math.cos(0.5 * angle)
     length = min(within / away, room / trim)
@@ -234,7 +239,7 @@ def _highest(first: float, second: float, angle: float) -> float:
 def _swing(
     centre: float, first: float, second: float, angle: float, ends: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the lowest and highest centre + first cos t + second sin t for t from 0 to ``angle``; ``ends``: those at both."""
+    """Return the range of centre + first cos t + second sin t for t from 0 to ``angle``; ``ends``: the values at both ends."""
     peak, size = math.atan2(second, first) % math.tau, math.hypot(first, second)
     high = centre + size if _passes(peak, angle) else max(ends)
     low = centre - size if _passes((peak + math.pi) % math.tau, angle) else min(ends)
@@ -246,7 +251,7 @@ def _passes(at: float, angle: float) -> bool:
 
 
 def direction(a: Sequence[float], b: Sequence[float]) -> tuple[Place, float]:
-    """Return the direction from ``a`` to ``b``, of length 1, and their distance; (all 0, 0.0) where they are the same."""
+    """Return the direction from ``a`` to ``b``, of length 1, and their distance; (all 0, 0.0) if they are equal."""
     way = [q - p for p, q in zip(a, b, strict=True)]
     length = math.hypot(*way)
     return tuple(part / length if length else 0.0 for part in way), length

@@ -1,4 +1,4 @@
-"""A part of a way with one highest speed and one acceleration."""
+"""A part of a path with one highest speed and one acceleration."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class SpeedZone(NamedTuple):
-    """A part of a piece, by its number, with its length, its highest speed and its acceleration."""
+    """A part of a segment: the segment's index, and the part's length, highest speed and acceleration."""
 
     piece: int
     length: float

@@ -1,13 +1,13 @@
-"""Where the axes of a group wait for each other, so that all go on in the same cycle."""
+"""A barrier at which the axes of a group wait for each other, so that all continue in the same cycle."""
 
 from __future__ import annotations
 
 
 class StartBarrier:
-    """Opens, in the next cycle, once all who are to come stand before it; holds who does in the present one.
+    """Opens in the cycle after all expected axes have arrived; holds those that are present in the current cycle.
 
-    A comer asks in every cycle, and counts in that cycle alone: one that has gone away meanwhile is not there any more. All that
-    ask within one cycle get the same answer, because the gate is opened between cycles by whoever made it (``update``).
+    A waiting activity asks in every cycle and counts in that cycle only, so one that has dropped out no longer counts. All that ask
+    within one cycle get the same answer, because the owner opens the barrier between cycles (``update``).
     """
 
     __slots__ = ("_here", "_open", "_shut")
@@ -18,27 +18,27 @@ class StartBarrier:
         self._shut = False
 
     def pass_through(self, comer: object) -> bool:
-        """Note that ``comer`` is here; return whether it may go on."""
+        """Note that ``comer`` is present; return whether it may continue."""
         if not self._open:
             self._here.add(id(comer))
         return self._open
 
     def update(self, coming: int) -> None:
-        """Open when all are here; called once per cycle, before the axes step.
+        """Open if all are present; called once per cycle, before the axes step.
 
-        ``coming``: how many are still under way or here. One that is where it should be already never comes.
+        ``coming``: number of axes that have not ended. An axis that is already at its target ends, and never arrives here.
         """
         if len(self._here) >= coming and not self._shut:
             self._open = True
         self._here.clear()
 
     def shut(self) -> None:
-        """Do not open any more: the start has been called off. One that is open stays open."""
+        """Keep the barrier closed because the start was cancelled. If it is open already, it stays open."""
         self._shut = not self._open
 
     @property
     def is_open(self) -> bool:
-        """Whether all may go on."""
+        """Whether all may continue."""
         return self._open
 
 

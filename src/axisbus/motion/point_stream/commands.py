@@ -1,4 +1,4 @@
-"""What a program asks for a stream of points, as frozen values."""
+"""The commands of a point stream, as frozen values."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from enum import Enum
 
 
 class OnUnderrun(Enum):
-    """What becomes of a stream whose axes had to brake because no further point was there in time."""
+    """The reaction if the axes of a stream had to brake because the next point did not come in time."""
 
-    HOLD = "hold"  # they go on when there are points again
-    ERROR = "error"  # it ends
+    HOLD = "hold"  # continue when more points come
+    ERROR = "error"  # end the stream with an error
 
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """A stream between two of its points, ``seconds`` apart, with the coefficients of each axis's curve (``quintic``).
+    """Part of a stream between two points, ``seconds`` apart, with the polynomial coefficients of each axis (``quintic``).
 
-    ``ramp`` (per s): by how much the pace, of which 1 is that of the points, may change there within the axes' accelerations.
+    ``ramp`` (per s): permitted change of the pace within the axes' accelerations; a pace of 1 is that of the points.
     """
 
     seconds: float
@@ -27,7 +27,7 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class FollowPoints:
-    """These axes are to follow the points of a stream, which come by ``AddPoints``; ``stream`` is the number of it."""
+    """Let these axes follow the points of a stream, which come by ``AddPoints``; ``stream`` is its number."""
 
     axes: tuple[str, ...]
     stream: int
@@ -36,10 +36,10 @@ class FollowPoints:
 
 @dataclass(frozen=True, slots=True)
 class AddPoints:
-    """The stream goes on with ``spans``, of which the first is its span number ``first`` (from 0 on).
+    """Append ``spans`` to a stream; the first one has the span number ``first`` (counted from 0).
 
-    Done when the axes have come to the end of these. ``begins``: enough is there for the axes to begin; ``ends``: no more comes.
-    """
+    Done when the axes have reached the end of these spans. ``begins``: enough points are known to begin; ``ends``: these are the
+    last."""
 
     axes: tuple[str, ...]
     stream: int

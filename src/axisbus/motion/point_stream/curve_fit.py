@@ -1,15 +1,14 @@
-"""The curve through points that come one by one, and whether the axes may follow it.
+"""The curve through points that come one by one, and the check of the axes' limits along it.
 
 Theory of operation
 -------------------
-At each point the speed and the acceleration are those of the parabola through it and its neighbours, and between two points goes
-the polynomial of degree five that has both: place, speed and acceleration never jump (C2), and straight lines and constant
-accelerations stay what they are. So the curve up to a point is known when the next point is.
+At each point, speed and acceleration are those of the parabola through the point and its neighbours. Between two points runs the
+polynomial of degree five with the values of both. So position, speed and acceleration never jump (C2), and straight lines and
+constant accelerations are reproduced exactly. The curve up to a point is known when the next point is known.
 
-With each point two spans are looked at: the one that it makes known, and the one up to itself as it would be if no more came. So
-what has been taken can always be ended. Of an axis's acceleration the points may use four fifths; the rest is there for braking
-along them, and for going on again.
-"""
+Each new point leads to two checks: of the span that it completes, and of the span up to itself as if no more points came. An
+accepted stream can therefore always be ended. The points may use four fifths of an axis's acceleration; the rest is reserved for
+braking along them and for resuming."""
 
 from __future__ import annotations
 
@@ -24,25 +23,25 @@ from axisbus.motion.point_stream.quintic import Controls, Motion, coefficients, 
 from axisbus.motion.position_limits import widened
 from axisbus.motion.trajectory import SampledTrajectory
 
-SHARE = 0.8  # of an axis's acceleration, which the points may use
+SHARE = 0.8  # of an axis's acceleration: the part that the points may use
 LONGEST = 10.0  # seconds that braking along the points may take
-_STEEPEST = 1e4  # per s: what does not move needs no ramp
-_COMPUTED = 1.0 + 1e-6  # what numbers that were computed may be off
-STILL = SampledTrajectory((0.0, 0.0), 1.0)  # what tells nothing of its acceleration
+_STEEPEST = 1e4  # per s: a span without motion needs no ramp
+_COMPUTED = 1.0 + 1e-6  # tolerance for rounding errors
+STILL = SampledTrajectory((0.0, 0.0), 1.0)  # a placeholder, which makes no statement about its acceleration
 
 
 T = TypeVar("T")
 
 
 class StreamPoint(NamedTuple):
-    """Where the axes are to be (in their order, in their units), and when (seconds of the stream)."""
+    """The positions of the axes (in their order, in their units) at a time (seconds of the stream)."""
 
     t: float
     place: tuple[float, ...]
 
 
 class Between(NamedTuple):
-    """From one point to the next, each with the motion of every axis there."""
+    """From one point to the next, with the motion of every axis at both."""
 
     begin: StreamPoint
     end: StreamPoint
@@ -51,12 +50,12 @@ class Between(NamedTuple):
 
     @property
     def seconds(self) -> float:
-        """How far apart they are."""
+        """Time between the points in seconds."""
         return self.end.t - self.begin.t
 
 
 class Allowed(NamedTuple):
-    """What one axis may do, in its units; ``key`` says where its acceleration comes from. None: nothing limits it."""
+    """The limits of one axis in its units; ``key``: the setting that its acceleration comes from. None: not limited."""
 
     unit: str
     positions: tuple[float, float] | None
@@ -67,7 +66,7 @@ class Allowed(NamedTuple):
 
 
 def allowed_of(parameters: AxisParameters, start: float) -> Allowed:
-    """Return what an axis may do that begins at ``start``; its ``path_deceleration`` must be known."""
+    """Return the limits of an axis that begins at ``start``; its ``path_deceleration`` must be known."""
     pace: PathLimitCheck = pace_of(parameters, STILL)
     positions, braking = parameters.limits.position, parameters.path_deceleration
     assert braking is not None
@@ -77,7 +76,7 @@ def allowed_of(parameters: AxisParameters, start: float) -> Allowed:
 
 
 class PointAccepted(Generic[T]):
-    """Makes something of the curve between points; holds the last three, and what moves how at the last but one."""
+    """Processes the curve between points; stores the last three points, and the motion of the axes at the last but one."""
 
     def __init__(self) -> None:
         self._points: tuple[StreamPoint, ...] = ()
@@ -86,14 +85,14 @@ class PointAccepted(Generic[T]):
 
     @property
     def last(self) -> StreamPoint | None:
-        """The last point that was taken."""
+        """The last accepted point."""
         return self._points[-1] if self._points else None
 
     def take(self, point: StreamPoint) -> T | None:
-        """Take a point, later than the last; return what is made of the span that it makes known, None where it makes none.
+        """Accept a point later than the last one; return the result for the span that it completes, None if it completes none.
 
         Raises:
-            LimitError: an axis would be led beyond what it may; then nothing has changed.
+            LimitError: an axis would exceed its limits; nothing has changed then.
         """
         points = (*self._points[-2:], point)
         made, moving = None, self._moving
@@ -109,7 +108,7 @@ class PointAccepted(Generic[T]):
         return made
 
     def end(self) -> T | None:
-        """Return the same for the span up to the last point, after which none comes; None where there are not two points."""
+        """Return the result for the span up to the last point, as the end of the stream; None if there are fewer than two points."""
         points = self._points
         if len(points) < 2:
             return None
@@ -118,15 +117,15 @@ class PointAccepted(Generic[T]):
         return self._made(Between(points[1], points[2], self._moving, _motions(points, 2)))
 
     def _made(self, between: Between) -> T:
-        """Return what is made of the curve between two points; raise LimitError where an axis may not follow it."""
+        """Return the result for the curve between two points; raise LimitError if an axis would exceed its limits."""
         raise NotImplementedError
 
 
 class CurveFit(PointAccepted[Span]):
-    """Makes spans of points."""
+    """Makes spans from points."""
 
     def __init__(self, axes: Mapping[str, Allowed], text: str) -> None:
-        """``text``: what messages begin with."""
+        """``text``: beginning of messages."""
         super().__init__()
         self._axes = axes
         self._text = text
@@ -135,7 +134,7 @@ class CurveFit(PointAccepted[Span]):
         return self.checked(between)
 
     def checked(self, span: Between) -> Span:
-        """Return a span as it crosses; raise LimitError where an axis may not follow it."""
+        """Return a span as it is sent to the core; raise LimitError if an axis would exceed its limits on it."""
         ramp = _STEEPEST
         for number, (name, may) in enumerate(self._axes.items()):
             line = controls(span.from_[number], span.to[number], span.seconds)
@@ -168,7 +167,7 @@ class CurveFit(PointAccepted[Span]):
         limits: tuple[float, float] | None,
         key: str,
     ) -> float:
-        """Return the largest magnitude of what an axis does within a span; raise LimitError where that is beyond a limit."""
+        """Return the largest magnitude of an axis's value within a span; raise LimitError if it exceeds a limit."""
         low, high = min(values), max(values)
         if limits is not None and not limits[0] * _COMPUTED <= low <= high <= limits[1] * _COMPUTED:
             low, high = reach(values)
@@ -219,7 +218,7 @@ def _beyond(value: float, limits: tuple[float, float]) -> bool:
 
 
 def _motions(points: Sequence[StreamPoint], number: int) -> tuple[Motion, ...]:
-    """Return how each axis moves at one of three points, by the parabola through them."""
+    """Return the motion of each axis at one of three points, by the parabola through them."""
     (a, first), (b, second), (c, third) = points
     t = points[number].t
     found = []

@@ -1,4 +1,4 @@
-"""One axis between two points: the polynomial of degree five that has the place, speed and acceleration of both."""
+"""Motion of one axis between two points: the polynomial of degree five through position, speed and acceleration of both."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-_HALVINGS = 5  # of a curve: what is found of it is then off by a thousandth of what its hull is
+_HALVINGS = 5  # of a curve: the range found is then accurate to a thousandth of the control points' range
 
-Coefficients = tuple[float, float, float, float, float, float]  # of the powers of the time, from 0 on
+Coefficients = tuple[float, float, float, float, float, float]  # of the powers of the time, starting at 0
 Controls = tuple[float, ...]
 
 
 class Motion(NamedTuple):
-    """Of one axis at a point: unit, unit/s and unit/s²."""
+    """Motion of one axis at a point: position (unit), speed (unit/s) and acceleration (unit/s²)."""
 
     place: float
     speed: float
@@ -37,13 +37,13 @@ def coefficients(begin: Motion, end: Motion, seconds: float) -> Coefficients:
 
 
 def at(curve: Sequence[float], t: float) -> float:
-    """Return the place at ``t`` seconds after the beginning."""
+    """Return the position ``t`` seconds after the beginning."""
     a, b, c, d, e, f = curve
     return a + t * (b + t * (c + t * (d + t * (e + t * f))))
 
 
 def controls(begin: Motion, end: Motion, seconds: float) -> Controls:
-    """Return the same polynomial by its control points (Bernstein): it lies between the lowest and the highest of them."""
+    """Return the control points (Bernstein) of the same polynomial; its values lie within their range."""
     a, b = seconds / 5.0, seconds * seconds / 20.0
     return (
         begin.place,
@@ -56,13 +56,13 @@ def controls(begin: Motion, end: Motion, seconds: float) -> Controls:
 
 
 def derived(points: Controls, seconds: float) -> Controls:
-    """Return the control points of how fast that changes, per s."""
+    """Return the control points of the derivative, per s."""
     times = (len(points) - 1) / seconds
     return tuple(times * (b - a) for a, b in pairwise(points))
 
 
 def reach(points: Controls, halvings: int = _HALVINGS) -> tuple[float, float]:
-    """Return the lowest and the highest value, found by halving the curve: none beyond, and hardly any within."""
+    """Return bounds of the values, found by halving the curve: never too narrow, and hardly too wide."""
     if not halvings:
         return min(points), max(points)
     first, second = _halves(points)

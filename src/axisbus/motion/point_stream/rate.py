@@ -1,12 +1,12 @@
-"""Travelling along a course: as near to the pace of its points as its spans allow, exactly up to each joint.
+"""Move along a stream: as close to the pace of its points as its spans allow, computed exactly at each boundary of two spans.
 
 Theory of operation
 -------------------
-Within a span the square of the highest pace falls along a straight line to that at its end (v² = leave² + 2 ramp * way left). The
-pace goes up to what is wanted by the span's ramp, keeps it, and goes down along that line or to what is wanted: so a cycle is a few
-phases of constant change, each of which ends where the next begins, at a joint, or with the cycle. Spans may be shorter than a
-cycle, and their ramps differ by powers of ten; so no phase reaches over a joint, as those of ``PathSpeed`` along a way do.
-"""
+Within a span, the square of the highest pace is a linear function of the distance to the span's end (v² = leave² + 2 ramp *
+distance). The pace rises at the span's ramp to the requested pace, stays there, and falls along that line or to the requested pace.
+So a cycle consists of a few phases of constant change. Each ends where the next begins, at a span boundary, or with the cycle.
+Spans may be shorter than a cycle, and their ramps differ by powers of ten. Therefore no phase crosses a span boundary, unlike in
+``PathSpeed``."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from typing import NamedTuple
 
 from axisbus.motion.group.path_speed import PathSpeed
 
-_PHASES = 256  # of one cycle at most: eight points take a tenth of it
+_PHASES = 256  # per cycle at most; the phases of eight points take a tenth of a cycle
 _SAME = 1e-12
 
 
 class _Phase(NamedTuple):
-    """How the pace changes (per s), for how long at most (s), and what it is then."""
+    """The change of pace (per s), the longest duration (s), and the pace at its end."""
 
     rate: float
     seconds: float
@@ -28,21 +28,21 @@ class _Phase(NamedTuple):
 
 
 class StreamTravel(PathSpeed):
-    """The travel along a course: its place is a time of the stream, its speed the pace."""
+    """Motion along a stream: its position is a time of the stream, its speed is the pace."""
 
     __slots__ = ()
 
     def told(self, t: float) -> str:
-        """Return a time for people."""
+        """Return a time of the stream as text for messages."""
         return f"{t:.3f} s of the stream"
 
     @property
     def wanted(self) -> float:
-        """The pace that is wanted: 1, less by an override, 0 in a halt."""
+        """The requested pace: 1, less with an override, 0 during a halt."""
         return 0.0 if self.braking else min(self.velocity * self.factor, 1.0)
 
     def advance(self, period: float) -> None:
-        """Go on by one cycle of ``period`` seconds."""
+        """Advance by one cycle of ``period`` seconds."""
         left = period
         for _ in range(_PHASES):
             left = self._go(left)
@@ -51,7 +51,7 @@ class StreamTravel(PathSpeed):
         self.t = self._ahead
 
     def _go(self, period: float) -> float:
-        """Go on by one phase of at most ``period`` seconds; return what is left of them."""
+        """Advance by one phase of at most ``period`` seconds; return the time that remains."""
         way, v = self._way, self.speed
         left = way.marks[self._number + 1] - self._ahead
         if left <= _SAME:
@@ -71,21 +71,23 @@ class StreamTravel(PathSpeed):
         return period - seconds
 
     def _phase(self, ramp: float, leave: float, left: float) -> _Phase:
-        """Return how the pace goes on from here, where ``left`` seconds of the span are still to go."""
+        """Return the next phase of the pace, with ``left`` seconds of the span remaining."""
         v, wanted = self.speed, self.wanted
-        room = leave * leave + 2.0 * ramp * left - v * v  # below 0: faster than what is known allows
+        room = leave * leave + 2.0 * ramp * left - v * v  # below 0: faster than the known points allow
         if v > wanted:
             return _Phase(-ramp, (v - wanted) / ramp, wanted)
-        if room <= _SAME * max(1.0, ramp):  # a way of ``_SAME``: less than a time of the stream can tell
+        if room <= _SAME * max(
+            1.0, ramp
+        ):  # a distance of ``_SAME``: below the resolution of a time of the stream
             return _Phase(-ramp, max(v - leave, 0.0) / ramp, leave) if v > leave else _Phase(0.0, math.inf, v)
         if v == wanted:
             return _Phase(0.0, room / (2.0 * ramp * v) if v else math.inf, v)
-        top = math.sqrt(v * v + 0.5 * room)  # where up meets down
+        top = math.sqrt(v * v + 0.5 * room)  # intersection of acceleration and deceleration
         end = min(top, wanted)
         return _Phase(ramp, (end - v) / ramp, end)
 
     def _pass_joint(self) -> bool:
-        """Go on to the next span; False at the end of what is known, where it rests."""
+        """Enter the next span; return False at the end of the known part, where the motion rests."""
         way, number = self._way, self._number
         self.speed = min(self.speed, way.leaves[number])
         if way.is_last(number):

@@ -1,10 +1,10 @@
-"""A stream of points under way: its axes' followers, and their travel along what is known of it.
+"""An active stream of points: the axes' followers, and their motion along the known part of the stream.
 
 Theory of operation
 -------------------
-The axes wait at the gate until enough is known. Then they go along the ``StreamTimeline``, as those of a line do along their way: a
-halt, a fault of one of them and an override act as there. A pace that falls because no more is known is an underrun.
-"""
+The axes wait at the start barrier until enough points are known. Then they move along the ``StreamTimeline``, like the axes of a
+line along their path: a halt, a fault of one axis and an override act in the same manner. If the pace falls because no more points
+are known, this is an underrun."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from axisbus.motion.point_stream.commands import AddPoints, FollowPoints, OnUnde
 from axisbus.motion.point_stream.rate import StreamTravel
 from axisbus.motion.point_stream.timeline import StreamTimeline
 
-MOST = 4096  # spans that are held
-_KEPT = 2  # spans behind where the axes are
-_FADE = 0.5  # seconds of the stream within which the axes take back what they were off where it begins
-_ENDLESS = 1e9  # seconds: the duration of what has not been ended
-_SLOWER = 1e-9  # by how much less a pace counts as less
+MOST = 4096  # spans that may wait
+_KEPT = 2  # spans that are stored behind the axes
+_FADE = 0.5  # seconds of the stream within which the axes' start offset is removed
+_ENDLESS = 1e9  # seconds: the duration of a stream that has not been ended
+_SLOWER = 1e-9  # the smallest decrease that counts as a lower pace
 
 
 class PatientGate(StartBarrier):
-    """Stays closed, whoever is there, until it ``may_open``."""
+    """A start barrier that stays closed, whoever is present, until ``may_open`` is set."""
 
     __slots__ = ("may_open",)
 
@@ -43,12 +43,12 @@ class PatientGate(StartBarrier):
 
 
 class PointShare:
-    """One axis's share of a course, as the trajectory that it follows."""
+    """One axis's component of a stream, as the trajectory that it follows."""
 
     def __init__(
         self, course: StreamTimeline, number: int, begin: float, off: float, duration: float
     ) -> None:
-        """``number``: which axis of a place it is; ``off``: how far the axis stands from where the course has it at ``begin``."""
+        """``number``: index of the axis in a position vector; ``off``: the axis's offset from the stream at ``begin``."""
         self._course = course
         self._number = number
         self._begin = begin
@@ -66,10 +66,10 @@ class PointShare:
 
 
 class PointStreamMotion:
-    """Holds the course, the travel along it, and who waits for the ends of what has been added."""
+    """Holds the timeline, the motion along it, and the tickets of added points whose ends are ahead."""
 
     def __init__(self, command: FollowPoints, axes: Mapping[str, AxisCore], name: str) -> None:
-        """``axes``: those of the group, by name; ``name`` says what was asked for."""
+        """``axes``: the axes of the group, by name; ``name``: the command's name for messages."""
         self._axes = {axis: axes[axis] for axis in command.axes}
         self._on_underrun = command.on_underrun
         self._name = name
@@ -85,33 +85,33 @@ class PointStreamMotion:
         self._offs: tuple[float, ...] = ()
         self._added: deque[tuple[float, CommandStatus]] = deque()
         self._ends = self._over = False
-        self._begins_at = 0.0  # of the stream
+        self._begins_at = 0.0  # seconds of the stream
         self._is_resumed = False
         self._starves = False
         self._news = False
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The axes that it leads."""
+        """The axes that move along the stream."""
         return tuple(self._axes)
 
     @property
     def is_at_its_end(self) -> bool:
-        """Whether it stands where what is known of it ends."""
+        """Whether the axes are at the end of the known part."""
         return self.travel.t >= self._course.length
 
     @property
     def goes_on(self) -> bool:
-        """Whether more may come."""
+        """Whether more points may come."""
         return not self._ends
 
     def again(self, axes: Mapping[str, AxisCore], name: str, *, fed: bool) -> PointStreamMotion:
-        """Return what goes on with it from where it was left, to which more is added (``fed``) or not.
+        """Return a motion that resumes this one where it was interrupted; ``fed``: whether more points are added.
 
-        ``axes``: those of the group. What is added may begin with what has come already.
+        ``axes``: the axes of the group. Added points may overlap with points that are already known.
 
         Raises:
-            StateError: an axis is no longer there; ``name`` says in its text what was asked for.
+            StateError: an axis is no longer at that position; ``name`` is the command's name in the message.
         """
         stream = PointStreamMotion(FollowPoints(self.names, self.number, self._on_underrun), axes, name)
         stream._course, stream._begins_at, stream._is_resumed = self._course, self.travel.t, True
@@ -123,10 +123,10 @@ class PointStreamMotion:
     # -- what is added ---------------------------------------------------------------------------------------------------
 
     def add(self, command: AddPoints, ticket: CommandStatus) -> None:
-        """Take what goes on with it.
+        """Append points to the stream.
 
         Raises:
-            StateError: it has been ended, or something is missing before it, or too much waits; the stream then ends as well.
+            StateError: the stream has been ended, points before these are missing, or too many wait; the stream then ends as well.
         """
         wrong = self._wrong(command)
         if wrong is not None:
@@ -137,7 +137,7 @@ class PointStreamMotion:
             course.add(span)
         end = course.marks.get(
             command.first + len(command.spans), 0.0
-        )  # where it was passed long ago, it is forgotten
+        )  # 0 if it was passed long ago and dropped
         self._added.append((end, ticket))
         self._ends = self._ends or command.ends
         self.gate.may_open = self.gate.may_open or command.begins or self._ends
@@ -161,23 +161,23 @@ class PointStreamMotion:
         return None
 
     def close(self) -> None:
-        """It is over: whoever waits for what was added hears that."""
+        """End the stream: abort the tickets of all added points that the axes have not reached."""
         self._over = True
         while self._added:
             self._finish(self._added.popleft()[1], Status.ABORTED)
 
     def take_news(self) -> bool:
-        """Return whether somebody was told since this was asked last."""
+        """Return whether a ticket of added points has ended since the last call."""
         news, self._news = self._news, False
         return news
 
     # -- in each cycle -----------------------------------------------------------------------------------------------------
 
     def step(self, period: float, begins: bool, _name: str) -> None:
-        """Begin as soon as all may, then go on by one cycle of ``period`` seconds.
+        """Begin as soon as all axes may begin; afterwards advance by one cycle of ``period`` seconds.
 
         Raises:
-            StateError: it does not begin where the axes stand.
+            StateError: an axis is not at the start of the stream.
         """
         if self.planned:
             before = self.travel.speed
@@ -190,7 +190,7 @@ class PointStreamMotion:
             self._finish(self._added.popleft()[1], Status.DONE)
 
     def leads(self) -> bool:
-        """Whether any axis was led along it since this was asked last."""
+        """Return whether any axis was commanded along the stream since the last call."""
         led = [follow.take_stepped() for follow in self.follows.values()]
         return any(led)
 
@@ -214,7 +214,7 @@ class PointStreamMotion:
         self.travel.begin(course, 1.0, self._begins_at)
 
     def _follow_to(self, duration: float) -> None:
-        """Let the axes that are still on it come to its end after ``duration`` seconds."""
+        """Set the duration of the stream, in seconds, for the axes that still follow it."""
         for number, follow in enumerate(self.follows.values()):
             if follow.clock is self.travel:
                 follow.begin(PointShare(self._course, number, self._begins_at, self._offs[number], duration))
@@ -225,7 +225,7 @@ class PointStreamMotion:
         return core.parameters.units.position.to_units(place)
 
     def _require_near(self, what: str) -> None:
-        """See how far the axes are from where it begins; raise StateError, which says ``what`` one does that is not there."""
+        """Measure each axis's offset from the start; raise StateError if one is too large (``what``: the message's predicate)."""
         places = self._course.place(self._begins_at)
         self._offs = tuple(self._start(axis) - there for axis, there in zip(self._axes, places, strict=True))
         for (axis, core), off in zip(self._axes.items(), self._offs, strict=True):
@@ -239,7 +239,7 @@ class PointStreamMotion:
                 )
 
     def _look(self, before: float) -> None:
-        """See whether the pace falls for want of points."""
+        """Detect an underrun: the pace falls because points are missing."""
         travel = self.travel
         wanted = travel.wanted
         if self._ends or travel.braking:

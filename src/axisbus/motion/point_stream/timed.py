@@ -1,11 +1,11 @@
-"""From points in time, with speeds and accelerations where they are given, to the curve of each axis between them.
+"""Convert points with times, with or without speeds and accelerations, to the curve of each axis between them.
 
 Theory of operation
 -------------------
-Between two points goes the polynomial that has what is given of both: with positions alone and with velocities of degree three,
-with accelerations of degree five. Where no velocities are given, they are those with which no axis goes beyond the two points that
-it is between (Fritsch and Carlson). All begins and ends at rest; before and after, the axes stand for one ``lead``, within which
-the pace of a stream comes up and goes down: so the axes are at their points at the times of these.
+Between two points runs a polynomial with the given values of both: of degree three with positions only or with velocities, of
+degree five with accelerations. If no velocities are given, they are chosen so that no axis goes beyond the two points around its
+position (Fritsch and Carlson). The motion begins and ends at rest. Before and after it the axes are at standstill for one ``lead``,
+during which the pace of a stream rises and falls. So the axes are at their points at the given times.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from axisbus.motion.point_stream.curve_fit import Between, StreamPoint
 from axisbus.motion.point_stream.quintic import Motion
 from axisbus.wording import counted
 
-MOST = 4000  # points: the core holds as many spans
-STILL = 1e-4  # units per s: slower than that is at rest
+MOST = 4000  # points: as many spans as the core stores
+STILL = 1e-4  # units per s: a lower speed counts as rest
 
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryPoint:
-    """Where the axes are to be at ``time`` (s), in their order and units; with velocities (unit/s) and accelerations, or without.
+    """Positions of the axes at ``time`` (s), in their order and units, optionally with velocities (unit/s) and accelerations.
 
-    Accelerations (unit/s²) need velocities, and what one point has all have.
+    Accelerations (unit/s²) require velocities. All points must have the same kinds of values.
     """
 
     time: float
@@ -39,7 +39,7 @@ class TrajectoryPoint:
 
 
 class _Row(NamedTuple):
-    """A point, with a speed of each axis, and a rate where that is given."""
+    """A point, with optional speeds and accelerations of the axes."""
 
     time: float
     places: tuple[float, ...]
@@ -48,10 +48,10 @@ class _Row(NamedTuple):
 
 
 def way_of(points: Sequence[TrajectoryPoint], here: Sequence[float], lead: float, text: str) -> list[Between]:
-    """Return what the axes go along, from ``here`` where the first point is later than 0; ``text`` begins messages.
+    """Return the curve of the axes; it starts at ``here`` if the first point is later than 0. ``text``: beginning of messages.
 
     Raises:
-        ArgumentError: they are no points, do not rise in time, or do not begin and end at rest.
+        ArgumentError: a point is invalid, the times do not increase, or the motion does not begin and end at rest.
     """
     rows = [_row(number, point, len(here), text) for number, point in enumerate(points, 1)]
     _require_kinds(rows, text)
@@ -67,7 +67,7 @@ def way_of(points: Sequence[TrajectoryPoint], here: Sequence[float], lead: float
 
 
 def _given(row: _Row, rest: tuple[float, ...]) -> _Row:
-    """Return a point at rest, of which the same is known as of another."""
+    """Return a point at rest, with the same kinds of values as ``row``."""
     return row._replace(
         speeds=None if row.speeds is None else rest, rates=None if row.rates is None else rest
     )
@@ -128,7 +128,7 @@ def _require_times(rows: Sequence[_Row], text: str) -> None:
 
 
 def _at_rest(row: _Row, text: str) -> _Row:
-    """Return an end with a speed of exactly 0; raise ArgumentError where it is in motion."""
+    """Return an end point with a speed of exactly 0; raise ArgumentError if it is in motion."""
     if row.speeds is None:
         return row
     fastest = max(row.speeds, key=abs, default=0.0)
@@ -160,7 +160,7 @@ def _between(pair: tuple[_Row, _Row]) -> Between:
 
 
 def _ends(begin: _Row, end: _Row, axis: int) -> tuple[Motion, Motion]:
-    """Return how an axis moves at both points; without accelerations with those of the polynomial of degree three."""
+    """Return the motion of an axis at both points; without accelerations, those of the polynomial of degree three."""
     assert begin.speeds is not None
     assert end.speeds is not None
     a, b, v, w = begin.places[axis], end.places[axis], begin.speeds[axis], end.speeds[axis]
@@ -175,7 +175,7 @@ def _ends(begin: _Row, end: _Row, axis: int) -> tuple[Motion, Motion]:
 
 
 def _with_speeds(rows: Sequence[_Row]) -> list[_Row]:
-    """Return the points with the speeds by which no axis goes beyond two of them; at rest at both ends."""
+    """Return the points with speeds at which no axis overshoots a point; 0 at both ends."""
     times = [row.time for row in rows]
     columns = [_speeds(times, [row.places[axis] for row in rows]) for axis in range(len(rows[0].places))]
     return [row._replace(speeds=speeds) for row, speeds in zip(rows, zip(*columns, strict=True), strict=True)]
@@ -189,7 +189,7 @@ def _speeds(times: Sequence[float], places: Sequence[float]) -> list[float]:
 
 
 def _through(h: float, g: float, before: float, after: float) -> float:
-    """Return the speed where a slope of ``h`` seconds becomes one of ``g``: 0 where it turns, else their weighted harmonic mean."""
+    """Return the speed between slopes of ``h`` and ``g`` seconds: 0 if the sign changes, else their weighted harmonic mean."""
     if before * after <= 0.0:
         return 0.0
     first, second = 2.0 * g + h, g + 2.0 * h

@@ -1,12 +1,11 @@
-"""The spans of a stream that are known, as what a travel goes along: its place is a time of the stream, its speed the pace.
+"""The known spans of a stream, as a path to move along: the position is a time of the stream, the speed is the pace.
 
 Theory of operation
 -------------------
-A pace of 1 is that of the points. What is known ends somewhere, so the pace at the end of each span is no higher than lets the axes
-come to rest at the end of the last, by what each span allows. With each span that is added this is reckoned anew, from the end on
-backwards, as far as it changes anything. So the axes are always about to come to rest where their points end, and are braked for it
-only if no more come in time: an underrun needs no reaction, and what is held back on its way here does not either.
-"""
+A pace of 1 is that of the points. The known part ends, so the pace at the end of each span is limited: with the ramps of the
+following spans, the axes can come to rest at the end of the last span. Each added span updates these limits, from the end
+backwards, as far as they change. So the axes are always ready to come to rest at their last point, and brake only if no more points
+come in time. Neither an underrun nor a point that is delayed on its way to the core needs a reaction."""
 
 from __future__ import annotations
 
@@ -17,7 +16,7 @@ from axisbus.motion.point_stream.quintic import at
 
 
 class StreamTimeline:
-    """Holds the spans from a little behind where the axes are, by their numbers from 0 on."""
+    """Holds the spans by number (from 0), starting a little behind the axes."""
 
     def __init__(self) -> None:
         self.ramps: dict[int, float] = {}
@@ -31,27 +30,27 @@ class StreamTimeline:
 
     @property
     def length(self) -> float:
-        """Seconds of the stream that are known."""
+        """Known duration of the stream in seconds."""
         return self.marks[self.count]
 
     @property
     def waiting(self) -> int:
-        """How many spans are held."""
+        """The number of stored spans."""
         return self.count - self._oldest
 
     def is_last(self, number: int) -> bool:
-        """Whether nothing is known beyond a span."""
+        """Whether a span is the last known one."""
         return number + 1 >= self.count
 
     def number(self, s: float) -> int:
-        """Return which span ``s`` lies on; where two join, the second."""
+        """Return the number of the span that contains ``s``; at a boundary, the second span."""
         number = self._oldest
         while not self.is_last(number) and self.marks[number + 1] <= s:
             number += 1
         return number
 
     def add(self, span: Span) -> None:
-        """Go on with one more."""
+        """Append a span."""
         number = self.count
         self._spans[number], self.ramps[number], self.tops[number] = span, span.ramp, 1.0
         self.marks[number + 1] = self.marks[number] + span.seconds
@@ -66,14 +65,14 @@ class StreamTimeline:
             self.leaves[number] = leave
 
     def forget(self, number: int) -> None:
-        """Let go of the spans before one."""
+        """Drop the spans before ``number``."""
         while self._oldest < min(number, self.count - 1):
             for row in (self._spans, self.ramps, self.tops, self.leaves, self.marks):
                 del row[self._oldest]
             self._oldest += 1
 
     def place(self, s: float) -> tuple[float, ...]:
-        """Return where each axis is to be at ``s``, the same for all that ask within a cycle."""
+        """Return the axis positions at ``s``; cached, because all axes ask for the same ``s`` within a cycle."""
         if s != self._at:
             number = self.number(s)
             span = self._spans[number]
