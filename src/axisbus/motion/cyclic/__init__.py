@@ -1,1 +1,1 @@
-"""The cyclic modes of velocity and torque: a target in each cycle, on ramps that are made here."""
+"""Cyclic velocity and torque modes: one target per cycle, on ramps computed by the master."""

@@ -1,4 +1,4 @@
-"""What comes before the first target of csv and cst: offsets of 0, the interpolation time, what a stop needs, and the mode."""
+"""Preparation of csv and cst before the first target: offsets of 0, the interpolation time, ramps for a stop, and the mode."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from axisbus.motion.parameters import AxisParameters
 
 
 class ModeEntry:
-    """Brings a standing axis into a cyclic mode; holds whether it is there, and which ramps of the written ones its drive has."""
+    """Switches an axis at standstill to a cyclic mode; holds whether it is ready, and the written ramps that its drive has."""
 
     __slots__ = ("_gate", "_is_ready", "_mode", "_setup", "ramps")
 
@@ -28,7 +28,7 @@ class ModeEntry:
         writes: Sequence[tuple[int, int, int | None]] = (),
         lead: Lead | None = None,
     ) -> None:
-        """``writes``: (index, sub-index, value) before the mode is asked for. ``lead``: what is sent while it changes."""
+        """``writes``: (index, sub-index, value), written before the mode change. ``lead``: sends set-points during the change."""
         self._setup = CyclicSetup(parameters, f"be led in {mode.text} mode")
         self.ramps = RampTransfers(writes, parameters)
         self._mode = ModeSwitch(mode, parameters, lead)
@@ -36,11 +36,11 @@ class ModeEntry:
         self._is_ready = False
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Return True from the cycle on in which the first target may go out.
+        """Return True from the cycle on in which the first target may be sent.
 
         Raises:
-            DriveError: the drive does not take what it needs for the mode.
-            ModeError: it does not take the mode.
+            DriveError: the drive rejects an object that the mode needs.
+            ModeError: the drive does not change to the mode.
         """
         if not self._is_ready:
             prepared = self._setup.step(image, order) and self.ramps.step(image, order)
@@ -49,12 +49,12 @@ class ModeEntry:
 
     @staticmethod
     def _is_released(image: AxisImage, order: CycleOutputs) -> bool:
-        """Release a halt before the first target goes out: a drive that hears the word late would leave that target out."""
+        """Release a halt before the first target is sent; a drive that gets the controlword late would ignore that target."""
         order.halt = False
         return not (image.flight.word or 0) & cw.HALT
 
     def cancel(self, order: CycleOutputs) -> None:
-        """Take back what is queued, and a mode that was asked for."""
+        """Cancel queued transfers, and a mode that was requested."""
         self._setup.cancel(order)
         self.ramps.cancel(order)
         self._mode.cancel(order)

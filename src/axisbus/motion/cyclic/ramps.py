@@ -1,10 +1,10 @@
-"""What leads an axis from cycle to cycle in csv and cst: one target of velocity or torque in each, on a ramp.
+"""Ramps that command an axis from cycle to cycle in csv and cst: one target velocity or torque per cycle.
 
 Theory of operation
 -------------------
-In profile velocity and profile torque mode the drive has the ramp. In the cyclic modes what it gets acts within one cycle, and the
-halt bit means nothing (CiA 402-2 15 and 17), so the ramp up, the ramp of a halt and that of a new target are all made here. A ramp
-is what a command leaves behind: the next command, or a stop, goes on from the target that was sent last, and nothing jumps.
+In profile velocity and profile torque mode the drive computes the ramp. In the cyclic modes a target acts within one cycle, and the
+halt bit has no meaning (CiA 402-2 15 and 17). So the master computes every ramp: to a target, of a halt, and to a new target. A
+command leaves its ramp to its successor: the next command, or a stop, continues from the target sent last, and nothing jumps.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from axisbus.motion.axis.image import AxisImage
 
 
 class VelocityRamp:
-    """Leads an axis in csv (``Leading``); holds the velocity that was sent last and where it goes, in velocity increments."""
+    """Commands an axis in csv (``Leading``); holds the velocity sent last and its target, in velocity increments."""
 
     mode = ModeOfOperation.CYCLIC_SYNC_VELOCITY
 
     def __init__(self, velocity: float, up: float, down: float, period: float) -> None:
-        """``velocity``: the axis has it now. ``up`` and ``down`` in velocity increments per s², above 0; ``period`` in seconds."""
+        """``velocity``: the present one. ``up`` and ``down`` in velocity increments per s², above 0; ``period`` in seconds."""
         self.velocity = velocity
         self._target = velocity
         self._up = up
@@ -32,31 +32,31 @@ class VelocityRamp:
 
     @property
     def at_target(self) -> bool:
-        """Whether the last velocity that was asked for is the one that was sent."""
+        """Whether the velocity sent last is the requested one."""
         return self.velocity == self._target
 
     @property
     def at_rest(self) -> bool:
-        """Whether 0 was sent, and nothing else follows."""
+        """Whether 0 was sent, and stays the target."""
         return self.velocity == 0.0 == self._target
 
     def aim(self, target: int, up: float, down: float) -> None:
-        """Go to ``target`` from the next step on, with these ramps; a braking that was under way ends."""
+        """Change to ``target`` from the next step on, with these ramps; this ends braking."""
         self._target, self._up, self._down = target, up, down
         self._braking = False
 
     def hold(self) -> None:
-        """Go on with the velocity as it is, unless it is being braked: another mode is about to take over."""
+        """Keep the present velocity, unless it is braking, because another mode is about to take over."""
         if not self._braking:
             self._target = self.velocity
 
     def begin_braking(self) -> bool:
-        """Go to 0 with the deceleration of the command; always possible, and harmless when repeated."""
+        """Decelerate to 0 with the deceleration of the command; always possible, and a repeated call has no effect."""
         self._target, self._braking = 0.0, True
         return True
 
     def step(self, _image: AxisImage, order: CycleOutputs) -> bool:
-        """Ask for the velocity of this cycle; return True once it is the last one."""
+        """Write the velocity of this cycle; return True when it is the requested one."""
         self.velocity = next_velocity(self.velocity, self._target, self._up, self._down, self._period)
         order.halt = False
         order.target_velocity = round(self.velocity)
@@ -64,15 +64,15 @@ class VelocityRamp:
 
 
 class TorqueRamp:
-    """Leads an axis in cst (``Leading``); holds the torque that was sent last and where it goes, in 0.1 % of rated torque."""
+    """Commands an axis in cst (``Leading``); holds the torque sent last and its target, in 0.1 % of rated torque."""
 
     mode = ModeOfOperation.CYCLIC_SYNC_TORQUE
 
     def __init__(self, torque: float, slope: float, period: float, *, lets_go: bool) -> None:
-        """``torque``: the axis has it now. ``slope`` in 0.1 % per s, above 0; ``period`` in seconds.
+        """``torque``: the present one. ``slope`` in 0.1 % per s, above 0; ``period`` in seconds.
 
-        ``lets_go``: a halt brings the torque to 0. Else it has to hold a load or to brake, and the stop ladder does it otherwise.
-        """
+        ``lets_go``: a halt reduces the torque to 0. Otherwise the torque must hold a load or brake, and the stop sequence does that
+        instead."""
         self.torque = torque
         self._target = torque
         self._slope = slope
@@ -81,26 +81,26 @@ class TorqueRamp:
 
     @property
     def at_target(self) -> bool:
-        """Whether the last torque that was asked for is the one that was sent."""
+        """Whether the torque sent last is the requested one."""
         return self.torque == self._target
 
     @property
     def at_rest(self) -> bool:
-        """Whether 0 was sent, and nothing else follows."""
+        """Whether 0 was sent, and stays the target."""
         return self.torque == 0.0 == self._target
 
     def aim(self, target: int, slope: float) -> None:
-        """Go to ``target`` from the next step on, with this slope."""
+        """Change to ``target`` from the next step on, with this slope."""
         self._target, self._slope = target, slope
 
     def begin_braking(self) -> bool:
-        """Let the torque go on its slope; return whether that is how this axis is halted. Harmless when repeated."""
+        """Reduce the torque to 0 on its slope; return whether a halt of this axis works in this manner. May be repeated."""
         if self._lets_go:
             self._target = 0.0
         return self._lets_go
 
     def step(self, _image: AxisImage, order: CycleOutputs) -> bool:
-        """Ask for the torque of this cycle; return True once it is the last one."""
+        """Write the torque of this cycle; return True when it is the requested one."""
         change, off = self._slope * self._period, self._target - self.torque
         self.torque = self._target if abs(off) <= change else self.torque + math.copysign(change, off)
         order.halt = False
@@ -109,7 +109,7 @@ class TorqueRamp:
 
 
 def next_velocity(velocity: float, target: float, up: float, down: float, time: float) -> float:
-    """Return the velocity ``time`` seconds later on the way to ``target``: ``up`` away from 0, ``down`` towards it (per s²)."""
+    """Return the velocity after ``time`` seconds of change to ``target``: ``up`` away from 0, ``down`` towards 0 (per s²)."""
     turns = velocity * target < 0.0
     goal = 0.0 if turns else target
     rate = down if turns or abs(target) < abs(velocity) else up

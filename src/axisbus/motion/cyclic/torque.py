@@ -1,4 +1,4 @@
-"""A torque in cyclic synchronous torque mode: the slope is made here, and the drive gets one torque per cycle."""
+"""A torque in cyclic synchronous torque mode: the master computes the slope, and sends one torque per cycle."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from axisbus.motion.moves.prepare import slow_ramp_writes
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop_deceleration import CommandedMotion
 
-_MARGIN = 2.0  # seconds that the torque may be late, beside four times its slope
+_MARGIN = 2.0  # seconds that the torque may be late, in addition to four times its slope
 
 
 class CyclicTorqueMove(Activity):
-    """An axis that is pushed by a torque; ends well when 6077h shows it, and keeps it. Another one may be given to it meanwhile.
+    """An axis at a commanded torque in cst. The command is done when 6077h shows it, and the torque stays; it can be changed.
 
-    It begins with the torque that the axis has when it is asked for: what holds a load, or leans on something, is not let go.
+    It begins with the torque that the axis has when the command comes, so that a load or a contact force is not released.
     """
 
     mode = ModeOfOperation.CYCLIC_SYNC_TORQUE
@@ -36,17 +36,17 @@ class CyclicTorqueMove(Activity):
         gate: StartBarrier,
         before: TorqueRamp | None = None,
     ) -> None:
-        """``before``: what leads the axis in cst already; else it stands, and the mode comes first."""
+        """``before``: the ramp that commands the axis in cst already; None: the axis is at standstill and changes to cst first."""
         self._parameters = parameters
         writes = slow_ramp_writes(parameters)
         fresh = before is None
         self._ready = ModeEntry(self.mode, parameters, gate, writes, self._keep) if fresh else None
         self._ramp = before
-        self._held: int | None = None  # what was sent while the mode changed
+        self._held: int | None = None  # the torque that was sent while the mode changed
         self.aim(command)
 
     def aim(self, command: CyclicTorque) -> None:
-        """Go on to another torque, from the one that was sent last."""
+        """Change to another torque, starting from the one sent last."""
         self._command = command
         self._deadline: float | None = None
         self.reached = False
@@ -55,26 +55,28 @@ class CyclicTorqueMove(Activity):
 
     @property
     def leading(self) -> TorqueRamp | None:
-        """The ramp on which it is led, once it is."""
+        """The ramp that commands the axis; None before it has begun."""
         return self._ramp
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Return True once the torque is reached; to be stepped on afterwards, to keep it."""
+        """Return True when the torque is reached; keeps the torque if called afterwards."""
         if self._ready is not None and not self._ready.step(image, order):
             self._held = self._held if order.target_torque is None else order.target_torque
             return False
         ramp = self._begun(image)
-        self._watch(image, ramp)  # what fails is stopped in this cycle, from the torque before
+        self._watch(
+            image, ramp
+        )  # before the ramp advances: if it raises, the axis is stopped in this cycle from the previous torque
         ramp.step(image, order)
         return self.reached
 
     def cancel(self, order: CycleOutputs) -> None:
-        """Take back what is queued."""
+        """Cancel queued transfers."""
         if self._ready is not None:
             self._ready.cancel(order)
 
     def _keep(self, image: AxisImage, order: CycleOutputs) -> None:
-        """While the mode changes the torque is the one that the axis had before."""
+        """While the mode changes, send the torque that the axis had before."""
         if self._held is None:
             self._held = image.torque
         order.target_torque = self._held or 0
@@ -103,7 +105,7 @@ class CyclicTorqueMove(Activity):
             raise torque_missed(image, self._parameters, self._command.torque)
 
     def _in_torque(self, image: AxisImage) -> bool:
-        """The measured torque itself, more than half of it: bit 10 says nothing of it in cst."""
+        """Return whether the measured torque is in tolerance, and more than half of the target; bit 10 does not show it in cst."""
         if image.torque is None:
             return False
         target = self._command.torque
@@ -111,6 +113,6 @@ class CyclicTorqueMove(Activity):
         return off <= max(TORQUE_FLOOR, abs(target) * TORQUE_SHARE) and (not target or off < abs(target) / 2)
 
     def _allowed(self, torque: float) -> float:
-        """What the call gives, else four times the slope from ``torque`` to the new one, and a margin."""
+        """Return the timeout of the call, otherwise four times the slope from ``torque`` to the target, plus a margin (s)."""
         command = self._command
         return command.timeout or 4.0 * (abs(torque) + abs(command.torque)) / command.slope + _MARGIN

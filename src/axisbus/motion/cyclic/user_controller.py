@@ -1,13 +1,13 @@
-"""An axis that a loop of the program leads in csv or cst: one answer in each cycle, and the axis is stopped where one is missing.
+"""An axis controlled in csv or cst by a controller in the user's program: one output per cycle; if one is missing, it stops.
 
 Theory of operation
 -------------------
-The program reads the values of a cycle, and answers before the next: that is led to on the ramps of the command, as any velocity or
-torque in these modes is. An answer belongs to the cycle whose values it was made of, so what counts is how old these are, and not
-when it came. Before the first one the axis keeps what it has.
+The program reads the values of a cycle, and answers before the next cycle. The output is reached on the ramps of the command, like
+any velocity or torque in these modes. An output belongs to the cycle whose values it was computed from. So the age of these values
+counts, and not the arrival of the output. Before the first output the axis keeps its velocity or torque.
 
-A velocity becomes the target of the ramp as soon as its answer is received, before the supervision of that cycle. So the
-supervision checks the new target before the drive receives it. An answer received before the drive is in csv is ignored.
+A velocity becomes the target of the ramp as soon as its output is received, before the supervision of that cycle. So the
+supervision checks the new target before the drive receives it. An output received before the drive is in csv is ignored.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.parameters import AxisParameters
 from axisbus.wording import counted
 
-_FIRST = 1.0  # seconds within which the first answer is to come
+_FIRST = 1.0  # seconds within which the first output must come
 
 
 class ControllerOutputBuffer:
-    """Holds the newest answer of a loop, and when the last cycles began, of which the first is as old as an answer may be."""
+    """Holds the newest output of a controller, and the times of the last cycles; the oldest of them is the permitted age."""
 
     def __init__(self, command: ControllerCommand, name: str) -> None:
-        """``name`` of the axis."""
+        """``name``: of the axis."""
         self._number, self._late, self._name = command.number, command.late, name
         self._cycles: deque[float] = deque(maxlen=command.late + 1)
         self._since: float | None = None
@@ -42,11 +42,11 @@ class ControllerOutputBuffer:
 
     @property
     def newest(self) -> int | None:
-        """The newest answer, or None before the first one and after the loop has failed."""
+        """The newest output; None before the first one and after the controller has failed."""
         return None if self._newest is None or self._newest.failure else self._newest.value
 
     def take(self, answer: ControllerOutput) -> bool:
-        """Take an answer; return whether it is one of this loop."""
+        """Accept an output; return whether it belongs to this controller."""
         if answer.number != self._number:
             return False
         if self._newest is None or answer.cycle > self._newest.cycle or answer.failure:
@@ -54,10 +54,10 @@ class ControllerOutputBuffer:
         return True
 
     def due(self, now: float) -> int | None:
-        """Return what is to be led to in the cycle at ``now`` (s), None where nothing was answered yet.
+        """Return the output to use in the cycle at ``now`` (s); None if there is none yet.
 
         Raises:
-            CommandError: the loop has failed, or its answer is too old.
+            CommandError: the controller has failed, has not begun within 1 s, or its output is too old.
         """
         self._since = now if self._since is None else self._since
         oldest = self._cycles[0] if self._cycles else -math.inf
@@ -97,7 +97,7 @@ class ControllerOutputBuffer:
 
 
 class VelocityAnswered(CyclicVelocityMove):
-    """An axis that goes at the velocity that a loop answers; it never ends well."""
+    """An axis at the velocity of a user's controller; the command never ends as done."""
 
     def __init__(
         self,
@@ -106,14 +106,14 @@ class VelocityAnswered(CyclicVelocityMove):
         gate: StartBarrier,
         before: VelocityRamp | None = None,
     ) -> None:
-        """As ``CyclicVelocityMove``; one that is led already goes on at its velocity until the first answer."""
+        """As ``CyclicVelocityMove``; an axis that moves already keeps its velocity until the first output."""
         assert isinstance(command.by, CyclicVelocity)
         self.answers = ControllerOutputBuffer(command, parameters.name)
         by = command.by if before is None else replace(command.by, velocity=round(before.velocity))
         super().__init__(by, parameters, gate, before)
 
     def take(self, answer: ControllerOutput) -> bool:
-        """Take an answer; return whether it is one of this loop."""
+        """Accept an output; return whether it belongs to this controller."""
         if not self.answers.take(answer):
             return False
         velocity = self.answers.newest
@@ -122,7 +122,7 @@ class VelocityAnswered(CyclicVelocityMove):
         return True
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Go on by one cycle; never True."""
+        """Advance by one cycle; never True."""
         if self._ready is None:
             self.answers.due(image.now)
         super().step(image, order)
@@ -133,7 +133,7 @@ class VelocityAnswered(CyclicVelocityMove):
 
 
 class TorqueAnswered(CyclicTorqueMove):
-    """An axis that is pushed by the torque that a loop answers; it never ends well."""
+    """An axis at the torque of a user's controller; the command never ends as done."""
 
     def __init__(
         self,
@@ -142,18 +142,18 @@ class TorqueAnswered(CyclicTorqueMove):
         gate: StartBarrier,
         before: TorqueRamp | None = None,
     ) -> None:
-        """As ``CyclicTorqueMove``; until the first answer the torque is the one that the axis has."""
+        """As ``CyclicTorqueMove``; the axis keeps its torque until the first output."""
         assert isinstance(command.by, CyclicTorque)
         self.answers = ControllerOutputBuffer(command, parameters.name)
         by = command.by if before is None else replace(command.by, torque=round(before.torque))
         super().__init__(by, parameters, gate, before)
 
     def take(self, answer: ControllerOutput) -> bool:
-        """Take an answer; return whether it is one of this loop."""
+        """Accept an output; return whether it belongs to this controller."""
         return self.answers.take(answer)
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Go on by one cycle; never True."""
+        """Advance by one cycle; never True."""
         if self._ready is None:
             torque = self.answers.due(image.now)
             if torque is not None:
@@ -169,4 +169,4 @@ class TorqueAnswered(CyclicTorqueMove):
         return ramp
 
     def _watch(self, _image: AxisImage, _ramp: TorqueRamp) -> None:
-        """Nothing: no torque is to be reached."""
+        """Do nothing: there is no torque to reach."""

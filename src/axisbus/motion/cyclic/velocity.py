@@ -1,4 +1,4 @@
-"""A constant velocity in cyclic synchronous velocity mode: the ramp is made here, and the drive gets one velocity per cycle."""
+"""A constant velocity in cyclic synchronous velocity mode: the master computes the ramp, and sends one velocity per cycle."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.velocity_following import led_way
 from axisbus.motion.stop_deceleration import CommandedMotion
 
-_FILTER = 0.2  # share of a new sample in the mean of a noisy velocity
-_MARGIN = 2.0  # seconds that the axis may be late, beside four times its ramp
+_FILTER = 0.2  # weight of a new sample in the mean of a noisy velocity
+_MARGIN = 2.0  # seconds that the axis may be late, in addition to four times its ramp
 
 
 class CyclicVelocityMove(Activity):
-    """An axis that is led at a velocity; ends well when it is reached, and goes on. Another one may be given to it meanwhile.
+    """An axis at a commanded velocity in csv. The command is done at that velocity, and the motion continues; it can be changed.
 
-    In csv the drive has no word for *reached* (bit 10 is none of it): only what is measured counts.
+    In csv the drive has no bit for *target reached* (bit 10 has another meaning), so only the measured velocity counts.
     """
 
     mode = ModeOfOperation.CYCLIC_SYNC_VELOCITY
@@ -44,22 +44,22 @@ class CyclicVelocityMove(Activity):
         gate: StartBarrier,
         before: VelocityRamp | None = None,
     ) -> None:
-        """``before``: what leads the axis in csv already; else it stands, and the mode comes first."""
+        """``before``: the ramp that commands the axis in csv already; None: the axis is at standstill and changes to csv first."""
         self._parameters = parameters
         self._ready = None if before is not None else ModeEntry(self.mode, parameters, gate)
         self._ramp = before
         self._way = led_way(parameters)
         self._mean: float | None = None
-        self._factor = 1.0  # the override of the velocity that is asked for
+        self._factor = 1.0  # the override of the requested velocity
         self.aim(command)
 
     def aim(self, command: CyclicVelocity) -> None:
-        """Go on to another velocity, from the one that was sent last."""
+        """Change to another velocity, starting from the one sent last."""
         self._command = command
         self._aim()
 
     def _aim(self) -> None:
-        """Go to the velocity that was asked for, under the override, and look anew whether the axis comes to it."""
+        """Change to the requested velocity under the override, and restart the check that the axis reaches it."""
         command, scale = self._command, self._parameters.units.per_velocity
         up, down = abs(command.acceleration * scale), abs(command.deceleration * scale)
         self._target = scaled(command.velocity, self._factor, self._parameters)
@@ -71,28 +71,30 @@ class CyclicVelocityMove(Activity):
 
     @property
     def leading(self) -> VelocityRamp | None:
-        """The ramp on which it is led, once it is."""
+        """The ramp that commands the axis; None before it has begun."""
         return self._ramp
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Return True once the velocity is reached, and not while an override holds it; to be stepped on afterwards, to keep it."""
+        """Return True when the velocity is reached, unless an override of 0 holds it; keeps the velocity if called afterwards."""
         self.override(image)
         if self._ready is not None and not self._ready.step(image, order):
             return False
         ramp = self._begun()
-        self._watch(image, ramp)  # what fails is braked in this cycle, from the velocity before
+        self._watch(
+            image, ramp
+        )  # before the ramp advances: if it raises, the axis brakes in this cycle from the previous velocity
         ramp.step(image, order)
         self._follow(image, ramp)
         return self.reached and self._factor > 0.0
 
     def override(self, image: AxisImage) -> None:
-        """Go to the velocity under another override from the next step on."""
+        """Apply a changed override from the next step on."""
         if image.override != self._factor:
             self._factor = image.override
             self._aim()
 
     def cancel(self, order: CycleOutputs) -> None:
-        """Take back what is queued."""
+        """Cancel queued transfers."""
         if self._ready is not None:
             self._ready.cancel(order)
 
@@ -120,7 +122,7 @@ class CyclicVelocityMove(Activity):
         self.resisted_since = min(self.resisted_since, image.now) if resisted else math.inf
 
     def _follow(self, image: AxisImage, ramp: VelocityRamp) -> None:
-        """Hold the way that was made against that of the velocities that were sent."""
+        """Compare the actual motion with the commanded velocities, to supervise the following error."""
         if self._way is not None:
             self._way.aim(ramp.velocity)
             self._way.step(image)
@@ -128,7 +130,7 @@ class CyclicVelocityMove(Activity):
             self.lag = self._way.lag
 
     def _in_velocity(self, image: AxisImage) -> bool:
-        """The measured velocity, or its mean where it is noisy; more than half of what was asked for must be there in any case."""
+        """Return whether the measured velocity, or its mean if it is noisy, is in tolerance, and more than half of the target."""
         target, velocity = self._target, image.velocity
         if velocity is None:
             return False
@@ -140,7 +142,7 @@ class CyclicVelocityMove(Activity):
         return off < abs(target) / 2 and off <= max(VELOCITY_FLOOR, abs(target) * VELOCITY_SHARE)
 
     def _allowed(self, velocity: float) -> float:
-        """Four times the ramp from ``velocity`` (perhaps the other way) through 0 to the new one, and a margin."""
+        """Return the deadline in s: four times the ramp from ``velocity``, if necessary through 0, to the target, plus a margin."""
         command = self._command
         ramp = min(command.acceleration, command.deceleration)
         return 4.0 * (abs(velocity) + abs(self._target)) / ramp + _MARGIN

@@ -1,1 +1,1 @@
-"""Feed-forward: what the drive's controllers are told of a motion before there is an error that would tell them."""
+"""Feed-forward: velocity and torque offsets for the drive's controllers, sent before a following error arises."""

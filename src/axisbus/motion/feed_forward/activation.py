@@ -1,4 +1,4 @@
-"""Whether the offsets of an axis may act in this cycle, and by which set-point they go."""
+"""Whether the offsets of an axis may act in this cycle, and the set-point that they are computed from."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _ENABLED = PowerState.OPERATION_ENABLED
 _CSP, _CSV = int(ModeOfOperation.CYCLIC_SYNC_POSITION), int(ModeOfOperation.CYCLIC_SYNC_VELOCITY)
 _MAY_BE_ENERGISED = ENERGISED | {PowerState.UNKNOWN}
-# In these the constant torque acts: in the others the axis is being stopped, or was.
+# States in which the constant torque acts; in the others the axis is being stopped, or was stopped.
 _HELD = frozenset(
     {
         AxisState.STANDSTILL,
@@ -34,13 +34,13 @@ _LEFT_AS_FOUND: Offsets = (None, None)
 
 
 def forward_of(parameters: AxisParameters) -> Forward | None:
-    """Return the feed-forward of an axis; None where its cell file asks for none."""
+    """Return the feed-forward of an axis; None if its cell file configures none."""
     given = parameters.feed_forward
     return Forward(given, parameters) if given is not None and given.outputs else None
 
 
 def offsets_of(core: AxisCore, forward: Forward) -> Offsets:
-    """Return what goes out with the set-points that this cycle has found."""
+    """Return the offsets to send with the set-points of this cycle."""
     if not _is_led(core):
         nothing = forward.rest()
         return _LEFT_AS_FOUND if _is_as_found(core) else nothing
@@ -49,7 +49,7 @@ def offsets_of(core: AxisCore, forward: Forward) -> Offsets:
 
 
 def _is_as_found(core: AxisCore) -> bool:
-    """A drive found enabled may live on offsets of somebody else's: the enable that takes it over sees to them."""
+    """Return whether to leave the offsets as found: an enabled drive may depend on them until an enable takes it over."""
     if not core.touched:
         return True
     enables = isinstance(core.activity, EnableActivity) and core.ladder is None and not core.powered
@@ -57,7 +57,7 @@ def _is_as_found(core: AxisCore) -> bool:
 
 
 def _is_led(core: AxisCore) -> bool:
-    """Whether the drive is seen enabled, by us, in a mode that adds its offsets to our targets, and is to stay so."""
+    """Return whether this master has enabled the drive, it adds its offsets to targets in this mode, and it is to stay enabled."""
     image, order, ladder = core.image, core.order, core.ladder
     return (
         core.powered
@@ -76,7 +76,7 @@ def _holds(core: AxisCore) -> bool:
 
 
 def _velocity(core: AxisCore) -> float | None:
-    """Return the velocity of the set-point of this cycle, in unit/s; None where there is none."""
+    """Return the velocity of the set-point of this cycle, in unit/s; None if there is none."""
     order, ladder, activity = core.order, core.ladder, core.activity
     leading = ladder.follow if ladder is not None else None if activity is None else activity.leading
     if isinstance(leading, Follow):

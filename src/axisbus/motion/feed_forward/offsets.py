@@ -1,14 +1,14 @@
-"""The offsets of one axis (60B1h, 60B2h) from the velocity of its set-points, cycle by cycle.
+"""The offsets of one axis (60B1h, 60B2h), computed in each cycle from the velocity of its set-points.
 
 Theory of operation
 -------------------
-A drive in csp goes evenly from the target before to that of this SYNC. The velocity of a set-point is the way between the two over
-the period: just that of the interval which begins with this SYNC. Its acceleration is the difference from the velocity before.
-Both are taken before the set-point is rounded to increments, of which a second difference would be noise.
+A drive in csp moves evenly from the previous target to the target of this SYNC. The velocity of a set-point is the distance between
+both targets, divided by the period: exactly that of the interval which begins with this SYNC. Its acceleration is the difference
+from the previous velocity. Both are computed before the set-point is rounded to increments, because a second difference of rounded
+values is noise.
 
-The constant torque comes and goes on a ramp, because what is added to a controller that holds the load already is a jolt; where
-nothing of ours leads the axis all offsets are 0 at once.
-"""
+The constant torque changes on a ramp, because a step would be a jolt for a controller that already holds the load. If this master
+does not command the axis, all offsets are 0 at once."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from axisbus.motion.feed_forward.settings import FeedForward
 from axisbus.motion.parameters import AxisParameters
 from axisbus.units import INT32_HALF, INT32_LEAST, whole_below
 
-RAMP = 0.2  # seconds in which the constant torque goes from one value to another
+RAMP = 0.2  # seconds in which the constant torque changes from one value to another
 _INT16_MOST = 32767
 
-Offsets = tuple[int | None, int | None]  # 60B1h and 60B2h; None: it is not sent
+Offsets = tuple[int | None, int | None]  # 60B1h and 60B2h; None: not sent
 
 
 class Forward:
-    """Holds the velocity of the set-point before, and how much of the constant torque acts (0.1 % of rated torque)."""
+    """Holds the velocity of the previous set-point, and the present constant torque (0.1 % of rated torque)."""
 
     __slots__ = (
         "_by_torque",
@@ -53,16 +53,16 @@ class Forward:
         most = _INT16_MOST if limit is None else whole_below(abs(limit * per_torque))
         self._most = min(most, _INT16_MOST)
         self._velocity: float | None = None
-        self.asked = (given.torque or 0.0) * per_torque  # the constant torque, once it acts
+        self.asked = (given.torque or 0.0) * per_torque  # the requested constant torque
         self.constant = self._goal = self._change = 0.0
         self.nothing = self._offsets(0.0, 0.0)
 
     def aim(self, torque: float) -> None:
-        """Let the constant torque be another one (0.1 % of rated torque), now or from when something leads the axis."""
+        """Request another constant torque (0.1 % of rated torque); it takes effect now, or when the axis is next commanded."""
         self.asked = torque
 
     def rest(self) -> Offsets:
-        """Return the offsets of an axis that nothing of ours leads: 0."""
+        """Return the offsets of an axis that this master does not command: 0."""
         self._velocity = None
         self.constant = self._goal = 0.0
         return self.nothing
@@ -70,9 +70,8 @@ class Forward:
     def lead(self, velocity: float | None, *, by_position: bool = True, holds: bool = True) -> Offsets:
         """Return the offsets of this cycle.
 
-        ``velocity``: of its set-point, in unit/s; None where the last one holds. ``by_position``: in csp, else in csv, where the
-        target itself is the velocity. ``holds``: whether the constant torque acts; else it goes to 0.
-        """
+        ``velocity``: velocity of the set-point in unit/s; None if the last set-point is held. ``by_position``: True in csp; False
+        in csv, where the target itself is the velocity. ``holds``: whether the constant torque acts; otherwise it changes to 0."""
         before, self._velocity = self._velocity, velocity
         acceleration = 0.0
         if velocity is not None and before is not None:

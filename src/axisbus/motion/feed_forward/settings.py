@@ -1,4 +1,4 @@
-"""What ``[axes.NAME.feed_forward]`` asks for."""
+"""Settings of ``[axes.NAME.feed_forward]``."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from axisbus.cia402 import objects
 
 @dataclass(frozen=True, slots=True)
 class FeedForward:
-    """``velocity``: 60B1h is sent in csp. ``inertia`` in N·m per unit/s² and ``torque`` (constant) in N·m: 60B2h in csp and csv.
+    """``velocity``: send 60B1h in csp. ``inertia`` in N·m per unit/s² and ``torque`` (constant) in N·m: send 60B2h in csp and csv.
 
-    ``turned``: the drive turns velocities (607Eh bit 6) and not positions (bit 7), or the other way round, so that the velocity of
-    a position has the other sign.
+    ``turned``: the drive inverts velocities (607Eh bit 6) but not positions (bit 7), or vice versa, so that the velocity of a
+    position has the opposite sign.
     """
 
     velocity: bool = False
@@ -27,11 +27,11 @@ class FeedForward:
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """The names of what is sent (``cia402.port.OFFSET_OBJECTS``)."""
+        """The names of the offsets that are sent (``cia402.port.OFFSET_OBJECTS``)."""
         return ("velocity_offset",) * self.velocity + ("torque_offset",) * self.by_torque
 
     @property
     def objects(self) -> frozenset[int]:
-        """The objects that carry it."""
+        """The objects that are sent."""
         found = [objects.VELOCITY_OFFSET] * self.velocity + [objects.TORQUE_OFFSET] * self.by_torque
         return frozenset(found)

@@ -1,1 +1,1 @@
-"""Gantry pairs: two axes that carry one beam, driven as one, with the skew between them watched."""
+"""Gantry pairs: two axes that carry one beam and move as one, with the skew between them monitored."""

@@ -1,4 +1,4 @@
-"""What a user can ask of a gantry pair beside what any group does, as frozen values; places in the axes' unit."""
+"""The commands of a gantry pair in addition to those of any group, as frozen values; positions in the axes' unit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from axisbus.motion.commands import TargetReference
 
 @dataclass(frozen=True, slots=True)
 class GantryEnable:
-    """MC_Power of both in one SYNC; ``skew``: with the watch at this wider bound, None: at ``max_skew``."""
+    """MC_Power of both axes in one SYNC; ``skew``: enable with this wider bound of the skew monitor, None: with ``max_skew``."""
 
     axes: tuple[str, str]
     skew: float | None = None
@@ -17,9 +17,9 @@ class GantryEnable:
 
 @dataclass(frozen=True, slots=True)
 class GantryMove:
-    """MC_MoveAbsolute, MC_MoveRelative, MC_MoveAdditive of the beam to, or by, ``value``; velocity and so on are its own.
+    """MC_MoveAbsolute, MC_MoveRelative, MC_MoveAdditive of the beam to, or by, ``value``; velocity etc. apply to the beam.
 
-    ``buffer``: it begins when what the pair does has ended well.
+    ``buffer``: begin when the pair's active commands have ended as done.
     """
 
     axes: tuple[str, str]
@@ -33,7 +33,7 @@ class GantryMove:
 
 @dataclass(frozen=True, slots=True)
 class GantryVelocity:
-    """MC_MoveVelocity of the beam, ``velocity`` signed and not 0."""
+    """MC_MoveVelocity of the beam; ``velocity`` is signed and not 0."""
 
     axes: tuple[str, str]
     velocity: float
@@ -42,7 +42,7 @@ class GantryVelocity:
 
 @dataclass(frozen=True, slots=True)
 class GantryHome:
-    """Find the switches of both, going with ``acceleration``; ``key`` tells the requests to the touch probes from others."""
+    """Home both axes by their switches, with ``acceleration``; ``key`` distinguishes these touch-probe requests from others."""
 
     axes: tuple[str, str]
     acceleration: float
@@ -51,7 +51,7 @@ class GantryHome:
 
 @dataclass(frozen=True, slots=True)
 class GantrySquare:
-    """Move ``axis`` alone, while the other holds: by ``distance``, None: until the beam is square."""
+    """Move ``axis`` alone, while the other one holds: by ``distance``; None: until the beam is square."""
 
     axes: tuple[str, str]
     axis: str
@@ -62,7 +62,7 @@ class GantrySquare:
 
 @dataclass(frozen=True, slots=True)
 class GantrySetPosition:
-    """MC_SetPosition: the beam, at rest, is at ``position``; with ``square`` it is taken to be square as it stands."""
+    """MC_SetPosition: the beam, at rest, is at ``position``; with ``square``, its present skew counts as square."""
 
     axes: tuple[str, str]
     position: float

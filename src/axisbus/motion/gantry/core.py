@@ -1,17 +1,16 @@
-"""A gantry pair in the core: a group of two axes whose way is one place, with the skew watched in every cycle.
+"""A gantry pair in the core: a group of two axes that moves as one beam, with the skew monitored in every cycle.
 
 Theory of operation
 -------------------
-Every motion of the pair is a straight line of a group (``MoveLinear``), from where both are led to, to one place of the first axis
-and that plus the offset of the second. Both have their shares of one way and one travel along it, so one set-point leads both; a
-halt, an override and a resumption act on the travel, and nothing leads one of them without the other. A beam that stands a little
-out of square is square at the end of its next move.
+Every motion of the pair is a straight line of a group (``MoveLinear``). It leads from the commanded positions of both axes to one
+position of the first axis, and that position plus the offset for the second. Both axes share one path and one motion along it, so
+one set-point commands both. A halt, an override and a resumption act on this motion, and nothing commands one axis without the
+other. A beam that is slightly out of square is square at the end of its next move.
 
-The skew is looked at before the axes step (``skew``). What is found is told to both in that cycle: they go to ErrorStop, and brake
-along the line that they are on, as hard as all axes of that line may; where no line leads them, by the ladder of each. At rest, a
-beam that is bent still is quick-stopped: a side that is held would leap to its target when it comes free. Where one of them has
-failed by itself, the fault policy stops the other along the same line, and that is braked as hard.
-"""
+The skew is checked before the axes step (``skew``). If the skew is too large or unknown, both axes go to ErrorStop in that cycle.
+They brake along their line, as hard as all axes of that line permit; if no line commands them, each executes its stop sequence. If
+the beam is still out of square at rest, it is quick-stopped, because a jammed side would jump to its target when it comes free. If
+one axis has failed of its own accord, the fault policy stops the other along the same line, and that line brakes as hard."""
 
 from __future__ import annotations
 
@@ -41,7 +40,7 @@ from axisbus.motion.states import MOVING, AxisState
 
 
 class GantryCore(GroupCore):
-    """The group of a pair's axes; holds the watch over their skew, and what of its own is under way."""
+    """The group of a pair's axes; holds the skew monitor and the pair's own active commands."""
 
     def __init__(
         self,
@@ -50,7 +49,7 @@ class GantryCore(GroupCore):
         period: float,
         groups: Callable[[], Iterable[GroupCore]],
     ) -> None:
-        """As ``GroupCore``; ``groups``: all that there are, this one with them: any of them may lead both with other axes."""
+        """As ``GroupCore``; ``groups``: all groups including this one, because any group may command both axes with other axes."""
         super().__init__(axes, period)
         self._groups = groups
         self.parameters = parameters
@@ -60,7 +59,7 @@ class GantryCore(GroupCore):
         self._turning: GantryVelocityMove | None = None
         self._squaring: CommandStatus | None = None
         self._bent = SkewStop(axes, self.watch)
-        self._ends_at: float | None = None  # the last place that the beam was told to go to
+        self._ends_at: float | None = None  # the last commanded end position of the beam
 
     def accept(self, command: GroupCommand, ticket: CommandStatus) -> None:
         """As ``GroupCore.accept``."""
@@ -78,7 +77,7 @@ class GantryCore(GroupCore):
         self._ended = self._ended or not ticket.busy
 
     def step(self) -> None:
-        """Once per cycle, before the axes."""
+        """Check the skew and advance all active commands; called once per cycle, before the axes step."""
         self.watch.look()
         error = self.watch.finding()
         if error is not None:
@@ -104,7 +103,7 @@ class GantryCore(GroupCore):
         return super()._is_busy or (self._homing is not None and self._homing.busy)
 
     def let_lead(self, name: str) -> AxisbusError | None:
-        """Let a way of another group lead both with other axes; return why it must not (``name`` says what was asked for)."""
+        """Permit a path of another group to command both axes with others; return an error if not (``name``: the command)."""
         self._end_squaring()
         self._ends_at = None
         if self._homing is not None and self._homing.busy:
@@ -120,10 +119,10 @@ class GantryCore(GroupCore):
             remedy=f"make the beam square first: {self.parameters.name}.square(velocity=...), slowly",
         )
 
-    # -- the watch -----------------------------------------------------------------------------------------------------
+    # -- the skew monitor ----------------------------------------------------------------------------------------------
 
     def _brake_hard(self) -> None:
-        """Let the line that leads both, of whichever group, brake as hard as all of its axes may."""
+        """Let the line that commands both axes, of whichever group, brake as hard as all of its axes permit."""
         for group in self._groups():
             group.brake_hard(self.axes)
 
@@ -137,18 +136,18 @@ class GantryCore(GroupCore):
         self._end_squaring()
 
     def _look_at_homing(self, homing: GantryHoming) -> None:
-        """Where it has ended, go on with what waits behind it, as behind any other command."""
+        """When homing has ended, begin the first waiting command."""
         if not homing.busy:
             self._ended, self._homing = True, None
             self._go_on_after(homing)
 
     def _go_on_after(self, ended: EndedGroupCommand) -> None:
-        """As ``GroupCore``; what a homing has told its axes is no command that anything waits for."""
+        """As ``GroupCore``; the commands of a homing run to its axes do not count."""
         if self._homing is None:
             super()._go_on_after(ended)
 
     def _end_squaring(self) -> None:
-        """Let ``max_skew`` hold again where the beam has been made square."""
+        """Restore ``max_skew`` as the bound after the beam has been squared."""
         ticket = self._squaring
         if ticket is None or ticket.busy:
             return
@@ -160,7 +159,7 @@ class GantryCore(GroupCore):
     # -- power ---------------------------------------------------------------------------------------------------------
 
     def _require_ours(self, command: GroupCommand, ticket: CommandStatus) -> None:
-        """Raise where what is for groups is not for this one now."""
+        """Raise the error if a group command is not permitted for this pair now."""
         singles = command.commands.values() if isinstance(command, ForEach) else ()
         if isinstance(command, GroupContinue) and self.watch.wide:
             self._require_fit(ticket)
@@ -179,7 +178,7 @@ class GantryCore(GroupCore):
         self._require_each(enables, ticket)
         before = watch.bound
         if watch.energised and command.skew is None:
-            bound = before  # asked for again: nothing changes
+            bound = before  # enabled already: nothing changes
         watch.bound = max(bound, command.skew or 0.0)
         if watch.skew is None or abs(watch.skew) > watch.bound:
             error = watch.error(f"{ticket.name}: not enabled")
@@ -275,17 +274,17 @@ class GantryCore(GroupCore):
         jerk: float | None,
         ticket: CommandStatus,
     ) -> None:
-        """Lead both along one line; velocity and so on are those of the axis that goes farther."""
+        """Move both axes along one line; velocity, acceleration and jerk apply to the axis with the longer distance."""
         ways = [end - (led_place_of(self.axes[name]) or 0.0) for name, end in ends.items()]
         farthest = max(abs(way) for way in ways)
         by = math.hypot(*ways) / farthest if farthest else 1.0
         soft = None if jerk is None else by * jerk
         self._move_along(MoveLinear(ends, by * velocity, by * acceleration, soft), ticket)
 
-    # -- what is refused -----------------------------------------------------------------------------------------------
+    # -- checks --------------------------------------------------------------------------------------------------------
 
     def _require_fit(self, ticket: CommandStatus) -> None:
-        """Raise StateError where the beam cannot be moved as one: not at rest, not known, or out of square."""
+        """Raise StateError if the beam cannot move as one: not at rest, position unknown, or a wider bound in force."""
         self._require_rest(self.parameters.axes, ticket)
         if self.watch.skew is None:
             raise self.watch.error(f"{ticket.name}: not begun")
@@ -297,7 +296,7 @@ class GantryCore(GroupCore):
             self._allowed(name, end, ticket)
 
     def _allowed(self, name: str, end: float, ticket: CommandStatus) -> float:
-        """Return where an axis that is to go to ``end`` may go to (``allowed_end``); raise LimitError where it may not."""
+        """Return the permitted end for an axis that is to move to ``end`` (``allowed_end``); raise LimitError if there is none."""
         core, image = self.axes[name], self.axes[name].image
         units, start = core.parameters.units.position, led_place_of(core)
         assert start is not None  # the skew is known
@@ -312,7 +311,7 @@ class GantryCore(GroupCore):
 
 
 def set_place(core: AxisCore, place: float) -> None:
-    """Call where an axis is ``place`` (its unit) from now on."""
+    """Define the axis's present position as ``place`` (in its unit)."""
     here = core.image.position
     assert here is not None
     core.confirm_position(here - core.parameters.units.position.to_increments(place))

@@ -1,18 +1,17 @@
-"""Homing of a pair: both are led together until their touch probes have seen their switches, and squared then.
+"""Homing of a pair: both axes move together until their touch probes have latched their switches, then the beam is squared.
 
 Theory of operation
 -------------------
-1. The touch probes of the axes that have a switch are armed (60B8h); nothing moves before both are.
-2. Both are led along one line towards the switches. The drives latch where they are at their edges. When the first edge has come
-   both go on, together, for the other one: the beam stays as it stands. The second edge shows how far it is out of square. It must
-   come before that is more than the plan's ``skew``; else both stop, and nothing is homed.
-3. Both brake to rest on their line. Each position is counted anew from its edge.
-4. The second axis goes alone until the beam is square, with the velocity of the search; where the switches lie beyond the position
-   limits, both come back to these meanwhile.
+1. The touch probes of the axes that have a switch are armed (60B8h); nothing moves before all are armed. 2. Both axes move along
+one line towards the switches. Each drive latches its position at its own edge. After the first edge both axes
+   continue together towards the other edge, so the skew of the beam does not change. The second edge shows the skew. It must come
+   before the skew exceeds the plan's ``skew``; otherwise both axes stop and are not homed.
+3. Both axes brake to rest on their line. Each position is then referenced to its edge. 4. The second axis moves alone until the
+beam is square, at the search velocity. If the switches are outside the position limits, both
+   axes return to the limits in the same motion.
 
-So the axes are never led apart but to square the beam, and no farther than the plan's ``skew``, which is the bound of the watch
-meanwhile. Whatever else is told to the pair (a halt, a stop, a fault) ends it, as it ends a line.
-"""
+So the axes move relative to each other only to square the beam, and by no more than the plan's ``skew``, which is the monitor's
+bound meanwhile. Any other command to the pair (a halt, a stop) and any fault ends homing, as it would end a line."""
 
 from __future__ import annotations
 
@@ -34,11 +33,11 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.user_code_errors import broken
 
 Lead = Callable[[Mapping[str, float], float, CommandStatus], None]
-_LATE = 0.05  # seconds in which an edge may have been latched and is not seen yet
+_LATE = 0.05  # seconds within which a latched edge may not have been received yet
 
 
 class GantryHoming:
-    """Holds the tickets of what the axes are told, and at which increment each has seen its edge."""
+    """Holds the tickets of the axes' commands, and the position in increments at which each axis has latched its edge."""
 
     def __init__(
         self,
@@ -62,7 +61,7 @@ class GantryHoming:
         self._arrived_at = math.inf
 
     def begin(self, lead: Lead) -> None:
-        """Arm the touch probes; ``lead`` leads both along a line to some ends, with a velocity, for a ticket."""
+        """Arm the touch probes; ``lead`` moves both axes along a line to given ends, at a velocity, for a ticket."""
         self._lead = lead
         self._ticket.begin()
         plan = self._plan
@@ -74,34 +73,34 @@ class GantryHoming:
 
     @property
     def busy(self) -> bool:
-        """Whether it has not ended."""
+        """Whether homing has not ended."""
         return self._ticket.busy
 
     @property
     def name(self) -> str:
-        """What was asked for."""
+        """The name of the command."""
         return self._ticket.name
 
     @property
     def error(self) -> AxisbusError | None:
-        """What has ended it, where that is an error."""
+        """The error that has ended homing, or None."""
         return self._ticket.error
 
     def abandon(self, error: AxisbusError) -> None:
-        """End it with ``error``: the scan has ended."""
+        """End homing with ``error``: the scan has ended."""
         self._ticket.finish(Status.ERROR, error)
 
     def step(self) -> None:
-        """Once per cycle, before the axes."""
+        """Advance homing; called once per cycle, before the axes step."""
         if not self.busy:
             return
         try:
             self._do()
-        except Exception as error:  # noqa: BLE001  # whatever it is, it ends this command and stops its axes
+        except Exception as error:  # noqa: BLE001  # any exception ends this command and stops its axes
             self.give_up(broken(error, self.name))
 
     def give_up(self, error: AxisbusError) -> None:
-        """End it with ``error``, and halt what it has under way."""
+        """End homing with ``error``, and stop its active motion."""
         if not self.busy:
             return
         for name, core in self._axes.items():
@@ -110,10 +109,10 @@ class GantryHoming:
                 accept(core, stop, unattended(f"{name}.stop"))
         self._end(error)
 
-    # -- one after the other -------------------------------------------------------------------------------------------
+    # -- the steps -----------------------------------------------------------------------------------------------------
 
     def _arm(self) -> None:
-        """Wait until all are armed, then go."""
+        """Wait until all touch probes are armed, then begin to move."""
         self._require_undisturbed()
         self._require_probes()
         if not all(probe.status is Status.ACTIVE for probe in self._probes.values()):
@@ -124,7 +123,7 @@ class GantryHoming:
         self._do = self._search
 
     def _search(self) -> None:
-        """Both go together; the second edge must come before the beam is too far out of square."""
+        """Move both axes together; the second edge must come before the beam is too far out of square."""
         if self._line.error is not None:
             self._end(self._line.error)
         elif len(self._edges) == len(self._probes):
@@ -144,7 +143,7 @@ class GantryHoming:
             accept(core, c.Halt(), child)
 
     def _rest(self) -> None:
-        """At rest, count both anew."""
+        """At rest, reference both axes."""
         self._require_undisturbed(f"{self._line.name} was asked for")
         if self._line.busy:
             return
@@ -166,7 +165,7 @@ class GantryHoming:
         self._do = self._square
 
     def _within_limits(self, place: float) -> float:
-        """Return the place nearest to ``place`` at which a square beam is within the limits of both: switches often lie beyond."""
+        """Return the position nearest to ``place`` that keeps a square beam in both axes' limits; switches are often outside."""
         first, second = (self._axes[name].parameters.limits.position for name in self._parameters.axes)
         for limits, more in ((first, 0.0), (second, self._parameters.offset)):
             if limits is not None:
@@ -178,7 +177,7 @@ class GantryHoming:
             return
         self._end(self._line.error)
 
-    # -- what is known -------------------------------------------------------------------------------------------------
+    # -- measured values -----------------------------------------------------------------------------------------------
 
     def _hear(self, name: str, probe: CommandStatus) -> None:
         if probe.capture is not None:
@@ -186,18 +185,18 @@ class GantryHoming:
 
     def _led(self, name: str) -> float:
         place = led_place_of(self._axes[name])
-        assert place is not None  # the watch has seen both
+        assert place is not None  # the monitor has seen both
         return place
 
     def _found_skew(self) -> float:
-        """Return how far the beam is out of square, by both edges; with one switch it is taken to be square."""
+        """Return the skew of the beam from both edges; with one switch, the beam is assumed to be square."""
         if not self._plan.each:
             return 0.0
         a, b = (self._since_edge(name) for name in self._parameters.axes)
         return b - a + self._plan.positions[1] - self._plan.positions[0] - self._parameters.offset
 
     def _since_edge(self, name: str) -> float:
-        """Return how far an axis is beyond its edge."""
+        """Return the distance of an axis from its edge, in its unit."""
         core = self._axes[name]
         here = core.image.position
         assert here is not None
@@ -215,10 +214,10 @@ class GantryHoming:
             assert here is not None
             core.confirm_position(here - core.parameters.units.position.to_increments(where))
 
-    # -- what is wrong -------------------------------------------------------------------------------------------------
+    # -- errors --------------------------------------------------------------------------------------------------------
 
     def _require_undisturbed(self, reason: str = "") -> None:
-        """Raise where a stop has come while no line leads the axes that it would end; ``reason``: of the halt of its own."""
+        """Raise if the axes were stopped while no line commands them; ``reason``: the reason of homing's own halt."""
         for core in self._axes.values():
             if core.state is AxisState.ERRORSTOP and core.error is not None:
                 raise copy(core.error)
@@ -228,7 +227,7 @@ class GantryHoming:
                 raise StateError(f"{self.name}: {core.parameters.name} is {core.state.value}")
 
     def _require_probes(self) -> None:
-        """Raise where a touch probe has ended without an edge."""
+        """Raise if a touch probe has ended without an edge."""
         for name, probe in self._probes.items():
             if not probe.busy and name not in self._edges:
                 raise probe.error or HomingError(
@@ -236,7 +235,7 @@ class GantryHoming:
                 )
 
     def _require_near(self) -> None:
-        """Raise where one edge has come, and the other is farther away than the beam may be out of square."""
+        """Raise if one edge has come and the other has not come within the permitted skew."""
         seen = next(iter(self._edges), None)
         if seen is None or place_of(self._axes[seen]) is None:
             return
@@ -246,7 +245,7 @@ class GantryHoming:
         allowed = self._plan.skew + math.copysign(1.0, self._plan.distance) * (
             switches if seen == first else -switches
         )
-        # The drive tells of its edge a little later than it was.
+        # The drive reports its edge with a small delay.
         if gone > allowed + self._plan.velocity * _LATE:
             missing = second if seen == first else first
             raise self._too_skew(
@@ -263,7 +262,7 @@ class GantryHoming:
         )
 
     def _look_once_more(self) -> None:
-        """The line has ended: an edge shortly before that may not have been seen yet."""
+        """After the end of the line, wait for an edge that may not have been received yet, then raise HomingError."""
         now = max(core.image.now for core in self._axes.values())
         self._arrived_at = min(self._arrived_at, now)
         if now < self._arrived_at + _LATE:
@@ -286,7 +285,7 @@ class GantryHoming:
 
 
 def _gather(children: list[CommandStatus], ticket: CommandStatus) -> None:
-    """End ``ticket`` when all have ended."""
+    """End ``ticket`` when all ``children`` have ended."""
     if any(child.busy for child in children):
         return
     error = next((child.error for child in children if child.error is not None), None)

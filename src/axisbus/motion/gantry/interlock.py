@@ -1,4 +1,4 @@
-"""Axes that belong to a pair are not moved one by one, and what stops one of them stops both."""
+"""Interlock of gantry pairs: axes of a pair do not move individually, and a stop of one axis stops both."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from axisbus.motion.gantry.parameters import GantryParameters
 from axisbus.motion.group.commands import ForEach, GroupContinue, MoveLinear, MovePath
 
 _STOPS = (c.Halt, c.Stop, c.QuickStop, c.Disable)
-# They move and energise nothing.
+# Commands that neither move nor energise anything.
 _HARMLESS = (
     c.ResetCommand,
     c.Release,
@@ -23,7 +23,7 @@ _HARMLESS = (
 
 _WAYS = (MoveLinear, MovePath, GroupContinue)
 _NEAR = 1e-6  # units
-_LOOKS = 64  # places of a way that are looked at, beside its joints
+_LOOKS = 64  # positions of a path that are checked, in addition to its segment boundaries
 
 
 class Pairs:
@@ -41,9 +41,9 @@ class Pairs:
         return bool(self.by_name)
 
     def refusal(self, target: object, command: object, axes: Iterable[str], name: str) -> StateError | None:
-        """Return why ``command`` (which ``name`` tells people) cannot be taken; None where it can.
+        """Return why ``command`` is rejected; None if it is permitted. ``name``: the command's name in the message.
 
-        ``target``: the axis or group that it was given to; ``axes``: those that it concerns.
+        ``target``: the axis or group that the command was given to; ``axes``: the axes that it concerns.
         """
         if isinstance(target, str) and target in self.by_name:
             return None
@@ -58,7 +58,7 @@ class Pairs:
         )
 
     def led(self, target: object, command: object, axes: Iterable[str]) -> list[str]:
-        """Return the names of the pairs that a way of a group, which is not the pair's own, leads with other axes."""
+        """Return the names of the pairs that a path of a group other than the pair's own moves together with other axes."""
         if target in self.by_name:
             return []
         return list({self._of[axis].name for axis in axes if axis in self._of and isinstance(command, _WAYS)})
@@ -66,9 +66,9 @@ class Pairs:
     def left_out(
         self, command: object, axes: Collection[str], there: Collection[str]
     ) -> dict[str, c.Command]:
-        """Return what the mates of ``axes`` are told as well, where ``command`` stops one axis of a pair and not the other.
+        """Return the stop commands for the other axis of each pair, if ``command`` stops only one axis of the pair.
 
-        ``there``: the axes that there are; an optional node may be missing.
+        ``there``: the axes that are present; an optional node may be missing.
         """
         found: dict[str, c.Command] = {}
         for axis in axes:
@@ -82,13 +82,13 @@ class Pairs:
 
 
 def leads_together(command: object, pair: GantryParameters) -> bool:
-    """Whether a way of a group leads both axes of a pair as one: never far from square, and square at its end."""
+    """Return whether a path of a group moves both axes of a pair as one: never far from square, and square at its end."""
     if not isinstance(command, _WAYS) or not set(pair.axes) <= set(command.axes):
         return False
     if isinstance(command, MoveLinear):
         return abs(command.ends[pair.second] - command.ends[pair.first] - pair.offset) <= _NEAR
     if isinstance(command, GroupContinue):
-        return True  # it was looked at when it began
+        return True  # it was checked when it began
     way, (first, second) = command.way, (command.axes.index(axis) for axis in pair.axes)
     places = [way.at(way.length * number / _LOOKS) for number in range(_LOOKS + 1)]
     places += [way.at(start) for start in way.starts]
@@ -97,5 +97,5 @@ def leads_together(command: object, pair: GantryParameters) -> bool:
 
 
 def _own(command: object, axis: str) -> object:
-    """Return what an axis is told by a command, which may be one for a whole group."""
+    """Return the command for one axis from a command that may be one for a whole group."""
     return command.commands.get(axis) if isinstance(command, ForEach) else command

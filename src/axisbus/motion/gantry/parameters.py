@@ -1,4 +1,4 @@
-"""What motion must know of a gantry pair, as frozen values in the axes' unit."""
+"""Parameters of a gantry pair, as frozen values in the axes' unit."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from axisbus.cia402.touch_probe import Edge
 
 @dataclass(frozen=True, slots=True)
 class SwitchSearch:
-    """How a pair finds where it is: both go ``distance`` (signed) at most, at ``velocity``, until their touch probes see ``edge``.
+    """How a pair is homed: both axes move ``distance`` (signed) at most, at ``velocity``, until their touch probes see ``edge``.
 
-    ``positions``: what each axis's place is called at its own switch. ``skew``: how far the beam may be out of square when it is
-    found. ``each``: both have a switch; else only the first, and the beam is taken to be square. ``input`` is 1 or 2.
+    ``positions``: the position of each axis at its own switch. ``skew``: the permitted skew of the beam when homing finds it.
+    ``each``: both axes have a switch; otherwise only the first has one, and the beam is assumed to be square. ``input`` is 1 or 2.
     """
 
     each: bool
@@ -26,9 +26,9 @@ class SwitchSearch:
 
 @dataclass(frozen=True, slots=True)
 class GantryParameters:
-    """Two axes that carry one beam: its place is that of the ``first``.
+    """Two axes that carry one beam, whose position is that of the ``first`` axis.
 
-    The beam is square where the second is ``offset`` farther; ``max_skew`` (above 0) is how far from that it may be.
+    The beam is square if the second axis is ``offset`` farther; ``max_skew`` (above 0) is the permitted deviation from that.
     """
 
     name: str
@@ -40,5 +40,5 @@ class GantryParameters:
 
     @property
     def axes(self) -> tuple[str, str]:
-        """Both, the first one first."""
+        """Both axes, the first one first."""
         return self.first, self.second

@@ -1,12 +1,12 @@
-"""How far a beam is out of square, cycle by cycle, and how far it may be.
+"""The skew of a beam in every cycle, and its permitted bound.
 
 Theory of operation
 -------------------
-Skew is how much farther the second axis is than the first, less the offset of the pair. That is so where both places are
-confirmed ones: homed, set, or of an absolute encoder (``homing.required = false``). Before that each drive counts from wherever it
-was switched on, and nobody knows how the beam stands: then what both showed when they were first seen together counts as square,
-and only what changes since is skew. A node that restarts counts anew, so that begins anew as well.
-"""
+Skew is the position of the second axis minus that of the first, minus the offset of the pair. This holds if both positions are
+confirmed: homed, set, or from an absolute encoder (``homing.required = false``). Without confirmed positions, each drive counts
+from its position at power-on, and the skew of the beam is unknown. Then the difference at the first cycle with both positions
+counts as square, and only later changes are skew. A node that restarts counts from a new position, so this procedure restarts as
+well."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ _REMEDY = (
     "{name}.square(velocity=...), slowly"
 )
 
-_FRESH = 3.5  # cycles: what is older was not told in time
+_FRESH = 3.5  # cycles: an older position is reported as outdated
 
 
 def place_of(core: AxisCore) -> float | None:
-    """Return where an axis is, in its unit; None where that is not known."""
+    """Return the actual position of an axis in its unit; None if it is unknown."""
     position = core.image.position
     return None if position is None else core.parameters.units.position.to_units(position - core.image.origin)
 
 
 def led_place_of(core: AxisCore) -> float | None:
-    """Return where an axis is led to (6062h), else where it is."""
+    """Return the demand position (6062h) of an axis in its unit if it is known, otherwise the actual position."""
     image = core.image
     place = image.position if image.demand is None else image.demand
     return None if place is None else core.parameters.units.position.to_units(place - image.origin)
 
 
 class SkewMonitor:
-    """Looks at both axes in each cycle; holds the ``bound`` that counts now, and the ``skew`` (None: it is not known)."""
+    """Computes the skew in each cycle; holds the present ``bound`` and the ``skew`` (None: unknown)."""
 
     def __init__(self, parameters: GantryParameters, first: AxisCore, second: AxisCore) -> None:
         self.bound = parameters.max_skew
@@ -47,30 +47,30 @@ class SkewMonitor:
         self._parameters = parameters
         self._first, self._second = first, second
         self._taken: float | None = (
-            None  # what both showed when they were first seen, where nothing is confirmed
+            None  # the difference when both were first seen, if the positions are not confirmed
         )
 
     @property
     def confirmed(self) -> bool:
-        """Whether the places of both are such that their difference says how the beam stands."""
+        """Whether both positions are confirmed, so that their difference is the true skew."""
         return all(core.homed or not core.parameters.homing.required for core in (self._first, self._second))
 
     @property
     def wide(self) -> bool:
-        """Whether more than ``max_skew`` is allowed now."""
+        """Whether more than ``max_skew`` is permitted now."""
         return self.bound > self._parameters.max_skew
 
     def narrow(self) -> None:
-        """Allow ``max_skew`` and no more."""
+        """Restore ``max_skew`` as the bound."""
         self.bound = self._parameters.max_skew
 
     @property
     def square(self) -> float:
-        """How much farther the second axis is than the first where the beam is square."""
+        """Position of the second axis minus that of the first if the beam is square."""
         return self._parameters.offset if self.confirmed or self._taken is None else self._taken
 
     def look(self) -> None:
-        """Once per cycle, before the axes: see how the beam stood in the cycle before."""
+        """Compute the skew from the positions of the previous cycle; once per cycle, before the axes."""
         first, second = self._first, self._second
         a, b = place_of(first), place_of(second)
         if a is None or b is None or not (first.image.operational and second.image.operational):
@@ -79,16 +79,16 @@ class SkewMonitor:
         if self.confirmed:
             self._taken = None
         elif self._taken is None:
-            self._taken = b - a - (self.skew or 0.0)  # what was known before is not forgotten
+            self._taken = b - a - (self.skew or 0.0)  # keep the skew that was known before
         self.skew = b - a - self.square
 
     @property
     def energised(self) -> bool:
-        """Whether the motor of either axis is driven, by this program."""
+        """Whether this program drives the motor of either axis."""
         return any(core.touched and core.image.state in ENERGISED for core in (self._first, self._second))
 
     def finding(self) -> SkewError | None:
-        """Return what is wrong in this cycle with a beam that is driven; None where nothing is, or it is not driven."""
+        """Return the error for an energised beam in this cycle; None if there is none, or if the beam is not energised."""
         if not self.energised or not self.failing():
             return None
         if self.skew is not None and abs(self.skew) <= self.bound:
@@ -96,13 +96,13 @@ class SkewMonitor:
         return self.error(f"{self._parameters.name}: both axes were stopped")
 
     def failing(self) -> list[AxisCore]:
-        """Return the axes that a finding concerns: an axis that is being stopped because the other has failed is left to that."""
+        """Return the axes that a skew error must stop; an axis that is being stopped because the other has failed is left out."""
         both = (self._first, self._second)
         fine = [core for core in both if core.state is not AxisState.ERRORSTOP]
         return [core for core in fine if len(fine) == len(both) or core.ladder is None]
 
     def error(self, what: str) -> SkewError:
-        """Return that the beam is out of square, or that nobody knows; ``what`` became of it."""
+        """Return the error: the beam is out of square, or its skew is unknown. ``what``: what happened because of it."""
         name = self._parameters.name
         if self.skew is None:
             return SkewError(
@@ -118,12 +118,12 @@ class SkewMonitor:
 
     @property
     def unit(self) -> str:
-        """That of both axes."""
+        """The unit of both axes."""
         return self._first.parameters.units.position.unit
 
     @property
     def places(self) -> str:
-        """Where both are, in words."""
+        """The positions of both axes as text."""
         texts = []
         for core in (self._first, self._second):
             place = place_of(core)

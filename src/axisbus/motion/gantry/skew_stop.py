@@ -1,4 +1,4 @@
-"""A beam that was found out of square while it is driven: both axes are stopped, and nothing pulls once they are at rest."""
+"""The stop of an energised beam that is out of square: both axes stop, and are quick-stopped if they are still skewed at rest."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from axisbus.motion.stop.stop_sequence import AfterStop, StopLevel
 
 
 class SkewStop:
-    """Holds whether both are being stopped because of it."""
+    """Holds whether both axes are being stopped because of the skew."""
 
     def __init__(self, axes: Mapping[str, AxisCore], watch: SkewMonitor) -> None:
         self._axes, self._watch = axes, watch
         self._stopping = False
 
     def stop_both(self, error: SkewError) -> None:
-        """Stop both along their line, where one leads them, else each by its ladder."""
+        """Stop both axes along their line if one commands them, otherwise each by its stop sequence."""
         failing = self._watch.failing()
         self._stopping = True
         for core in failing:
@@ -30,7 +30,7 @@ class SkewStop:
             core.break_off(copy(error))
 
     def let_nothing_pull(self) -> None:
-        """Quick-stop both once their way is at rest, if the beam is bent still: a side that comes free would leap to its target."""
+        """Quick-stop both axes when their path is at rest and the beam is still skewed: a jammed side would jump to its target."""
         if not self._stopping:
             return
         halting = [

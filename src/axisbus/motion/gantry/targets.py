@@ -1,4 +1,4 @@
-"""Where a beam, or one side of it, is to go: of a move, of a velocity without an end, and of squaring; in the axes' unit."""
+"""End positions of a beam or of one side of it: of a move, of a velocity without an end, and of squaring; in the axes' unit."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from axisbus.motion.gantry.skew import SkewMonitor, led_place_of, place_of
 from axisbus.motion.position_limits import room_of_count
 from axisbus.units import INT32_HALF
 
-_FAR = 0.25  # of the half of INTEGER32: how far a beam without position limits goes, where it is told no end
+_FAR = 0.25  # of half the INTEGER32 range: the distance of a velocity move without position limits
 
 
 def end_of_move(command: g.GantryMove, first: AxisCore, last: float | None) -> float:
-    """Return the place of the beam at the end of a move; ``last``: where it was told to go last, None: nowhere yet."""
+    """Return the beam's position at the end of a move; ``last``: the previous end position, None: none yet."""
     if command.reference is TargetReference.ABSOLUTE:
         return command.value
     base = place_of(first)
     if command.reference is TargetReference.ADDITIVE and last is not None:
         base = last
-    assert base is not None  # the skew is known
+    assert base is not None  # because the skew is known
     return base + command.value
 
 
 def far_end(velocity: float, first: AxisCore, second: AxisCore, square: float, name: str) -> float:
-    """Return the place of the beam to which nothing but its limits, or the count of its drives, lets it go.
+    """Return the farthest position of the beam that its limits and the count of its drives permit.
 
-    ``square``: how much farther the second axis is than the first; ``name``: what was asked for.
+    ``square``: position of the second axis minus that of the first if the beam is square; ``name``: the command's name.
 
     Raises:
-        LimitError: it is there already, or beyond.
+        LimitError: the beam is at that position already, or beyond it.
     """
     way, here = math.copysign(1.0, velocity), led_place_of(first)
     assert here is not None
@@ -65,10 +65,11 @@ def ends_of_squaring(
     watch: SkewMonitor,
     name: str,
 ) -> dict[str, float]:
-    """Return where both axes are when one of them has gone by its distance, or until the beam is square.
+    """Return the positions of both axes after one of them has moved by its distance, or until the beam is square.
 
     Raises:
-        SkewError: nobody knows how the beam stands. LimitError: it would be farther out of square than the watch allows.
+        SkewError: the skew of the beam is unknown.
+        LimitError: the beam would be farther out of square than the monitor's bound.
     """
     if watch.skew is None:
         raise watch.error(f"{name}: not begun")

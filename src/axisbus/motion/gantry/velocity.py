@@ -1,4 +1,4 @@
-"""A beam that moves at a velocity until something else is wanted, on a line of which the end is far away."""
+"""A beam that moves at a velocity until another command comes, on a line whose end is far away."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ _REACHED = 1e-6  # of the velocity
 
 
 class GantryVelocityMove:
-    """Holds the ticket of the velocity, which is done when that is reached, and that of the line below it, which goes on."""
+    """Holds the ticket of the velocity command, which is done at that velocity, and the ticket of the line, which continues."""
 
     def __init__(
         self, velocity: float, ticket: CommandStatus, inner: CommandStatus, line: PathMotion | None
     ) -> None:
-        """``velocity`` signed, in unit/s; ``inner``: the ticket of ``line`` (None where it has not begun)."""
+        """``velocity`` signed, in unit/s; ``inner``: the ticket of ``line`` (None if the line has not begun)."""
         self._velocity, self._begun_with = velocity, abs(velocity)
         self._ticket, self._inner, self._line = ticket, inner, line
         ticket.begin()
 
     @property
     def name(self) -> str:
-        """What was asked for."""
+        """The name of the command."""
         return self._ticket.name
 
     @property
@@ -35,7 +35,7 @@ class GantryVelocityMove:
         self._ticket.finish(Status.ERROR, error)
 
     def change(self, velocity: float, ticket: CommandStatus) -> bool:
-        """Go on with another velocity in the same direction, by the same acceleration; False where that cannot be."""
+        """Change the velocity in the same direction, with the same acceleration; return False if that is impossible."""
         line = self._line
         if (
             self.over
@@ -52,12 +52,12 @@ class GantryVelocityMove:
         return True
 
     def make_way(self, name: str) -> None:
-        """End an open ticket: as the line below it has ended, else as replaced by the velocity ``name``."""
+        """End a ticket that is still open: with the line's result if the line has ended, else as replaced by command ``name``."""
         self.step()
         self._end_for(name)
 
     def step(self) -> bool:
-        """Once per cycle: end the ticket where the velocity is reached, or the line has ended; return whether it did."""
+        """Once per cycle: end the ticket if the velocity is reached or the line has ended; return whether it ended."""
         if not self._ticket.busy:
             return False
         line = self._line

@@ -1,1 +1,1 @@
-"""Named inputs and outputs in the cycle: what is commanded, what is known, and the way to the safe state."""
+"""Named inputs and outputs in the cycle: commanded values, known values, and the change to the safe state."""

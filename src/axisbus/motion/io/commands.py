@@ -1,4 +1,4 @@
-"""What a user can ask of outputs, as frozen values that can be pickled."""
+"""The command for outputs, as a frozen value that can be pickled."""
 
 from __future__ import annotations
 
@@ -7,6 +7,6 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class SetOutputs:
-    """Set outputs by name, to raw values; those of one node in one frame where they are mapped into one."""
+    """Set outputs by name, to raw values; outputs of one node in one frame if they are mapped into one."""
 
     values: tuple[tuple[str, int], ...]

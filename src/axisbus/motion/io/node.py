@@ -1,17 +1,18 @@
-"""The inputs and outputs of one node, cycle by cycle: a pure step from what came to what is sent.
+"""Inputs and outputs of one node: a pure step per cycle from received values to values to send.
 
 Theory of operation
 -------------------
-An output belongs to the node until it is set: the value found at boot stays, and an RPDO is sent only once something in it was set.
-From then on it is ours, until it has been led to its safe state.
+An output belongs to the node until the program sets it: it keeps the value found at boot, and an RPDO is sent only after one of its
+outputs was set. From then on the master controls the output, until it has its safe state.
 
-- **Lost is lost.** Once its node is not operational, or not heard, what was set is no longer what the output has: the module has
-  done what its error objects say. So its value becomes the safe one, which is what it gets when the node is back. Nothing comes on
-  again by itself; it has to be set again. The safe value is sent meanwhile, too: a node that is not heard may hear us.
-- **Done is sent, to a node that lives.** A command ends well once the frame with it, and the SYNC at which it takes effect, have
-  left, and the node was heard after that. One whose node is lost instead fails when that is known, however long it was sent before.
-  Whether an output follows is known only by an input.
-- **Fresh or unknown.** A sample that came before the node was lost says nothing about now; one beyond its age neither.
+- **A lost node loses its outputs.** If a node is not operational, or is not heard, its outputs no longer have the values set
+  before, because the module has applied its error objects. The values therefore become the safe ones, and the outputs get these
+  when the node returns. Nothing switches on again automatically; the program has to set it again. The safe values are sent meanwhile,
+  too, because a node that is not heard may still receive.
+- **Done means sent, to a live node.** A command ends as done when its frame and the SYNC at which it takes effect have been sent,
+  and the node was heard after that. If the node is lost instead, the command fails when the loss is detected, however long ago its
+  frame was sent. Only an input can confirm that an output has switched.
+- **Fresh or unknown.** If a sample came before the loss of the node, or is too old, the input is unknown.
 """
 
 from __future__ import annotations
@@ -30,10 +31,10 @@ _REMEDY = "look at its supply and cable; when it is back its outputs get their s
 
 
 class NodeIo:
-    """Holds what its outputs are to be, which were set, and the commands that wait for their frame to leave."""
+    """Holds the values of the outputs, the outputs that were set, and the commands that wait for their frame to be sent."""
 
     def __init__(self, node_id: int, points: Sequence[IoPoint], port: IoPort) -> None:
-        """``port`` has the objects of all ``points``, and what its outputs had at boot."""
+        """``port`` has the objects of all ``points``, and the values of its outputs at boot."""
         self.points = {point.name: point for point in points}
         self._node_id = node_id
         self._outputs = {address: place for place, address in enumerate(port.outputs)}
@@ -42,22 +43,22 @@ class NodeIo:
         self._words = list(port.found)
         self._alone = self._with_safe(list(port.alone))
         self._set: set[str] = set()
-        self._used: set[int] = set()  # outputs, by place, of which something was set
+        self._used: set[int] = set()  # indices of output objects with at least one part that was set
         self._known = SignalValidity.NOT_YET
-        self._unknown_until = -math.inf  # when it was last not operational
+        self._unknown_until = -math.inf  # when the node was last not operational
         self._given: list[CommandStatus] = []
         self._under_way: list[CommandStatus] = []
-        self._acting: list[tuple[float, CommandStatus]] = []  # in effect since when at the latest
-        self._new = False  # whether what the outputs are to be now has not been sent yet
-        self._leaves = False  # whether it was sent in the cycle before, and waits for SYNC
-        self._begun = math.inf  # when the first cycle was
+        self._acting: list[tuple[float, CommandStatus]] = []  # latest time since which each is in effect
+        self._new = False  # whether the outputs' present values have not been sent yet
+        self._leaves = False  # whether they were sent in the previous cycle, and wait for SYNC
+        self._begun = math.inf  # time of the first cycle
         self._sent = -math.inf
         self.changed = False  # whether a command has ended in this cycle
 
     # -- commands ----------------------------------------------------------------------------------------------------
 
     def refusal(self, name: str, what: str) -> AxisbusError | None:
-        """Return why an output cannot be set now; None where it can."""
+        """Return why an output cannot be set now; None if it can."""
         if self._known is SignalValidity.YES:
             return None
         return NodeError(
@@ -68,29 +69,29 @@ class NodeIo:
         )
 
     def set(self, values: Mapping[str, int], ticket: CommandStatus) -> None:
-        """Take raw values for outputs of this node; ``ticket`` ends once they act, and the node has been heard since."""
+        """Accept raw values for outputs of this node; ``ticket`` ends when they act and the node has been heard after that."""
         for name, raw in values.items():
             self._put(self.points[name], raw)
             self._set.add(name)
         self._given.append(ticket)
 
     def make_safe(self) -> None:
-        """Lead every output that was set to its safe state."""
+        """Set every output that the program has set to its safe state."""
         for name in self._set:
             self._put(self.points[name], self.points[name].safe)
 
     @property
     def ours(self) -> list[IoPoint]:
-        """The outputs that were set."""
+        """The outputs that the program has set."""
         return [self.points[name] for name in sorted(self._set)]
 
     @property
     def rests(self) -> bool:
-        """Whether nothing is on its way: all has been sent, or cannot be now."""
+        """Whether nothing waits to be sent: all values were sent, or cannot be sent now."""
         return self._known is not SignalValidity.YES or not (self._new or self._leaves)
 
     def abandon(self, error: AxisbusError) -> None:
-        """End every command: no cycle will come."""
+        """End every command with ``error``, because no further cycle will come."""
         for ticket in (*self._given, *self._take_sent()):
             ticket.finish(Status.ERROR, error)
         self._given = []
@@ -106,14 +107,16 @@ class NodeIo:
     # -- the cycle -----------------------------------------------------------------------------------------------------
 
     def step(self, now: float, inputs: IoInputs) -> tuple[int | None, ...]:
-        """Return the value of each output of the port, None of one that was never set."""
+        """Return the value of each output of the port; None for an output that was never set."""
         self.changed = False
         self._known = inputs.known
         self._begun = min(self._begun, now)
         if inputs.known is not SignalValidity.YES:
             self._lose(now)
             return self._to_send() if inputs.known in MAY_HEAR else (None,) * len(self._words)
-        self._acting += [(now, ticket) for ticket in self._under_way]  # it has left, and SYNC after it
+        self._acting += [
+            (now, ticket) for ticket in self._under_way
+        ]  # its frame was sent, and the SYNC after it
         self._end_confirmed(inputs.heard)
         self._under_way, self._given = self._given, []
         self._leaves, self._new = self._new, False
@@ -121,7 +124,7 @@ class NodeIo:
         return self._to_send()
 
     def readings(self, now: float, inputs: IoInputs) -> dict[str, IoReading]:
-        """Return what is known of every point, after ``step``."""
+        """Return the reading of every point, after ``step``."""
         return {
             name: self._output(point, now) if point.output else self._input(point, now, inputs)
             for name, point in self.points.items()
@@ -136,7 +139,7 @@ class NodeIo:
             self.changed = True
 
     def _take_sent(self) -> list[CommandStatus]:
-        """Return the commands that were sent and have not ended, which are nobody's any more."""
+        """Remove and return the commands that were sent and have not ended."""
         sent = [*(ticket for _, ticket in self._acting), *self._under_way]
         self._acting, self._under_way = [], []
         return sent
@@ -144,7 +147,9 @@ class NodeIo:
     def _lose(self, now: float) -> None:
         self._unknown_until = now
         self._leaves = False
-        self._words = list(self._alone)  # what was never set, too, must not come back by a frame of ours
+        self._words = list(
+            self._alone
+        )  # outputs never set must not be switched on by a frame of this master either
         self._new = bool(self._used)
         self.changed = bool(self._given or self._under_way or self._acting)
         for ticket in self._given:
@@ -169,7 +174,7 @@ class NodeIo:
         return point.of(self._words[self._outputs[point.address]])
 
     def _output(self, point: IoPoint, now: float) -> IoReading:
-        """Of one that was never sent, what it had at boot is known as long as its node was there ever since."""
+        """Return the reading of an output; if it was never sent, its boot value is known only while its node was never lost."""
         is_set, sent, known = point.name in self._set, self._outputs[point.address] in self._used, self._known
         stamp = self._sent if sent else self._begun
         if known is SignalValidity.YES and not sent and self._unknown_until > -math.inf:

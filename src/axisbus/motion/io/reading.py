@@ -1,4 +1,4 @@
-"""What is known of an input or output in one cycle."""
+"""The state of an input or output in one cycle."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from axisbus.cia401.port import SignalValidity
 
 
 class IoReading(NamedTuple):
-    """``value`` is raw: of an input as it came at ``stamp``, of an output as it was sent; None where it is not ``known``.
+    """``value`` is raw: of an input as received at ``stamp``, of an output as sent; None if it is not ``known``.
 
-    ``now`` is the cycle's time. ``set``: an output was set by this machine, so that it is led to its safe state at the end.
+    ``now`` is the cycle's time. ``set``: this machine has set the output, and sets it to its safe state at the end.
     """
 
     now: float

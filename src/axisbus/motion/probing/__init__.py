@@ -1,1 +1,1 @@
-"""The touch probe of an axis (CiA 402-2, 60B8h to 60BDh): armed, watched, read and switched off by SDO."""
+"""The touch probe of an axis (CiA 402-2, 60B8h to 60BDh): armed, polled, read and switched off by SDO."""

@@ -1,18 +1,18 @@
-"""One request for one input of a touch probe: switched off, seen clear, armed, watched, read, and switched off again.
+"""One request for one input of a touch probe: switched off, confirmed clear, armed, polled, read, and switched off again.
 
 Theory of operation
 -------------------
-A bit of 60B9h may be of an edge of long ago. So the input is switched off first, and armed when 60B9h has shown none of its bits:
-whatever is set from then on is of an edge that came after. A latched position is asked for after its bit was seen.
+A bit of 60B9h may belong to an old edge. So the input is switched off first, and armed after 60B9h has shown none of its bits: any
+bit set from then on belongs to a later edge. A latched position is read after its bit was seen.
 
-Armed for the first edge only, the drive keeps what it has latched, so one reading is enough. Armed continuously, it may latch the
-next edge between two answers: with an edge counter (60D5h to 60D8h), the position counts when the counter was the same before and
-after it; without one, a position is of a new edge when it is another one than the last that was read (see ``latch``). Bits 6 and 7,
-which toggle in some drives, are the maker's own by the standard, and prove nothing. A window is looked at here, so the drive is
-armed continuously for it.
+If the input is armed for the first edge only, the drive keeps the latched position, so one reading is enough. If it is armed
+continuously, the drive may latch the next edge between two answers. With an edge counter (60D5h to 60D8h), the position is valid if
+the counter was the same before and after it. Without a counter, a position belongs to a new edge if it differs from the one read
+last (see ``latch``). Bits 6 and 7, which toggle in some drives, are vendor-specific in the standard, and prove nothing. The master
+checks a window, so the drive is armed continuously for it.
 
-There is one transfer at a time: ``_ASKED`` says what each step asks for, ``_TAKE`` who takes the answer and names the next step.
-"""
+One transfer runs at a time: ``_ASKED`` gives the object of each step, ``_TAKE`` the function that processes the answer and selects
+the next step."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ from axisbus.motion.probing.latch import Latch, Latched
 from axisbus.motion.probing.sdo_sequence import Exchange
 from axisbus.motion.probing.window import is_within
 
-POLL = 0.01  # seconds between two looks at 60B9h
+POLL = 0.01  # seconds between two polls of 60B9h
 _PATIENCE = 1.0  # seconds within which 60B9h must follow 60B8h
 
 
 class ArmingStep(Enum):
-    """What is done next."""
+    """The next step of a request."""
 
-    LOOK = auto()  # at 60B8h: the other input and the maker's bits are to stay as they are
+    LOOK = auto()  # read 60B8h, because the bits of the other input and of the vendor must not change
     CLEAR = auto()
     SEE_CLEAR = auto()
     ARM = auto()
@@ -75,15 +75,15 @@ _ASKED = {
 
 
 class Arming:
-    """Holds how far one request is; pure. After each ``step``, ``armed``, ``captures`` and ``fulfilled`` say what came of it."""
+    """The state of one request; without I/O of its own. ``armed``, ``captures`` and ``fulfilled`` are valid after each ``step``."""
 
     def __init__(
         self, number: int, asked: Probe | None, parameters: AxisParameters, function: ProbeFunction
     ) -> None:
-        """``number``: of the input, 1 or 2; ``asked`` None: it is only to be switched off."""
+        """``number``: input 1 or 2; ``asked`` None: the input is only switched off."""
         self.armed = False
         self.captures: list[ProbeCapture] = []  # of this cycle
-        self.looked = -math.inf  # when the last look at 60B9h began that showed no new edge
+        self.looked = -math.inf  # when the last poll of 60B9h without a new edge began
         self._asked_at = -math.inf
         self._number, self._asked = number, asked
         self._parameters = parameters
@@ -98,7 +98,7 @@ class Arming:
 
     @property
     def fulfilled(self) -> bool:
-        """Whether every edge that was asked for has been told."""
+        """Whether every requested edge was reported."""
         return not self._missing
 
     @property
@@ -107,11 +107,12 @@ class Arming:
         return self._step is ArmingStep.OVER
 
     def step(self, image: AxisImage, order: CycleOutputs) -> None:
-        """Do one cycle's work.
+        """Advance by one cycle.
 
         Raises:
-            DriveError: the drive refuses, or does not answer. ProbeError: it does not do what it has taken. StaleError: where it
-                is is unknown.
+            DriveError: the drive aborts a transfer, or does not answer.
+            ProbeError: the drive does not do what was written.
+            StaleError: the axis position is unknown.
         """
         self.captures = []
         exchange = self._exchange
@@ -124,13 +125,13 @@ class Arming:
             self._ask(image, order)
 
     def switch_off(self, order: CycleOutputs) -> None:
-        """Want nothing any more, but that the input is switched off."""
+        """Drop the request, and switch the input off."""
         self._exchange.cancel(order)
         self._missing, self._bits, self._due = set(), 0, 0.0
         self._step = ArmingStep.LOOK if self._function.word is None else ArmingStep.SWITCH_OFF
 
     def drop(self, order: CycleOutputs) -> None:
-        """Take back what is under way."""
+        """Cancel the active transfer."""
         self._exchange.cancel(order)
 
     def _latch(self, edge: Edge) -> Latch:
@@ -149,7 +150,7 @@ class Arming:
     def _word(self) -> int:
         return self._function.set(self._number, self._bits if self._step is ArmingStep.ARM else 0)
 
-    # -- what the answers lead to ----------------------------------------------------------------------------------------
+    # -- answers of the drive ------------------------------------------------------------------------------------------
 
     def _looked(self, value: int, _: AxisImage) -> None:
         if self._function.word is None:
@@ -226,7 +227,7 @@ class Arming:
             self._missing.discard(edge)
 
     def _wait(self, image: AxisImage, observed: str, failure: str) -> None:
-        """Look again in a while; raises ProbeError where that has lasted too long."""
+        """Poll again later; raise ProbeError if this has lasted too long."""
         if image.now > self._until:
             raise self._failure(failure, f"{observed}, {_PATIENCE:g} s after 60B8h was written")
         self._due = image.now + POLL

@@ -1,4 +1,4 @@
-"""What a touch probe has latched, as a frozen value in increments."""
+"""A position latched by a touch probe, as a frozen value in increments."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from axisbus.cia402.touch_probe import Edge
 
 
 class ProbeCapture(NamedTuple):
-    """One edge: ``position`` (unwrapped increments) where the drive was at it, and ``origin`` of the axis when that was seen.
+    """One edge: ``position`` (unwrapped increments) of the axis at the edge, and ``origin`` of the axis when the edge was read.
 
-    ``stamp``: seconds (monotonic) of the cycle in which it was seen. ``missed``: how many edges of this kind the drive has counted
-    since the one before that nobody has seen; None where it does not count.
-    """
+    ``stamp``: seconds (monotonic) of the cycle in which it was read. ``missed``: number of edges of this kind that the drive has
+    counted since the previous one without a report; None if the drive does not count."""
 
     edge: Edge
     position: int

@@ -6,7 +6,7 @@ from axisbus.cia402.touch_probe import with_byte
 
 
 class ProbeFunction:
-    """Holds what 60B8h was set to last, or was read as; None: it is to be read first."""
+    """Holds the value of 60B8h that was written or read last; None: it must be read first."""
 
     __slots__ = ("word",)
 
@@ -14,6 +14,6 @@ class ProbeFunction:
         self.word: int | None = None
 
     def set(self, number: int, bits: int) -> int:
-        """Return the word in which input ``number`` has ``bits`` and all else is as it was, and keep it."""
+        """Return the word with ``bits`` for input ``number`` and all other bits unchanged, and store it."""
         self.word = with_byte(self.word or 0, number, bits)
         return self.word

@@ -1,11 +1,10 @@
-"""A move that is halted when a touch probe has seen an edge: the input is armed, then the axis goes, and it ends at rest.
+"""A move that is halted when a touch probe has latched an edge: the input is armed, then the axis moves, then it halts.
 
 Theory of operation
 -------------------
-It is made of commands of the axis: a probe, a move that waits before a gate until the input is armed, and a halt. So whatever else
-is told to the axis meanwhile (a halt, another move, a stop by policy) does to the move what it always does, and ends the search;
-and what the axis brakes by is its own halt.
-"""
+The search consists of commands of the axis: a probe, a move that waits at a barrier until the input is armed, and a halt. So any
+other command to the axis meanwhile (a halt, another move, a stop by policy) affects the move as usual, and ends the search. The
+axis brakes by its own halt."""
 
 from __future__ import annotations
 
@@ -21,9 +20,9 @@ from axisbus.motion.user_code_errors import broken
 
 
 class ProbeSearch:
-    """Holds the ticket of the search, and those of what the axis is told for it; stepped once per cycle, before the axis."""
+    """Holds the ticket of the search, and those of its axis commands; stepped once per cycle, before the axis."""
 
-    line = None  # it leads nobody itself
+    line = None  # it provides no set-points itself
 
     def __init__(self, ticket: CommandStatus, core: AxisCore, command: ProbeMove) -> None:
         self._ticket, self._core, self._command = ticket, core, command
@@ -38,45 +37,45 @@ class ProbeSearch:
         """Arm the input, and let the move wait for that.
 
         Raises:
-            StateError: the axis takes no motion, or does not stand.
+            StateError: the axis accepts no motion command, or is not at standstill.
         """
         require_motion(self._core, self._ticket)
         require_rest(self._core, self._ticket)
         self._ticket.begin()
         accept(self._core, self._command.move, self._move, self._gate)
-        if self._move.error is None:  # else an input that was armed before stays so
+        if self._move.error is None:  # otherwise an input that was armed before stays armed
             accept(self._core, self._command.probe, self._probe)
 
     @property
     def busy(self) -> bool:
-        """Whether it has not ended."""
+        """Whether the search has not ended."""
         return self._ticket.busy
 
     @property
     def is_over(self) -> bool:
-        """The same, the other way."""
+        """Whether the search has ended."""
         return not self._ticket.busy
 
     @property
     def error(self) -> AxisbusError | None:
-        """What has ended it badly."""
+        """The error that has ended the search, or None."""
         return self._ticket.error
 
     @property
     def name(self) -> str:
-        """What was asked for."""
+        """The name of the command."""
         return self._ticket.name
 
     def step(self, _period: float) -> None:
-        """Once per cycle, before the axis: let it go once the input is armed, halt it once an edge was seen, and see it end."""
-        self._gate.update(1 if self._probe.status is Status.ACTIVE else 2)  # there is one comer
+        """Once per cycle, before the axis: start the move when the input is armed, halt it after an edge, detect the end."""
+        self._gate.update(1 if self._probe.status is Status.ACTIVE else 2)  # one axis waits at the barrier
         try:
             self._go_on()
-        except Exception as error:  # noqa: BLE001  # whatever it is, it ends this command and stops its axis
+        except Exception as error:  # noqa: BLE001  # any exception ends this command and stops its axis
             self._give_up(broken(error, self.name))
 
     def abandon(self, error: AxisbusError) -> None:
-        """End it with ``error``: the scan has ended."""
+        """End the search with ``error``: the scan has ended."""
         self._ticket.finish(Status.ERROR, error)
 
     def _hear(self, probe: CommandStatus) -> None:
@@ -88,7 +87,7 @@ class ProbeSearch:
         if self._halt is not None:
             if not self._halt.busy:
                 self._end(self._halt.error)
-        elif self._move.error is not None:  # another command, or a failure
+        elif self._move.error is not None:  # replaced by another command, or failed
             self._end(self._move.error)
         elif self._seen:
             self._halt = CommandStatus(f"{self.name} [halt]")
@@ -102,7 +101,7 @@ class ProbeSearch:
             self._look_once_more()
 
     def _look_once_more(self) -> None:
-        """The axis has arrived: an edge shortly before that may not have been seen yet."""
+        """After the end of the move, wait for an edge that may not have been read yet, then end with ProbeError."""
         self._arrived = self._arrived or self._core.image.now
         if self._core.probes.looked_at(self._command.probe.number) <= self._arrived:
             return
@@ -116,7 +115,7 @@ class ProbeSearch:
         )
 
     def _give_up(self, error: AxisbusError) -> None:
-        """Its own part has failed: stop the axis, where it still does what it was told for this."""
+        """End with a failure of the search itself; stop the axis if it still executes the search's move."""
         self._gate.shut()
         if self._core.running.ticket is self._move:
             stop = c.PolicyStop(f"{self.name} was stopped because {error.message}")

@@ -21,7 +21,7 @@ from axisbus.motion.stop.lost import ANEW
 
 @dataclass(slots=True)
 class _Request:
-    """``ticket`` is of who asked for it (None once that has ended), ``enders`` of those who wait until it is switched off."""
+    """``ticket``: of the request (None once it has ended); ``enders``: tickets that wait until the input is switched off."""
 
     arming: Arming
     ticket: CommandStatus | None = None
@@ -30,21 +30,22 @@ class _Request:
 
 
 class Probes:
-    """Holds the request for each input, and 60B8h, which they share. Nothing of it moves or energises anything."""
+    """Holds the request for each input, and 60B8h, which they share. It neither moves nor energises anything."""
 
     def __init__(self, parameters: AxisParameters, running: ActiveCommand) -> None:
-        """``running`` tells the scan that a ticket has ended, or has something to tell."""
+        """``running`` reports to the scan that a ticket has ended, or has changed."""
         self.requests: dict[int, _Request] = {}
         self._parameters = parameters
         self._running = running
         self._function = ProbeFunction()
-        self.latched = 0  # edges that somebody was told of
+        self.latched = 0  # edges that were reported
 
     def begin(self, asked: Probe, ticket: CommandStatus, image: AxisImage, order: CycleOutputs) -> None:
-        """Take a request; one before for the same input ends as replaced.
+        """Accept a request; an earlier one for the same input ends as replaced.
 
         Raises:
-            StateError: the node is not operational; StaleError: where the axis is is unknown.
+            StateError: the node is not operational.
+            StaleError: the axis position is unknown.
         """
         self._require_node(ticket, image)
         require_position(image, self._parameters.name, "a position that its touch probe latches")
@@ -53,14 +54,14 @@ class Probes:
         self.requests[asked.number] = _Request(arming, ticket, asked.key, before)
 
     def abort(self, asked: ProbeAbort, ticket: CommandStatus, image: AxisImage, order: CycleOutputs) -> None:
-        """Switch an input off, whoever has armed it; with a ``key``, only what that request has armed.
+        """Switch an input off, whichever client has armed it; with a ``key``, only if that request has armed it.
 
         Raises:
             StateError: the node is not operational.
         """
         request = self.requests.get(asked.number)
         if asked.key is not None and (request is None or request.key != asked.key):
-            self._running.finish(ticket)  # it has ended, and another one may have followed
+            self._running.finish(ticket)  # that request has ended, and another one may have followed
             return
         self._require_node(ticket, image)
         if request is None:
@@ -73,12 +74,12 @@ class Probes:
         request.enders.append(ticket)
 
     def looked_at(self, number: int) -> float:
-        """Return when the last look at an armed input began that showed no new edge (s); infinite without a request."""
+        """Return when the last poll of an armed input without a new edge began (s); infinite without a request."""
         request = self.requests.get(number)
         return math.inf if request is None else request.arming.looked
 
     def step(self, image: AxisImage, order: CycleOutputs) -> None:
-        """Do one cycle's work for each request."""
+        """Advance each request by one cycle."""
         if not image.operational:
             self.lose(self._lost(image), order)
             return
@@ -89,14 +90,14 @@ class Probes:
                 self._fail(number, request, error, order)
 
     def end_all(self, kind: type[Interrupted], why: str, order: CycleOutputs, remedy: str = "") -> None:
-        """End all requests, and switch their inputs off; ``why`` goes on after the name of each, in words."""
+        """End all requests, and switch their inputs off; ``why`` completes the sentence after the name of each."""
         for request in self.requests.values():
             if request.ticket is not None:
                 self._end(request, kind(f"{request.ticket.name} {why}", remedy=remedy))
                 request.arming.switch_off(order)
 
     def lose(self, error: AxisbusError, order: CycleOutputs) -> None:
-        """End all requests; what is armed still is left so, as nobody hears us."""
+        """End all requests of a lost node; its inputs stay armed, as the node cannot be reached."""
         for request in self.requests.values():
             request.arming.drop(order)
             self._end(request, error)
@@ -105,7 +106,7 @@ class Probes:
         self._function.word = None
 
     def drop(self) -> list[CommandStatus]:
-        """Return the tickets that have not ended, and forget all."""
+        """Return the tickets that have not ended, and drop all requests."""
         tickets = [
             ticket
             for request in self.requests.values()
@@ -119,11 +120,11 @@ class Probes:
 
     def _arming(self, number: int, asked: Probe | None) -> Arming:
         if not self.requests:
-            self._function.word = None  # others may have written it meanwhile
+            self._function.word = None  # other programs may have written it meanwhile
         return Arming(number, asked, self._parameters, self._function)
 
     def _replace(self, number: int, ticket: CommandStatus, order: CycleOutputs) -> list[CommandStatus]:
-        """End the request before, and return who waits until its input is switched off: they wait on."""
+        """End the previous request, and return the tickets that wait until its input is switched off; they continue to wait."""
         request = self.requests.get(number)
         if request is None:
             return []
@@ -138,7 +139,7 @@ class Probes:
         arming.step(image, order)
         if ticket is not None:
             self._tell(request, ticket, became_armed=arming.armed and not was_armed)
-            if request.ticket is None:  # it has all that it wanted
+            if request.ticket is None:  # all requested edges were reported
                 arming.switch_off(order)
         if arming.over or (arming.armed and request.enders and request.ticket is not None):
             self._end_enders(request, None)
@@ -148,7 +149,7 @@ class Probes:
     def _tell(self, request: _Request, ticket: CommandStatus, *, became_armed: bool) -> None:
         if became_armed:
             ticket.begin()
-            self._running.ended = True  # who waits for that is woken
+            self._running.ended = True  # wakes clients that wait for it
         for capture in request.arming.captures:
             ticket.tell(capture)
             self.latched += 1
@@ -157,7 +158,7 @@ class Probes:
             self._end(request, None)
 
     def _fail(self, number: int, request: _Request, error: AxisbusError, order: CycleOutputs) -> None:
-        """What has failed is switched off, if the drive takes that; where this fails, it is left."""
+        """Switch the input off after a failure if the drive accepts it; if switching off has failed, drop the request."""
         switching_off = request.ticket is None
         self._end(request, error)
         self._end_enders(request, error)

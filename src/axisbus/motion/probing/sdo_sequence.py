@@ -1,4 +1,4 @@
-"""One SDO transfer after the other, each asked for again where no answer has come."""
+"""One SDO transfer after the other, each repeated if no answer comes."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.moves.activity import object_text
 from axisbus.motion.parameters import AxisParameters
 
-_TRIES = 3  # all that is asked here may be asked twice: it reads, or writes what is to stand there
+_TRIES = 3  # transfers may be repeated safely: they read, or write a fixed value
 
 Value = Callable[[], int]
 
 
 class Exchange:
-    """Holds the transfer that is under way, if any."""
+    """Holds the active transfer, if any."""
 
     __slots__ = ("_deadline", "_id", "_index", "_name", "_patience", "_tries", "_value", "under_way")
 
@@ -32,15 +32,15 @@ class Exchange:
         self._deadline = 0.0
 
     def ask(self, index: int, value: Value | None, image: AxisImage, order: CycleOutputs) -> None:
-        """Begin a transfer; ``value`` gives what is to be written by then (None: it is read)."""
+        """Begin a transfer; ``value`` returns the value to write at the time of sending (None: read)."""
         self._index, self._value, self._tries = index, value, 0
         self._send(image, order)
 
     def step(self, image: AxisImage, order: CycleOutputs) -> SdoReply | None:
-        """Return the answer to what is under way, once it has come.
+        """Return the answer of the active transfer when it has come.
 
         Raises:
-            DriveError: the drive refuses, or does not answer.
+            DriveError: the drive aborts the transfer, or does not answer.
         """
         reply = image.replies.get(self._id) if self._id is not None else None
         if reply is None:
@@ -56,7 +56,7 @@ class Exchange:
         return reply
 
     def cancel(self, order: CycleOutputs) -> None:
-        """Take back what is under way; an answer that comes all the same is not taken."""
+        """Cancel the active transfer; an answer that comes nevertheless is ignored."""
         if self._id is not None:
             order.cancel.append(self._id)
         self._id, self.under_way = None, False

@@ -1,4 +1,4 @@
-"""The window within which an edge of a touch probe counts."""
+"""The position window within which an edge of a touch probe counts."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ Window = tuple[float, float]
 
 
 def is_within(position: float, window: Window | None, modulo: float | None) -> bool:
-    """Whether a position lies within ``window``, all in the axis's unit; of an endless axis it may go over the end of a turn."""
+    """Return whether a position is in ``window`` (in the axis's unit); for a modulo axis the window may cross a turn's end."""
     if window is None:
         return True
     low, high = window

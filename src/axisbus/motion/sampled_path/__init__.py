@@ -1,1 +1,1 @@
-"""Ways of which the axes' positions are given by samples: what a program's own kinematics make of a line, a corner or a circle."""
+"""Path segments given by samples of the axes' positions, for lines, corners and circles of a user's own kinematics."""

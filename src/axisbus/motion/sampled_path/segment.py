@@ -1,10 +1,11 @@
-"""A piece of a way by samples of the axes' positions: no code but a polynomial between two of them is needed to go along it.
+"""A path segment given by samples of the axis positions; only polynomials between samples are evaluated to move along it.
 
 Theory of operation
 -------------------
-At each sample stands the motion of every axis by the length of the way: its place, its slope (how much it goes for a unit of the
-way) and the change of that. Between two goes the polynomial of degree five that has both. So neither slope nor bend jumps, and as
-each lies between its control points, what an axis is asked for at most within a stretch is known, and not only at the samples.
+A sample is the motion of every axis as a function of the path length: its position, its slope (axis units per unit of path) and the
+change of the slope. Between two samples runs the polynomial of degree five with the values of both. So neither the slope nor its
+change jumps. Each polynomial lies between its control points, so the highest demand on an axis within an interval is known, and not
+only at the samples.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ from axisbus.motion.group.segments import Place
 from axisbus.motion.point_stream.quintic import Motion, at, coefficients, controls, derived
 
 Row = tuple[Motion, ...]  # of each axis at one sample
-_STRETCHES = 48  # of a piece at most: a cycle goes through few of them
+_STRETCHES = 48  # zones per segment at most, so that a cycle crosses few of them
 _PER_AXIS = 3  # numbers
-_FLAT = 1e-9  # of a slope: what it changes by within a stretch is nothing but rounding
+_FLAT = 1e-9  # relative to a slope: a smaller change within an interval is only rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +45,13 @@ class SampledSegment:
         return self.length / self.count
 
     def row(self, number: int) -> Row:
-        """Return the sample of this number, 0 to ``count``."""
+        """Return the sample with this number, 0 to ``count``."""
         size = _PER_AXIS * self.axes
         values = struct.unpack_from(f"<{size}d", self.motions, 8 * size * number)
         return tuple(Motion(*values[n : n + _PER_AXIS]) for n in range(0, size, _PER_AXIS))
 
     def at(self, s: float) -> Place:
-        """Return the axes' positions at ``s``; before and after, the ends."""
+        """Return the axis positions at ``s``; beyond an end, the positions at that end."""
         step = self.step
         if not step:
             return tuple(motion.place for motion in self.row(0))
@@ -60,17 +61,17 @@ class SampledSegment:
         return tuple([at(coefficients(begin, end, step), t) for begin, end in ends])
 
     def curvatures(self, _count: int) -> Place:
-        """Those of the path, of each interval."""
+        """Return the curvatures of the path, one per interval."""
         return self.curved
 
     @property
     def shares(self) -> Place:
-        """Of each axis, its highest part of the speed."""
+        """The highest ratio of axis speed to path speed, by axis."""
         return tuple(map(max, zip(*(part.shares for part in surveyed(self)), strict=True)))
 
     @property
     def bends(self) -> Place:
-        """Of each axis, its part of an acceleration along the way."""
+        """The highest ratio of axis acceleration to an acceleration along the path, by axis."""
         return self.shares
 
     @property
@@ -82,7 +83,7 @@ class SampledSegment:
 
 
 def tabled(length: float, rows: Sequence[Row], curvatures: Sequence[float]) -> SampledSegment:
-    """Return the piece of these samples, which are equally far apart; ``curvatures`` of as many stretches of it as there are."""
+    """Return the segment of these equidistant samples; ``curvatures``: of any number of equal parts of the path."""
     count = len(rows) - 1
     values = [value for row in rows for motion in row for value in motion]
     spread = tuple(curvatures[n * len(curvatures) // count] for n in range(count))
@@ -91,7 +92,7 @@ def tabled(length: float, rows: Sequence[Row], curvatures: Sequence[float]) -> S
 
 @lru_cache(maxsize=4096)
 def surveyed(piece: SampledSegment) -> tuple[Surveyed, ...]:
-    """Return the stretches of a piece: of each axis, what bounds its part of the speed, the change of that, and its place."""
+    """Return the zones of a segment: for each axis, bounds of its speed ratio, of the change of the ratio, and of its position."""
     rows = [piece.row(number) for number in range(piece.count + 1)]
     each = math.ceil(piece.count / _STRETCHES)
     parts = [_interval(piece, rows, number) for number in range(piece.count)]
@@ -99,7 +100,7 @@ def surveyed(piece: SampledSegment) -> tuple[Surveyed, ...]:
 
 
 def _interval(piece: SampledSegment, rows: Sequence[Row], number: int) -> Surveyed:
-    """Return what bounds the axes between two samples: the control points of the polynomials."""
+    """Return the bounds of the axes between two samples, from the control points of the polynomials."""
     step, curvature = piece.step, piece.curved[number]
     if not step:
         still = tuple(0.0 for _ in rows[0])
@@ -120,7 +121,7 @@ def _interval(piece: SampledSegment, rows: Sequence[Row], number: int) -> Survey
 
 
 def _together(parts: Sequence[Surveyed]) -> Surveyed:
-    """Return several intervals as one stretch."""
+    """Return several intervals as one zone."""
     shares, bends, lows, highs = (
         list(zip(*rows, strict=True))
         for rows in (

@@ -1,1 +1,1 @@
-"""Distances that are laid over what leads an axis."""
+"""Distances superimposed on the motion of an axis."""

@@ -1,4 +1,4 @@
-"""Whether what leads an axis leaves room for an addition: of acceleration as a whole, of position in each cycle."""
+"""Whether the motion of an axis leaves room for a superimposed motion: of acceleration once, of position in each cycle."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from axisbus.motion.position_limits import Room
 from axisbus.motion.superimposed.addition import Addition
 from axisbus.motion.trajectory import Trajectory
 
-_LEAST = 0.02  # of max_acceleration: with less it would go on for ever
-_LATE = 2.0  # cycles: what is found in this one takes effect in the next
+_LEAST = 0.02  # of max_acceleration: with less it would take too long
+_LATE = 2.0  # cycles: a finding of this cycle takes effect in the next one
 
 
 def admit(
     addition: Addition, path: Trajectory, shifted: float, parameters: AxisParameters, room: Room | None
 ) -> None:
-    """Let the addition's ramps be what ``path``, which is ``shifted`` (units) by now, leaves of the acceleration.
+    """Limit the addition's ramps to the acceleration that ``path``, which is already shifted by ``shifted`` (units), leaves.
 
-    ``room``: where the axis may be led; without position limits it is what its drive counts.
+    ``room``: the permitted range of the axis; without position limits, the range of its drive's count.
 
     Raises:
-        LimitError: it leaves next to nothing, or it tells that the sum would leave the position limits or the drive's count.
+        LimitError: the path leaves too little acceleration, or the sum is known to leave the position limits or the drive's count.
     """
     name, unit = parameters.name, parameters.units.position.unit
     limit = parameters.limits.acceleration
@@ -63,9 +63,9 @@ def look_ahead(
     limits: tuple[float, float],
     parameters: AxisParameters,
 ) -> LimitError | None:
-    """Return why an addition must brake now: else what leads the axis on with ``velocity``, from ``here``, could not be braked.
+    """Return why a superimposed motion must brake now: otherwise the axis, which moves from ``here``, could not be stopped in time.
 
-    That is looked at only in the direction in which the addition goes.
+    ``velocity``: velocity of the path. Only the direction of the superimposed motion is checked.
     """
     deceleration = parameters.path_deceleration
     if not deceleration:
