@@ -1,4 +1,4 @@
-"""The trajectory that an axis is on, as it is seen by whatever takes over from it: another command, or a stop."""
+"""The active trajectory of an axis, as seen by a command or stop that takes over from it."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from axisbus.motion.axis.image import AxisImage
 
 
 class Leading(Protocol):
-    """``moves.follow.Follow``, without all that only its own command needs of it."""
+    """``moves.follow.Follow``, without the members that only its own command needs."""
 
     @property
     def mode(self) -> ModeOfOperation | None:
-        """The mode of operation in which it leads."""
+        """The mode of operation in which it commands the axis."""
 
     @property
     def at_rest(self) -> bool:
-        """Whether its targets no longer move."""
+        """Whether its targets no longer change."""
 
     def begin_braking(self) -> bool:
-        """Brake along the path from the next step on; return whether that is possible. Harmless when repeated."""
+        """Brake along the path from the next step on; return whether that is possible. A repeated call has no effect."""
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Ask for the next target; return True when the axis has come up with the last one."""
+        """Write the next target; return True when the axis has arrived at the last one."""

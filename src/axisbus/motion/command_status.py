@@ -1,4 +1,4 @@
-"""A command inside the core: its name, how far it is, and who hears of that."""
+"""A command inside the core: its name, its status, and the callback that reports changes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ log = logging.getLogger("axisbus")
 
 
 class Status(Enum):
-    """How far a command is."""
+    """Status of a command."""
 
     BUSY = "busy"  # accepted or about to be
     ACTIVE = "active"  # it has control of the axis
@@ -26,20 +26,20 @@ ENDED = frozenset({Status.DONE, Status.ABORTED, Status.ERROR})
 
 
 class CommandStatus:
-    """Holds how far one command is; only the core changes it.
+    """Status of one command; only the core changes it.
 
-    ``hear`` is called when the command has taken control, and when it has ended; it must not raise. ``note`` says what is to be
-    known of an end that is otherwise well, ``capture`` what a touch probe has latched, while it is told.
-    """
+    ``hear`` is called when the command takes control and when it ends; it must not raise. ``note`` gives additional information
+    about an end without error. ``capture`` is the position that a touch probe has latched; it is set only while ``hear`` is called
+    for it."""
 
     __slots__ = ("_after", "_hear", "capture", "error", "name", "note", "number", "status")
 
     def __init__(
         self, name: str, hear: Callable[[CommandStatus], None] | None = None, number: int = 0
     ) -> None:
-        """``name`` says what was asked, such as ``x.move_absolute(90.0 deg)``; ``hear`` None: nobody outside the core asks.
+        """``name``: description of the command, such as ``x.move_absolute(90.0 deg)``; ``hear`` None: no callback.
 
-        ``number`` is that by which its owner knows it.
+        ``number``: identifier that the owner of the command uses.
         """
         self.name = name
         self.number = number
@@ -59,18 +59,18 @@ class CommandStatus:
         return self.status not in ENDED
 
     def begin(self) -> None:
-        """The command has control of what it moves, or shares it."""
+        """Mark the command as active: it has control of its axes, or shares it."""
         self.status = Status.ACTIVE
         self._tell()
 
     def tell(self, capture: ProbeCapture) -> None:
-        """Tell what a touch probe has latched; the command goes on."""
+        """Report a position that a touch probe has latched; the command continues."""
         self.capture = capture
         self._tell()
         self.capture = None
 
     def finish(self, status: Status, error: AxisbusError | None = None) -> None:
-        """End the command; a second call changes nothing."""
+        """End the command; a second call has no effect."""
         if self.status in ENDED:
             return
         self.error = error
@@ -80,7 +80,7 @@ class CommandStatus:
             do()
 
     def then(self, do: Callable[[], None]) -> None:
-        """Let ``do`` follow the end of this command, which is under way; for what the core itself makes of it."""
+        """Call ``do`` after the end of this command, which must be active; for reactions of the core itself."""
         self._after.append(do)
 
     def _tell(self) -> None:
@@ -89,12 +89,12 @@ class CommandStatus:
 
 
 def end_as(error: AxisbusError) -> Status:
-    """Return how a command ends that ``error`` ended."""
+    """Return the final status of a command that ``error`` has ended."""
     return Status.ABORTED if isinstance(error, Interrupted) else Status.ERROR
 
 
 def unattended(name: str) -> CommandStatus:
-    """Return the ticket of a command that nobody waits for, such as a stop of the core's own: where it fails, that is logged."""
+    """Return the ticket of a command without a waiting client, such as the core's own stop; a failure is logged."""
     return CommandStatus(name, _log_failure)
 
 

@@ -1,4 +1,4 @@
-"""What a user can ask of an axis, as frozen values in increments that can be pickled."""
+"""The commands of an axis, as frozen values in increments that can be pickled."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from axisbus.motion.trajectory import Trajectory
 
 
 class TargetReference(Enum):
-    """What the number of a move counts from."""
+    """The position to which the value of a move refers."""
 
     ABSOLUTE = "absolute"
     RELATIVE = "relative"  # to the actual position when the move starts
@@ -23,7 +23,7 @@ class TargetReference(Enum):
 
 @dataclass(frozen=True, slots=True)
 class EnableCommand:
-    """MC_Power, on; ``moving`` catches an axis that moves, instead of waiting for its rest."""
+    """MC_Power, on; ``moving``: catch a moving axis instead of waiting until it is at standstill."""
 
     moving: bool = False
 
@@ -71,9 +71,9 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class MoveVelocity:
-    """MC_MoveVelocity; the velocity of ``profile`` is signed. ``life`` in seconds: MC_Jog, ends unless renewed.
+    """MC_MoveVelocity; the velocity of ``profile`` is signed. ``life`` in seconds: MC_Jog, which ends unless it is renewed.
 
-    ``renews``: it lets the jog that runs live on, and begins none where that has ended, by a halt of anybody's.
+    ``renews``: extend the active jog. If the jog has ended, by a halt of any client, no new one begins.
     """
 
     profile: MoveProfile
@@ -83,7 +83,7 @@ class MoveVelocity:
 
 @dataclass(frozen=True, slots=True)
 class TorqueControl:
-    """MC_TorqueControl: ``torque`` in 0.1 % of rated torque, ``slope`` in 0.1 %/s (None: as the drive has it)."""
+    """MC_TorqueControl: ``torque`` in 0.1 % of rated torque, ``slope`` in 0.1 %/s (None: the drive's own slope)."""
 
     torque: int
     slope: int | None
@@ -110,11 +110,10 @@ class CyclicTorque:
 
 @dataclass(frozen=True, slots=True)
 class ControllerCommand:
-    """A loop of the program's own: it answers each cycle by an ``ControllerOutput`` with a velocity in csv or a torque in cst.
+    """A controller in the user's program: each cycle it answers with a ``ControllerOutput``, a velocity in csv or a torque in cst.
 
-    ``by`` has the ramps to what is answered. ``number`` tells this loop from others; an answer may be of the values
-    that are ``late`` cycles (from 0 on) older than those of the cycle before.
-    """
+    ``by`` has the ramps towards the output. ``number`` identifies this controller. An output may be computed from values that are
+    ``late`` cycles (0 or more) older than those of the previous cycle."""
 
     number: int
     by: CyclicVelocity | CyclicTorque
@@ -123,9 +122,9 @@ class ControllerCommand:
 
 @dataclass(frozen=True, slots=True)
 class ControllerOutput:
-    """What the loop of ``ControllerCommand`` ``number`` answers to the values of the cycle at ``cycle`` (s, monotonic).
+    """The output of the controller ``number`` for the values of the cycle at ``cycle`` (s, monotonic).
 
-    ``value`` as in ``CyclicVelocity`` or ``CyclicTorque``; a ``failure`` instead is why it will not answer any more.
+    ``value`` as in ``CyclicVelocity`` or ``CyclicTorque``; a non-empty ``failure`` is the reason why the controller has ended.
     """
 
     number: int
@@ -143,7 +142,7 @@ class Home:
 
 @dataclass(frozen=True, slots=True)
 class SetPosition:
-    """MC_SetPosition: the actual position is called ``position`` (increments) from now on."""
+    """MC_SetPosition: define the actual position as ``position`` (increments)."""
 
     position: int
 
@@ -157,16 +156,16 @@ class FollowTrajectory:
 
 @dataclass(frozen=True, slots=True)
 class Buffered:
-    """``command`` begins when the one before it has ended well (PLCopen's buffer mode *Buffered*)."""
+    """``command`` begins when the previous command has ended as done (PLCopen's buffer mode *Buffered*)."""
 
     command: Move | MoveVelocity
 
 
 @dataclass(frozen=True, slots=True)
 class BufferedMove:
-    """``move`` takes over from the one before it without a stop, at the velocity that ``mode`` says (PLCopen's BufferMode).
+    """``move`` takes over from the previous command without a stop, at the velocity defined by ``mode`` (PLCopen's BufferMode).
 
-    ``direction``: to a place of an endless axis, from the end of the one before: 0 shortest way, 1 positive, -1 negative.
+    ``direction``: of a move to a position of a modulo axis, from the end of the previous move: 0 shortest, 1 positive, -1 negative.
     """
 
     move: Move
@@ -176,15 +175,15 @@ class BufferedMove:
 
 @dataclass(frozen=True, slots=True)
 class GearOut:
-    """MC_GearOut, MC_CamOut: an axis that is led by another one goes on by itself, with its present speed."""
+    """MC_GearOut, MC_CamOut: a slave leaves its master and continues at its present velocity."""
 
 
 @dataclass(frozen=True, slots=True)
 class Probe:
-    """MC_TouchProbe: tell where the axis is at the next edge of input ``number`` (1 or 2) of each kind, or at every one.
+    """MC_TouchProbe: report the axis position at the next edge of each kind of input ``number`` (1 or 2), or at every edge.
 
-    ``window``: from where to where (in units) an edge counts. ``key`` tells this request from others of its program.
-    """
+    ``window``: the position range (in units) within which an edge counts. ``key`` distinguishes this request from others of its
+    program."""
 
     number: int
     edges: frozenset[Edge]
@@ -196,7 +195,7 @@ class Probe:
 
 @dataclass(frozen=True, slots=True)
 class ProbeAbort:
-    """MC_AbortTrigger: switch input ``number`` off; with ``key`` only what that request has armed."""
+    """MC_AbortTrigger: switch input ``number`` off; with ``key``, only if that request has armed it."""
 
     number: int
     key: int | None = None
@@ -204,7 +203,7 @@ class ProbeAbort:
 
 @dataclass(frozen=True, slots=True)
 class SetOverride:
-    """MC_SetOverride: what the axis is led at, or its drive plans, goes at ``factor`` times its velocity, 0 (it holds) to 1.5."""
+    """MC_SetOverride: motion planned by the master or the drive runs at ``factor`` times its velocity, from 0 (hold) to 1.5."""
 
     factor: float
 
@@ -218,7 +217,7 @@ class SetTorqueOffset:
 
 @dataclass(frozen=True, slots=True)
 class PhaseBy:
-    """MC_PhasingRelative: the slave sees its master ``shift`` units farther on, by ``velocity`` and ``acceleration`` at most.
+    """MC_PhasingRelative: shift the master, as the slave sees it, by ``shift`` units, at ``velocity`` and ``acceleration`` or less.
 
     All in units of the master, per s and per s²; both above 0.
     """
@@ -230,7 +229,7 @@ class PhaseBy:
 
 @dataclass(frozen=True, slots=True)
 class MoveSuperimposed:
-    """MC_MoveSuperimposed: ``distance`` is laid over what leads the axis, in its unit, per s and per s²; all but it above 0."""
+    """MC_MoveSuperimposed: add ``distance`` to the axis's motion; in its unit, per s and per s²; all but ``distance`` above 0."""
 
     distance: float
     velocity: float
@@ -240,14 +239,14 @@ class MoveSuperimposed:
 
 @dataclass(frozen=True, slots=True)
 class HaltSuperimposed:
-    """MC_HaltSuperimposed: the addition comes to rest, by ``deceleration`` (unit/s²; None: its own); the path goes on."""
+    """MC_HaltSuperimposed: stop the superimposed motion, by ``deceleration`` (unit/s²; None: its own); the path continues."""
 
     deceleration: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Shutdown:
-    """The stop ladder down to a disabled drive, on the way out of the program; ``quick`` begins with quick stop."""
+    """The stop sequence down to a disabled drive, at the end of the program; ``quick``: begin with quick stop."""
 
     reason: str
     quick: bool = False
@@ -255,7 +254,7 @@ class Shutdown:
 
 @dataclass(frozen=True, slots=True)
 class PolicyStop:
-    """A halt that the fault policy orders because of another axis; ``how`` hard."""
+    """A halt that the fault policy orders because of another axis; ``how``: how the axis stops."""
 
     reason: str
     how: GroupFault = GroupFault.PATH
@@ -263,7 +262,7 @@ class PolicyStop:
 
 @dataclass(frozen=True, slots=True)
 class HandOver:
-    """A halt of what moves, because the command of the machine goes to another program, or who had it is gone or interrupted."""
+    """A halt because control of the machine passes to another program, or because its holder is gone or interrupted."""
 
     reason: str
 

@@ -2,11 +2,10 @@
 
 Theory of operation
 -------------------
-At a sample's own time the curve is exactly that sample. Between two it is the cubic with the speeds of both ends, and the speed at
-a sample is that of the parabola through it and its neighbours: straight lines and constant accelerations stay what they are, and
-nowhere does the speed jump. Where the path rests (two intervals without way in a row, or its beginning or end) the speed is 0, and
-the curve goes no farther than to the place of rest.
-"""
+At the time of a sample the curve is exactly that sample. Between two samples it is the cubic with the speeds at both ends. The
+speed at a sample is that of the parabola through it and its neighbours: straight lines and constant accelerations are reproduced
+exactly, and the speed never jumps. If the path rests (two intervals without motion in a row, or its beginning or end), the speed is
+0, and the curve does not overshoot the position of rest."""
 
 from __future__ import annotations
 
@@ -14,22 +13,21 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-BEHIND = AHEAD = 2  # samples before and after an interval on which the curve within it depends
-_SAME = 1e-6  # share of a step within which two times are the same one, that was computed twice
+BEHIND = AHEAD = 2  # samples before and after an interval that determine the curve within it
+_SAME = 1e-6  # share of a step within which two times count as equal, because of rounding
 
 
 def following(t: float, step: float, duration: float) -> float:
-    """Return the time of the sample after that of ``t``: steps are added one by one, as the scan does; the last is ``duration``."""
+    """Return the time of the sample after ``t``: steps are added one by one, as in the scan; the last one is ``duration``."""
     return t + step if t + step < duration else duration
 
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Samples ``step`` seconds apart (the last interval may be shorter), the first of them with the number ``first``.
+    """Samples ``step`` seconds apart (the last interval may be shorter); the first one has the number ``first``.
 
-    ``times`` in seconds, as many as ``positions``, at least one. ``span``: the lowest and the highest position of the path,
-    where they are known: a bend between samples goes no farther.
-    """
+    ``times`` in seconds, as many as ``positions``, at least one. ``span``: the lowest and the highest position of the path if they
+    are known: the curve between samples does not exceed them."""
 
     step: float
     first: int
@@ -47,14 +45,14 @@ class Curve:
         return Curve(self.step, self.first, (*self.times, *times), (*self.positions, *positions), self.span)
 
     def without(self, t: float, behind: int) -> Curve:
-        """Return the curve without what lies more than ``behind`` samples before ``t``."""
+        """Return the curve without the samples that are more than ``behind`` samples before ``t``."""
         gone = bisect_right(self.times, t) - 1 - behind
         if gone <= 0:
             return self
         return Curve(self.step, self.first + gone, self.times[gone:], self.positions[gone:], self.span)
 
     def at(self, t: float) -> float:
-        """Return the position at ``t``, which lies between the first and the last time."""
+        """Return the position at ``t``, which must lie between the first and the last time."""
         index = bisect_right(self.times, t) - 1
         begin, here = self.times[index], self.positions[index]
         if t == begin:
@@ -64,7 +62,7 @@ class Curve:
         left = 1.0 - share
         bend = left * (enter * width - way) - share * (leave * width - way)
         gone = share * (way + left * bend)
-        if not enter or not leave:  # it rests at one end
+        if not enter or not leave:  # at rest at one end
             gone = min(max(gone, min(way, 0.0)), max(way, 0.0))
         if self.span is None:
             return here + gone
@@ -81,7 +79,7 @@ class Curve:
         return (later * before + earlier * after) / (earlier + later)
 
     def _slope(self, index: int) -> float:
-        """Return the mean speed between a sample and the next; 0 beyond the ends, where a path rests."""
+        """Return the mean speed between a sample and the next one; 0 beyond the ends, where a path rests."""
         within = 0 <= index < len(self.times) - 1
         width = self.times[index + 1] - self.times[index] if within else 0.0
         if width <= _SAME * self.step:

@@ -1,4 +1,4 @@
-"""How each mode of operation behaves under a master, in one table; a new mode is a row here, and a move of its own."""
+"""Properties of each mode of operation for a master, in one table; a new mode needs a row here and an activity of its own."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _M = ModeOfOperation
 
 
 class ControlledQuantity(Enum):
-    """What a mode controls."""
+    """The quantity that a mode controls."""
 
     POSITION = "position"
     VELOCITY = "velocity"
@@ -21,12 +21,11 @@ class ControlledQuantity(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Conduct:
-    """What a master has to know of a mode beside its objects (those are in ``cia402.modes``).
+    """Properties of a mode for a master, in addition to its objects (see ``cia402.modes``).
 
-    ``demand``: 6062h is what leads the motor, and can be judged. ``at_once``: targets act from the first frame on, not on ramps of
-    the drive. ``rests``: its place among the modes that a drive is enabled in, from the one that stands still most surely; None
-    where no drive is enabled in it. ``holds``: a load is held in it until something is asked for.
-    """
+    ``demand``: 6062h is the value that commands the motor, and can be checked. ``at_once``: targets act from the first frame on,
+    without ramps of the drive. ``rests``: rank among the modes in which a drive is enabled, beginning with the mode that keeps
+    standstill most reliably; None if no drive is enabled in it. ``holds``: the mode holds a load until a set-point is given."""
 
     leads: ControlledQuantity
     demand: bool = False
@@ -40,7 +39,7 @@ CONDUCT = {
     _M.VELOCITY: Conduct(ControlledQuantity.VELOCITY),
     _M.PROFILE_VELOCITY: Conduct(ControlledQuantity.VELOCITY, rests=2, holds=True),
     _M.PROFILE_TORQUE: Conduct(ControlledQuantity.TORQUE, at_once=True, rests=4),
-    _M.HOMING: Conduct(ControlledQuantity.POSITION),  # 6062h shows what nobody can judge
+    _M.HOMING: Conduct(ControlledQuantity.POSITION),  # the meaning of 6062h is undefined here
     _M.INTERPOLATED_POSITION: Conduct(ControlledQuantity.POSITION, demand=True),
     _M.CYCLIC_SYNC_POSITION: Conduct(
         ControlledQuantity.POSITION, demand=True, at_once=True, rests=1, holds=True
@@ -59,20 +58,20 @@ _CYCLIC = frozenset(mode for mode, facts in FACTS.items() if facts.cyclic)
 
 POSITION_MODES = _that(ControlledQuantity.POSITION)
 TORQUE_MODES = _that(ControlledQuantity.TORQUE)
-# In these 6062h need not be what leads the motor, or is not anything that the master could judge.
+# Modes in which 6062h need not command the motor, or cannot be checked by the master.
 WITHOUT_POSITION_DEMAND = frozenset(mode for mode, conduct in CONDUCT.items() if not conduct.demand)
-# In these 607Ah does not act, and a drive that falls out of them into a position mode goes to it.
+# Modes in which 607Ah has no effect. A drive that changes from them into a position mode moves to it.
 WITHOUT_TARGET_POSITION = WITHOUT_POSITION_DEMAND - {_M.HOMING}
 _PLACES = {conduct.rests: mode for mode, conduct in CONDUCT.items() if conduct.rests is not None}
 RESTING_MODES = tuple(mode for _, mode in sorted(_PLACES.items()))
-# Those that a drive found energised stays in; one that was driven by a torque is brought into one that holds it.
+# Modes that an energised drive keeps when it is found; a drive in a torque mode is switched to a mode that holds the axis.
 KEPT_MODES = frozenset(RESTING_MODES) - TORQUE_MODES
 HOLDING_MODES = tuple(mode for mode in RESTING_MODES if CONDUCT[mode].holds)
 FOLLOWS_TARGETS = frozenset(mode for mode, conduct in CONDUCT.items() if conduct.at_once)
 ADDS_OFFSETS = FOLLOWS_TARGETS & _CYCLIC
-# In these the drive stands until a set-point, velocity or torque is given to it.
+# Modes in which the drive is at standstill until it gets a set-point, velocity or torque.
 WAITS_FOR_COMMAND = frozenset(RESTING_MODES) - _CYCLIC
-# In these no offset acts, and a target is reached on a ramp.
+# Modes without offsets, in which the drive reaches a target on a ramp.
 ON_RAMPS = WAITS_FOR_COMMAND - TORQUE_MODES
-# In these the motor is held against where the drive says that it leads it.
+# Modes in which the motor is compared with the position that the drive reports as its demand.
 FOLLOWED = frozenset(RESTING_MODES) & POSITION_MODES

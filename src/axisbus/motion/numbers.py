@@ -1,4 +1,4 @@
-"""What counts as a number in a call: anything real and finite that a float can hold, and no yes or no."""
+"""Validation of numbers in calls: a number is any real, finite value that a float can hold, except a bool."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _LONGEST = 40  # characters of a value in a message
 
 def number(value: object) -> float | None:
     """Return a finite number as a float; None for anything else."""
-    if type(value) is float:  # what a trajectory gives in every cycle
+    if type(value) is float:  # the usual type: a trajectory returns one in every cycle
         return value if math.isfinite(value) else None
     if isinstance(value, bool) or not isinstance(value, Real):
         return None
@@ -26,7 +26,7 @@ def number(value: object) -> float | None:
 
 
 def flag(value: object) -> bool | None:
-    """Return a yes or no, also of numpy; None for anything else."""
+    """Return a boolean, also from numpy; None for anything else."""
     if isinstance(value, bool):
         return value
     try:
@@ -36,20 +36,20 @@ def flag(value: object) -> bool | None:
 
 
 def items(value: object) -> tuple[Any, ...] | None:
-    """Return what a sequence is made of, also one of numpy; None for anything else: a text, a table, a single value."""
+    """Return the elements of a sequence, also from numpy; None for anything else: a text, a mapping, a single value."""
     if isinstance(value, (str, bytes, Mapping)):
         return None
     try:
         len(value)  # type: ignore[arg-type]  # else it may have no end
         return tuple(value)  # type: ignore[arg-type]
-    except Exception:  # noqa: BLE001  # such as a number, or a type of the program's own
+    except Exception:  # noqa: BLE001  # for example a number, or a user-defined type
         return None
 
 
 def told(value: object) -> str:
-    """Return a value as Python shows it, in a line that can be read."""
+    """Return the repr of a value, shortened to one readable line."""
     try:
         text = repr(value)
-    except Exception:  # noqa: BLE001  # an integer of thousands of digits, or a type of the program's own
+    except Exception:  # noqa: BLE001  # an integer of thousands of digits, or a user-defined type
         return f"a {type(value).__name__}"
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}... ({counted(len(text), 'character')})"

@@ -1,4 +1,4 @@
-"""What motion must know of one axis, as frozen values in increments and seconds."""
+"""Parameters of one axis for the motion code, as frozen values in increments and seconds."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from axisbus.units import Scale
 
 
 class HoldsLoad(Enum):
-    """What keeps the load of a vertical axis up: nothing needed, the drive's brake, or only the motor's torque."""
+    """What holds the load of a vertical axis: nothing (not needed), the drive's brake, or only the motor's torque."""
 
     NO = "no"
     BRAKE = "brake"
@@ -21,7 +21,7 @@ class HoldsLoad(Enum):
 
 
 class DemandUse(Enum):
-    """Whether 6062h (position demand value) counts as what leads the axis: judged by what it does, always, or never."""
+    """Whether 6062h (position demand value) counts as the commanded position: judged by its behaviour, always, or never."""
 
     AUTO = "auto"
     USE = "use"
@@ -29,7 +29,7 @@ class DemandUse(Enum):
 
 
 class Handshake(Enum):
-    """By what the master knows that a drive has taken a set-point: bit 12 of 6041h, or what the axis is seen to do."""
+    """How the master detects that a drive has accepted a set-point: by bit 12 of 6041h, or by the axis's motion."""
 
     ACKNOWLEDGE = "acknowledge"
     ON_CHANGE = "on-change"
@@ -37,12 +37,11 @@ class Handshake(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Units:
-    """How the axis's unit maps to increments.
+    """Conversion between the axis's unit and increments.
 
     ``velocity`` and ``acceleration`` convert unit/s and unit/s² into the drive's own velocity and acceleration increments; they are
-    None where only raw values can be given. ``ratio_known`` tells whether velocity increments can be compared with position
-    increments (deadlines and braking distances need that). ``rated_torque`` is in N·m, None where torque has no unit.
-    """
+    None if only raw values can be given. ``ratio_known``: velocity increments can be compared with position increments (deadlines
+    and braking distances need that). ``rated_torque`` is in N·m, None if torque has no unit."""
 
     position: Scale
     velocity: Scale
@@ -53,18 +52,18 @@ class Units:
 
     @property
     def per_velocity(self) -> float:
-        """Position increments per s in one velocity increment; only where ``ratio_known``."""
+        """Position increments per s in one velocity increment; valid only if ``ratio_known``."""
         return self.position.factor / self.velocity.factor
 
     def turned(self, position: float) -> float:
-        """Return a position in units as its user sees it: of an endless axis within its modulo."""
+        """Return a position in units as the user sees it: for a modulo axis, within its modulo."""
         return position if self.modulo is None else position % self.modulo
 
     def torque(self, raw: int) -> float:
-        """Return a torque of the drive (0.1 % of rated torque) in N·m, in parts of the rated torque where that is not known.
+        """Return a torque of the drive (0.1 % of rated torque) in N·m, or as a fraction of the rated torque if that is unknown.
 
-        Either is turned where the master turns the direction: there ``rated_torque`` is negative, as the position's factor is.
-        """
+        If the master reverses the direction of the axis, the sign of the torque is reversed too: ``rated_torque`` is then negative,
+        like the position's factor."""
         rated = self.rated_torque
         if rated is None:
             rated = -1.0 if self.position.factor < 0 else 1.0
@@ -73,9 +72,9 @@ class Units:
 
 @dataclass(frozen=True, slots=True)
 class AxisLimits:
-    """Limits that the master keeps, in units (unit, unit/s, unit/s²) and N·m; None where there is none.
+    """Limits that the master enforces, in units (unit, unit/s, unit/s²) and N·m; None: no limit.
 
-    ``torque_key`` says where that of the torque comes from.
+    ``torque_key``: the setting that the torque limit comes from.
     """
 
     position: tuple[float, float] | None = None
@@ -87,7 +86,7 @@ class AxisLimits:
 
 @dataclass(frozen=True, slots=True)
 class Defaults:
-    """Values for commands that leave them out, in units; None where cell.toml gives none."""
+    """Values for commands that leave them out, in units; None if cell.toml gives none."""
 
     velocity: float | None = None
     acceleration: float | None = None
@@ -110,31 +109,31 @@ class HomingParameters:
 
 @dataclass(frozen=True, slots=True)
 class StopTimes:
-    """Deadline of each rung of the stop ladder in seconds: halt, quick stop, power off."""
+    """Deadline of each step of the stop sequence in seconds: halt, quick stop, power off."""
 
     halt: float = 2.0
     quick_stop: float = 1.0
-    disable: float = 3.0  # three transitions, with a brake's time
+    disable: float = 3.0  # three transitions, including the brake's time
 
     @property
     def ladder(self) -> float:
-        """Seconds that all rungs may take, with the power taken down at its end."""
+        """Longest duration of all steps in seconds, including power off at the end."""
         return self.halt + self.quick_stop + 2 * self.disable
 
 
 @dataclass(frozen=True, slots=True)
 class DriveTimeouts:
-    """Time-outs of the dialogue with the drive, in seconds of the monotonic clock."""
+    """Timeouts of the communication with the drive, in seconds of the monotonic clock."""
 
     transition: float = 2.0  # one step of the power stage; brakes take up to a second
     mode: float = 1.0  # 6061h follows 6060h
     acknowledge: float = 1.0  # set-point acknowledge, both edges
     sdo: float = 3.0  # all transfers of one command
-    progress: float = 2.0  # 6064h unchanged: the motion does not get on
-    settle: float = 0.1  # bits of a former homing may still stand
-    standstill_time: float = 0.05  # the positions of so long are compared
+    progress: float = 2.0  # 6064h unchanged: the motion makes no progress
+    settle: float = 0.1  # bits of a previous homing may still be set
+    standstill_time: float = 0.05  # length of the interval in which positions are compared
     jog: float = 0.2
-    diagnosis: float = 0.4  # to read 603Fh and the maker's bits after a fault
+    diagnosis: float = 0.4  # to read 603Fh and the vendor's bits after a fault
 
 
 _PROFILE_DECELERATION = 0x6084
@@ -146,12 +145,12 @@ Explain = Callable[[int, Mapping[tuple[int, int], int]], list[str]]
 
 
 def no_explanation(_code: int, _details: Mapping[tuple[int, int], int]) -> list[str]:
-    """Explain nothing: for a drive whose make is not known."""
+    """Return no explanation: for a drive of an unknown vendor."""
     return []
 
 
 def pull_window(standstill_window: float | None, position_window: float | None, speed: float) -> float:
-    """Return the window of ``AxisParameters.pull_window``; all in increments, ``speed`` the highest of the axis, per s."""
+    """Return the value of ``AxisParameters.pull_window``; all in increments, ``speed``: the highest speed of the axis, per s."""
     if standstill_window is not None:
         return float(standstill_window)
     if position_window is not None:
@@ -161,15 +160,14 @@ def pull_window(standstill_window: float | None, position_window: float | None, 
 
 @dataclass(frozen=True, slots=True)
 class AxisParameters:
-    """Everything that one axis's core needs; made by ``machine`` from cell.toml, the EDS and the drive's own answers.
+    """All parameters of one axis's core; made by ``machine`` from cell.toml, the EDS and the drive's own answers.
 
-    ``objects`` are the indices that the drive's dictionary has (first-axis numbers). ``read_only`` are those of their entries
-    (index, sub-index) that the EDS does not let be written: commands compare these. ``quick_stop_holds``: the drive stays
-    enabled after a quick stop (605Ah 5 to 8). ``position_window`` is in increments, None for the derived one; so are
-    ``standstill_window`` and ``following_error`` (see ``pull_window`` and ``lag_allowed``). ``explain_fault`` turns 603Fh and
-    ``fault_objects`` into sentences (the make's table). ``virtual``: the axis has no drive, and the core leads it alone;
-    ``encoder`` names the input that only tells where it is, empty of any other.
-    """
+    ``objects``: the indices in the drive's dictionary (first-axis numbers). ``read_only``: their entries (index, sub-index) that
+    the EDS declares as not writable; commands compare these instead of writing. ``quick_stop_holds``: the drive stays enabled after
+    a quick stop (605Ah 5 to 8). ``position_window`` is in increments, None for the derived value; the same applies to
+    ``standstill_window`` and ``following_error`` (see ``pull_window`` and ``lag_allowed``). ``explain_fault`` converts 603Fh and
+    ``fault_objects`` into sentences (from the drive plug-in's table). ``virtual``: the axis has no drive, and only the core moves
+    it; ``encoder``: the name of the input that gives the position of an encoder axis, empty for any other axis."""
 
     name: str
     units: Units
@@ -195,48 +193,47 @@ class AxisParameters:
     )
     drive_following_time: float = 0.0  # seconds: the drive's own 6066h
     standstill_speed: float | None = None  # position increments per second
-    torque_slope: int | None = None  # the drive's own 6087h when it was booted; None: it has none
-    # 6083h and 6084h where they cannot be written, with what the drive has there (None: not known)
+    torque_slope: int | None = None  # the drive's own 6087h, read at boot; None: the drive has none
+    # 6083h and 6084h if they are not writable, with the drive's values (None: unknown)
     fixed_ramps: tuple[tuple[int, int | None], ...] = ()
     fault_objects: tuple[tuple[int, int], ...] = ()
     explain_fault: Explain = no_explanation
     node: int = 0
-    eds: str = ""  # the file that says which objects the drive has
+    eds: str = ""  # the file that lists the drive's objects
     virtual: bool = False
     encoder: str = ""
     scan_period: float = 0.01
     feed_forward: FeedForward | None = None
-    interpolated: bool = False  # what is csp here is its drive's ip
+    interpolated: bool = False  # the drive uses ip for what this API calls csp
 
     @property
     def standstill_tolerance(self) -> float:
-        """Increments that a standing axis may wander within ``standstill_time``."""
+        """Increments by which an axis at standstill may wander within ``standstill_time``."""
         return max(2.0, (self.standstill_speed or 0.0) * self.timing.standstill_time)
 
     @property
     def pull_window(self) -> float:
-        """Increments between demand and actual position within which nothing pulls a standing axis (``standstill_window``).
+        """Permitted difference of demand and actual position, in increments, at which an axis at standstill counts as free of pull.
 
-        Where cell.toml does not say it: ten position windows, else 10 ms at ``max_velocity`` (at the default velocity where that is
-        missing), and never less than what a quiet encoder wanders.
-        """
+        This is ``standstill_window``. If cell.toml does not set it: ten position windows, otherwise 10 ms at ``max_velocity`` (at
+        the default velocity if that is missing), and never less than the noise of a quiet encoder."""
         speed = (self.limits.velocity or self.defaults.velocity or 0.0) * abs(self.units.position.factor)
         return pull_window(self.standstill_window, self.position_window, speed)
 
     @property
     def place_window(self) -> int:
-        """Increments that an axis may be away from a place and is there all the same; else a tenth of ``pull_window``."""
+        """Tolerance in increments within which an axis counts as being at a position; by default a tenth of ``pull_window``."""
         return round(self.pull_window / 10) if self.position_window is None else self.position_window
 
     @property
     def has_lag_window(self) -> bool:
-        """Whether an axis that is led by positions may lag by a fixed way, not by what its speed excuses."""
+        """Whether an axis commanded by positions has a fixed following error window instead of one that depends on its speed."""
         return self.following_error is not None or self.drive_following_error is not None
 
     def lag_allowed(self, speed: float, *, by_position: bool = True) -> float:
-        """Increments that an axis may be behind what leads it, ``speed`` (increments per s) being the highest of the last 0.5 s.
+        """Return the permitted following error in increments; ``speed`` (increments per s): the highest of the last 0.5 s.
 
-        ``by_position``: it is led by positions, which the drive's own following error window is for.
+        ``by_position``: the axis is commanded by positions, to which the drive's own following error window applies.
         """
         own = self.following_error
         if own is None and by_position:
@@ -245,12 +242,12 @@ class AxisParameters:
 
     @property
     def path_deceleration(self) -> float | None:
-        """What a trajectory is braked with, in unit/s²; None where cell.toml gives nothing to do it with."""
+        """The deceleration of trajectories in unit/s²; None if cell.toml gives no value for it."""
         return self.defaults.deceleration or self.defaults.acceleration or self.limits.acceleration
 
     @property
     def hardest_deceleration(self) -> float | None:
-        """The hardest deceleration of a stop, in unit/s²: the limit, else the harder one of path and quick stop; None: unknown."""
+        """The highest deceleration of a stop in unit/s²: the limit, else the higher one of path and quick stop; None: unknown."""
         limit, quick = self.limits.acceleration, self.braking.quick
         if limit is not None or self.path_deceleration is None:
             return limit
@@ -258,7 +255,7 @@ class AxisParameters:
 
     @property
     def slow_ramp(self) -> float | None:
-        """The same in position increments per s²; what 6084h is set to before a move that gives none, else what it is fixed to."""
+        """Deceleration in position increments per s²: the fixed value of 6084h, else the value written if a move gives none."""
         fixed = dict(self.fixed_ramps)
         if _PROFILE_DECELERATION in fixed:
             return self.acceleration_increments(fixed[_PROFILE_DECELERATION])
@@ -268,14 +265,14 @@ class AxisParameters:
         return abs(deceleration * self.units.position.factor)
 
     def acceleration_increments(self, raw: int | None) -> float | None:
-        """Return an acceleration of the drive in position increments per s²; None where it is 0 or None, or its unit not known."""
+        """Return an acceleration of the drive in position increments per s²; None if it is 0 or None, or if its unit is unknown."""
         if not raw or not self.units.ratio_known:
             return None
         return abs(self.units.acceleration.to_units(raw) * self.units.position.factor)
 
     @property
     def halts_torque_by_mode(self) -> bool:
-        """Whether an axis under torque is braked by another mode than its own: where its quick stop would not, or drop a load."""
+        """Whether an axis under torque brakes in another mode, because its quick stop would not brake, or would drop a load."""
         if self.holds_load is not HoldsLoad.NO:
             return True
         limited = self.limits.position is not None or self.limits.velocity is not None

@@ -1,4 +1,4 @@
-"""Whether a path asks no more of its axis, from one cycle to the next, than the axis may make."""
+"""Check of a path, from one cycle to the next, against the velocity and acceleration that its axis permits."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from axisbus.motion.moves.lookahead import Path
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.trajectory import Trajectory
 
-_COMPUTED = 1e-6  # what numbers that were computed from times may be off, as a share
-_ULPS = 8.0  # and positions, in units of their last place
-_tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
+_COMPUTED = 1e-6  # relative tolerance for the rounding of numbers computed from times
+_ULPS = 8.0  # tolerance for positions, in units of their last place
+_tuple = tuple.__new__  # creates a named tuple from valid values, without the call of its own ``__new__``
 
 
 @runtime_checkable
 class Ramped(Protocol):
-    """A trajectory that tells in advance how hard it speeds up and brakes."""
+    """A trajectory that knows its highest acceleration in advance."""
 
     @property
     def top_acceleration(self) -> float:
@@ -25,14 +25,14 @@ class Ramped(Protocol):
 
 
 class PathSample(NamedTuple):
-    """Where a path was in the cycle before, and how fast it came there; unit and unit/s."""
+    """Position of a path in one cycle, and its velocity up to there; unit and unit/s."""
 
     position: float
     velocity: float = 0.0
 
 
 class LimitExceeded(NamedTuple):
-    """What a step asks too much of, and what was seen."""
+    """The limit that a step exceeds, and the observed value, as texts."""
 
     what: str
     seen: str
@@ -40,11 +40,10 @@ class LimitExceeded(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PathLimitCheck:
-    """What a path may ask for, in ``unit``/s and ``unit``/s² (None: nothing is known); ``key``: where the acceleration comes from.
+    """Limits of a path in ``unit``/s and ``unit``/s² (None: unknown); ``key``: the setting that the acceleration comes from.
 
-    ``period`` is that of the scan, in s; ``increment`` the smallest step of the axis: what a path itself has been rounded to is no
-    jolt that its drive could see.
-    """
+    ``period``: scan period in s. ``increment``: the smallest step of the axis; a change by the rounding of the path to increments
+    does not count as a jolt, because the drive could not detect it."""
 
     unit: str
     velocity: float | None
@@ -58,11 +57,11 @@ class PathLimitCheck:
         return _tuple(PathSample, (position, (position - before.position) / self.period))
 
     def excess(self, before: PathSample, after: PathSample, hardest: float = 0.0) -> LimitExceeded | None:
-        """Return what is too much about a step; ``hardest`` (unit/s²) is allowed in any case."""
+        """Return the limit that a step exceeds, or None; accelerations up to ``hardest`` (unit/s²) are permitted in any case."""
         velocity, rate = after.velocity, (after.velocity - before.velocity) / self.period
         slow = self.velocity is None or -self.velocity <= velocity <= self.velocity
         if slow and (self.acceleration is None or -self.acceleration <= rate <= self.acceleration):
-            return None  # most steps: what arithmetic may be off does not matter
+            return None  # most steps: rounding does not matter
         speed, rate = abs(velocity), abs(rate)
         off = _ULPS * math.ulp(max(abs(before.position), abs(after.position))) / self.period
         if self.velocity is not None and speed > self.velocity * (1.0 + _COMPUTED) + off:
@@ -82,10 +81,10 @@ class PathLimitCheck:
 
 
 def pace_of(parameters: AxisParameters, trajectory: Trajectory) -> PathLimitCheck:
-    """Return what ``trajectory`` may ask for.
+    """Return the limits of ``trajectory``.
 
-    Without ``max_velocity`` a jump of position could not be told from a motion. There the acceleration decides: the limit, that
-    which the trajectory itself names, or the default.
+    Without ``max_velocity``, a jump of position could not be distinguished from a motion. Then the acceleration decides: the limit,
+    otherwise that of the trajectory itself, otherwise the default.
     """
     limits = parameters.limits
     acceleration, key = limits.acceleration, "max_acceleration"
@@ -102,7 +101,7 @@ def pace_of(parameters: AxisParameters, trajectory: Trajectory) -> PathLimitChec
 
 
 def brakes_smoothly(path: Path, t: float, period: float, speed: float, deceleration: float) -> bool:
-    """Whether a path can be slowed down from ``t`` on by ``deceleration`` without a jump; ``speed`` is the signed one there."""
+    """Return whether a path can brake from ``t`` on by ``deceleration`` without a jump; ``speed``: signed speed at ``t``."""
     if not speed:
         return True
     allowed = max(0.0, abs(speed) - deceleration * period) * period

@@ -1,4 +1,4 @@
-"""The time along an axis's own trajectory: one period per executed cycle, and slowed down so that its path is kept."""
+"""The time along an axis's own trajectory: one period per executed cycle; it slows down such that the axis stays on its path."""
 
 from __future__ import annotations
 
@@ -10,40 +10,40 @@ Way = Callable[
 ]  # the distance covered along the path at a time; in any unit, forwards or backwards
 
 _ROUNDS = 30
-_CLOSE = 1e-6  # of what is wanted
+_CLOSE = 1e-6  # of the wanted value
 
 
 class Clock(Protocol):
-    """What goes on along a path: time, the place on the way of a group, or nothing of the path's own."""
+    """The parameter of a path: time, the path position of a group, or nothing if the path has no parameter of its own."""
 
     t: float
     braking: bool
 
     @property
     def stopped(self) -> bool:
-        """Whether it stands because it was braked."""
+        """Whether it is at standstill because it was braked."""
 
     def told(self, t: float) -> str:
-        """Return what it was at for people."""
+        """Return its value ``t`` as text for messages."""
 
     def advance(self, period: float) -> None:
-        """Go on by one cycle of ``period`` seconds."""
+        """Advance by one cycle of ``period`` seconds."""
 
 
 class Guided(Clock, Protocol):
-    """A clock that knows by itself how to come to rest."""
+    """A clock that can brake without further data."""
 
     def brake(self) -> None:
-        """Come to rest; a second call changes nothing."""
+        """Brake to standstill; a second call has no effect."""
 
 
 class PathClock:
     """The time along a trajectory. It advances by one period per executed cycle, and can be slowed, held, and braked to a stop.
 
-    Slowing time scales the velocity down and keeps the path. While braking, the speed along the path falls by no more than the
-    deceleration times the period in each cycle, whatever the trajectory itself does meanwhile: where it slows down by itself as
-    fast, time runs on; where it would speed up, time runs the slower. Under an override (``aim``) time comes to run at its factor,
-    as fast as the velocity may change for it. A stop is never scaled: it brakes from the speed that there is.
+    Slowing time scales the velocity down and keeps the path. While braking, the speed along the path falls by at most the
+    deceleration times the period in each cycle, whatever the trajectory does meanwhile: if the trajectory itself slows down as
+    fast, time continues unchanged; if it speeds up, time runs slower. Under an override (``aim``) the rate of time approaches the
+    override factor, as fast as the velocity may change. A stop is never scaled by an override: it brakes from the present speed.
     """
 
     __slots__ = (
@@ -61,9 +61,9 @@ class PathClock:
 
     def __init__(self) -> None:
         self.t = 0.0
-        self.rate = 1.0  # seconds of the trajectory in one of the clock
-        self._factor = 1.0  # that it is to come to
-        self._last = 0.0  # the time one cycle before
+        self.rate = 1.0  # seconds of the trajectory per second of the clock
+        self._factor = 1.0  # the rate to approach
+        self._last = 0.0  # the time of the previous cycle
         self._period = 0.0
         self.braking = False  # slowing down or stopped
         self._way: Way | None = None
@@ -73,24 +73,24 @@ class PathClock:
 
     @property
     def is_even(self) -> bool:
-        """Whether it goes on as time does, and will in the next cycle."""
+        """Whether time runs at rate 1 now and in the next cycle."""
         return self.rate == 1.0 == self._factor and not self.braking
 
     @property
     def fastest(self) -> float:
-        """How fast it runs at most until something else is asked of it: as it does, or as it comes to."""
+        """The highest rate without a new request: the present one or the one to approach."""
         return max(self.rate, self._factor)
 
     def aim(self, factor: float, way: Way, ramp: float | None) -> None:
-        """Let time come to run at ``factor``; the velocity changes for it by ``ramp`` per s² (None: only at rest)."""
+        """Let the rate of time approach ``factor``; the velocity changes by ``ramp`` per s² at most (None: change only at rest)."""
         self._factor, self._way, self._ramp = factor, way, ramp
 
     def next(self, period: float) -> float:
-        """Return the time that ``advance`` comes to, where it is not braked; nothing changes by this."""
+        """Return the time after ``advance`` if it does not brake; changes nothing."""
         return self.t + self._next_rate(period) * period
 
     def advance(self, period: float) -> None:
-        """Go on by one cycle of ``period`` seconds; raises what the way raises."""
+        """Advance by one cycle of ``period`` seconds; propagates exceptions of the path function."""
         if self.braking and self._deceleration:
             self._period, self._last = period, self.t
             if self.rate and self._way is not None:
@@ -101,12 +101,12 @@ class PathClock:
         self.t += self.rate * period
 
     def run_on(self, period: float) -> None:
-        """Do what ``advance`` does where the clock ``is_even``."""
+        """Do the same as ``advance``; valid only if the clock ``is_even``."""
         self._period, self._last = period, self.t
         self.t += period
 
     def brake(self, way: Way, deceleration: float) -> None:
-        """Slow down to a stop; ``deceleration`` in units of ``way`` per s², above 0. A second call changes nothing."""
+        """Brake to a stop; ``deceleration`` in units of ``way`` per s², above 0. A second call has no effect."""
         if self._deceleration:
             return
         self._way, self._deceleration, self.braking = way, deceleration, True
@@ -117,15 +117,15 @@ class PathClock:
 
     @property
     def stopped(self) -> bool:
-        """Whether time stands still because it was braked."""
+        """Whether time is at standstill because it was braked."""
         return self.braking and self.rate == 0.0
 
     def told(self, t: float) -> str:
-        """Return a time for people."""
+        """Return a time as text for messages."""
         return f"{t:.3f} s"
 
     def _next_rate(self, period: float) -> float:
-        """Return how fast time runs in the next cycle: nearer to its factor, as far as the velocity may change."""
+        """Return the rate of the next cycle: nearer to the requested factor, as far as the velocity may change."""
         rate, factor, way = self.rate, self._factor, self._way
         if rate == factor or way is None:
             return rate
@@ -160,9 +160,9 @@ class PathClock:
 
 
 def _share(gone: Way, whole: float, wanted: float) -> float:
-    """Return the share (0 to 1) of a stretch at which ``gone`` of it is ``wanted``; all of it is ``whole``, more than that.
+    """Return the share (0 to 1) of an interval at which ``gone`` is ``wanted``; its value at 1 is ``whole``, which is larger.
 
-    A path that bends in time has not gone half of its way in half of its time. (Regula falsi, with the halving of Illinois.)
+    If the speed varies, half of the distance is not covered in half of the time. (Regula falsi, with the Illinois method.)
     """
     low, high, under, over = 0.0, 1.0, -wanted, whole - wanted
     share, side = wanted / whole, 0

@@ -1,19 +1,19 @@
-"""Position limits in numbers: where an axis may be led, where it can still stop, and what is allowed from beyond a limit.
+"""Computations with position limits: the permitted range of a motion, the braking distance, and motion from outside the limits.
 
-Every kind of motion asks these functions: the watch over velocity and torque, moves, paths, followers of a master, gantry pairs,
+All kinds of motion use these functions: the supervision of velocity and torque, moves, paths, slaves of a master, gantry pairs,
 and the check of a call.
 
 Theory of operation
 -------------------
-A *room* is the range within which a motion keeps an axis. It is that of the position limits, widened to where the motion begins: an
-axis that is beyond a limit may come back, and goes no farther out. While it comes back, the room follows it (``narrowed``), so that
-it does not go out again.
+A *room* is the range within which a motion keeps an axis. It consists of the position limits, extended to the start of the motion:
+an axis outside a limit may return, and moves no farther out. While it returns, the room shrinks with it (``narrowed``), so that it
+does not move out again.
 
-A measured position wanders: an encoder shows ±2 increments, and two positions of an axis at rest differ by ``NOISE``. ``window`` is
-that in the unit of the positions: what is beyond a limit by no more than that is at the limit.
+A measured position is noisy: an encoder varies by ±2 increments, and two positions of an axis at rest differ by up to ``NOISE``.
+``window`` is this value in the unit of the positions: a position outside a limit by no more than that counts as on the limit.
 
-An axis without a modulo has the room of its drive's count, too: 607Ah and 6064h are INTEGER32, and a target beyond its end is one
-at its other end.
+For an axis without a modulo, the count of its drive is a room as well: 607Ah and 6064h are INTEGER32, and a target beyond one end
+appears at the other end.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ NOISE = 4.0  # increments
 
 
 class Room(NamedTuple):
-    """The lowest and the highest position that a motion may come to."""
+    """The lowest and the highest permitted position of a motion."""
 
     low: float
     high: float
 
     def has(self, position: float) -> bool:
-        """Whether ``position`` is within it."""
+        """Return whether ``position`` is within the room."""
         return self.low <= position <= self.high
 
 
@@ -42,27 +42,27 @@ UNLIMITED = Room(-math.inf, math.inf)
 
 
 def widened(limits: tuple[float, float], start: float, margin: float) -> Room:
-    """Return the room of a motion from ``start``: one from outside may come back, but go no farther out."""
+    """Return the room of a motion from ``start``: from outside the limits, it may return but not move farther out."""
     return Room(min(limits[0], start) - margin, max(limits[1], start) + margin)
 
 
 def narrowed(room: Room, limits: tuple[float, float], position: float, window: float) -> Room:
-    """Return the room of a motion that has come to ``position``: what it has left beyond ``limits`` it does not enter again."""
+    """Return the room of a motion that has reached ``position``: the part beyond ``limits`` that it has left is excluded."""
     low, high = min(limits[0], position) - window, max(limits[1], position) + window
     return Room(max(room.low, low), min(room.high, high))
 
 
 def is_beyond(limits: tuple[float, float], position: float, window: float = 0.0) -> bool:
-    """Whether ``position`` is outside ``limits`` by more than ``window``."""
+    """Return whether ``position`` is outside ``limits`` by more than ``window``."""
     return not limits[0] - window <= position <= limits[1] + window
 
 
 def room_of_way(
     limits: tuple[float, float], start: float, window: float, margin: float
 ) -> tuple[float, float]:
-    """Return within what a way from ``start``, which may come by there again, must lie.
+    """Return the range for a path from ``start`` that may pass ``start`` again.
 
-    One that begins beyond a limit by ``window`` at most begins at the limit (``margin``: what its arithmetic may be off).
+    If the path begins outside a limit by at most ``window``, ``start`` becomes the limit, plus ``margin`` for rounding errors.
     """
     if not is_beyond(limits, start) or is_beyond(limits, start, window):
         return limits
@@ -70,10 +70,10 @@ def room_of_way(
 
 
 def allowed_end(limits: tuple[float, float], start: float, end: float, window: float = 0.0) -> float | None:
-    """Return where a motion from ``start`` that is to end at ``end`` may end; None: it leads out of ``limits``.
+    """Return the permitted end of a motion from ``start`` to ``end``; None if the motion leaves ``limits``.
 
-    From beyond a limit it may end beyond it, no farther out than it began. An end that is beyond a limit by ``window`` at most
-    becomes the limit.
+    From outside a limit, the motion may end outside it, but no farther out than it began. If ``end`` is outside a limit by at most
+    ``window``, it is replaced by the limit.
     """
     if widened(limits, start, 0.0).has(end):
         return end
@@ -81,12 +81,12 @@ def allowed_end(limits: tuple[float, float], start: float, end: float, window: f
 
 
 def rest(position: float, velocity: float, deceleration: float) -> float:
-    """Return where an axis comes to rest that brakes now."""
+    """Return the position at which an axis comes to rest if it brakes now."""
     return position + math.copysign(braking_distance(velocity, deceleration), velocity)
 
 
 def leaves(room: Room, position: float, velocity: float, deceleration: float) -> float | None:
-    """Return where an axis comes to rest that brakes now, where that is outside in the direction in which it goes; else None."""
+    """Return the position of rest if the axis brakes now and leaves ``room`` in its direction of motion; otherwise None."""
     stop = rest(position, velocity, deceleration)
     if velocity > 0.0:
         return stop if stop > room.high else None
@@ -96,24 +96,24 @@ def leaves(room: Room, position: float, velocity: float, deceleration: float) ->
 def braking(
     room: Room, position: float, velocity: float, usual: float, hardest: float, period: float
 ) -> float:
-    """Return with what an axis is to brake in steps (``steps_to_rest``): the ``usual`` deceleration, or what keeps it in its room.
+    """Return the deceleration for braking in steps (``steps_to_rest``): ``usual``, or more if that is needed to stay in the room.
 
-    ``hardest`` at most, which is also the answer if nothing keeps it there.
+    The result is at most ``hardest``, also if even that does not keep the axis in the room.
     """
     left = max(room.high - position if velocity > 0.0 else position - room.low, 0.0)
     speed = abs(velocity)
     if not speed or left == math.inf:
         return usual
-    # In n steps the speed falls to 0 if the deceleration is from v/(n+1)T to v/nT; the way is T (n v - d T n (n+1) / 2).
+    # In n steps the speed falls to 0 if the deceleration is from v/(n+1)T to v/nT; the distance is T (n v - d T n (n+1) / 2).
     steps = max(1, math.ceil(2.0 * left / (speed * period)))
     needed = 2.0 * (steps * speed - left / period) / (period * steps * (steps + 1))
     return max(usual, min(needed, hardest))
 
 
 def steps_to_rest(position: float, velocity: float, deceleration: float, period: float) -> list[float]:
-    """Return the positions of an axis that brakes now, one for each cycle, with the present one.
+    """Return the positions of an axis that brakes now: the present one, and one for each cycle.
 
-    ``velocity`` is that of the cycle before. In each cycle it is less by what the deceleration allows: no brake is shorter.
+    ``velocity`` is that of the previous cycle. It falls by the permitted deceleration in each cycle: no braking is shorter.
     """
     places, speed = [position, position], abs(velocity)
     while (speed := speed - deceleration * period) > 0.0:
@@ -123,6 +123,6 @@ def steps_to_rest(position: float, velocity: float, deceleration: float, period:
 
 
 def room_of_count(position: int) -> Room:
-    """Return the unwrapped increments that the drive of an axis at ``position`` shows without a wrap of its count."""
+    """Return the range of unwrapped increments that a drive at ``position`` can report without a wrap of its count."""
     lap = position - wrap(position)
     return Room(lap + INT32_LEAST, lap + INT32_HALF - 1)

@@ -1,4 +1,4 @@
-"""What other threads may see of an axis: one consistent set of values per cycle."""
+"""The values of an axis that other threads may read: one consistent set per cycle."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from axisbus.motion.states import AxisState
 class Snapshot(NamedTuple):
     """An axis as of the cycle at ``now`` (seconds, monotonic); unknown values are None, positions are unwrapped increments.
 
-    ``override`` is that of the axis itself, ``cell_override`` that of its cell, which multiplies it. ``latched``: how many
-    edges its touch probe has latched for whoever asked, since the core began. ``demand`` is 6062h as the drive shows it;
-    ``demand_leads``: it is believed to be what leads the axis.
-    """
+    ``override`` is that of the axis itself, ``cell_override`` that of its cell, which multiplies it. ``latched``: number of edges
+    that its touch probe has latched, for all requests, since the core began. ``demand`` is 6062h as the drive reports it;
+    ``demand_leads``: 6062h is considered to be the value that commands the axis."""
 
     now: float
     state: AxisState

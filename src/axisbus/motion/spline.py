@@ -1,4 +1,4 @@
-"""A smooth curve through points in time: neither velocity nor acceleration jumps between them, and it begins and ends at rest."""
+"""A cubic spline through points in time: velocity and acceleration are continuous, and it begins and ends at rest."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from axisbus.errors import ArgumentError
 from axisbus.motion.numbers import number, told
 from axisbus.motion.trajectory import Trajectory
 
-_SWEEPS = 60  # then nothing is left that a number could hold
+_SWEEPS = 60  # then the remaining error is below the resolution of a float
 
 
 class SplineSegment(NamedTuple):
@@ -32,7 +32,7 @@ class SplineSegment(NamedTuple):
         return self.speed + s * (2.0 * self.bend + s * 3.0 * self.twist)
 
     def bend_at(self, s: float) -> float:
-        """How the speed changes at ``s``."""
+        """Return the acceleration at ``s``."""
         return 2.0 * self.bend + 6.0 * self.twist * s
 
 
@@ -40,8 +40,8 @@ class SplineSegment(NamedTuple):
 class SplineTrajectory:
     """A cubic spline through ``positions`` at ``times`` (s, from 0 on, rising), at rest at both ends.
 
-    Between its points it may go a little beyond them: ``span``, ``top_speed`` and ``top_acceleration`` tell how far, how fast and
-    how hard, and ``Axis.follow`` holds them against the limits before anything moves.
+    Between its points it may overshoot them a little: ``span``, ``top_speed`` and ``top_acceleration`` give its extreme values, and
+    ``Axis.follow`` checks them against the limits before anything moves.
     """
 
     times: Sequence[float]
@@ -52,7 +52,7 @@ class SplineTrajectory:
         """Compute the curve.
 
         Raises:
-            ArgumentError: fewer than two points, what is no finite number, or times that do not begin at 0 and rise.
+            ArgumentError: fewer than two points, a value that is not a finite number, or times that do not begin at 0 and rise.
         """
         values = [number(value) for value in (*self.times, *self.positions)]
         known = [value for value in values if value is not None]
@@ -94,7 +94,7 @@ class SplineTrajectory:
         return max(abs(bend) for pair in ends for bend in pair)
 
     def position(self, t: float) -> float:
-        """Return the position at ``t`` seconds; before and after, the ends."""
+        """Return the position at ``t`` seconds; beyond an end, the position at that end."""
         if t >= self.times[-1]:
             return self.positions[-1]
         place = max(bisect_right(self.times, t) - 1, 0)
@@ -103,7 +103,7 @@ class SplineTrajectory:
 
 @dataclass(frozen=True, slots=True)
 class Computed:
-    """A trajectory that a function of the program gives: ``call(t)`` for 0 to ``duration`` seconds."""
+    """A trajectory defined by a function of the user's program: ``call(t)`` for 0 to ``duration`` seconds."""
 
     call: Callable[[float], float]
     duration: float
@@ -117,10 +117,10 @@ Followed = Trajectory | Sequence[Sequence[float]] | Callable[[float], float]
 
 
 def trajectory_of(given: Followed, duration: float | None, text: str) -> Trajectory:
-    """Return what was given as a trajectory: itself, the curve through rows of time and position, or a function's.
+    """Return ``given`` as a trajectory: itself, the spline through rows of time and position, or the values of a function.
 
     Raises:
-        ArgumentError: it is none, or ``duration`` is missing or too much; ``text`` names the call.
+        ArgumentError: it is none of these, or ``duration`` is missing or not permitted; ``text`` names the call.
     """
     is_one = hasattr(given, "position")
     if duration is not None and (is_one or not callable(given)):
@@ -155,9 +155,9 @@ def _through(given: object, text: str) -> SplineTrajectory:
 def parts_of(
     times: Sequence[float], positions: Sequence[float], *, periodic: bool = False
 ) -> Iterator[SplineSegment]:
-    """Return the curve through points, between which neither speed nor acceleration jumps: at rest at both ends, or ``periodic``.
+    """Return the spline through points, with continuous speed and acceleration: at rest at both ends, or ``periodic``.
 
-    Then it goes on after its end as it does after its beginning.
+    A periodic spline continues after its end as after its beginning.
     """
     lengths = [b - a for a, b in pairwise(times)]
     slopes = [(b - a) / length for (a, b), length in zip(pairwise(positions), lengths, strict=True)]
@@ -168,7 +168,7 @@ def parts_of(
 
 
 def _speeds(lengths: Sequence[float], slopes: Sequence[float]) -> list[float]:
-    """Solve for the speed at each point with which no acceleration jumps: a system of three diagonals."""
+    """Solve for the speed at each point at which the acceleration is continuous: a tridiagonal system."""
     above, right = [0.0], [0.0]
     for (h, g), (a, b) in zip(pairwise(lengths), pairwise(slopes), strict=True):
         pivot = 2.0 * (h + g) - g * above[-1]
@@ -181,12 +181,12 @@ def _speeds(lengths: Sequence[float], slopes: Sequence[float]) -> list[float]:
 
 
 def _round(lengths: Sequence[float], slopes: Sequence[float]) -> list[float]:
-    """Solve for the same where the last point is the first again: each sweep leaves at most half of what is off."""
+    """Solve the same for a closed curve, whose last point is the first; each sweep at least halves the error."""
     count = len(lengths)
     speeds = list(slopes)
     for _ in range(_SWEEPS):
         for n in range(count):
-            h, g = lengths[n - 1], lengths[n]  # before the point, and after it
+            h, g = lengths[n - 1], lengths[n]  # before and after the point
             known = 3.0 * (g * slopes[n - 1] + h * slopes[n])
             speeds[n] = (known - g * speeds[n - 1] - h * speeds[(n + 1) % count]) / (2.0 * (h + g))
     return [*speeds, speeds[0]]
@@ -201,7 +201,7 @@ def span_of(parts: Sequence[SplineSegment]) -> tuple[float, float]:
 
 
 def _turns(part: SplineSegment) -> tuple[float, ...]:
-    """Where the speed of a part is 0."""
+    """Return the positions within a part, in s, at which the speed is 0."""
     a, b, c = 3.0 * part.twist, 2.0 * part.bend, part.speed
     if not a:
         return (-c / b,) if b else ()

@@ -1,4 +1,4 @@
-"""The states of an axis in PLCopen's words, and which commands each state takes."""
+"""The states of an axis according to PLCopen, and the commands that each state accepts."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class AxisState(Enum):
 
 _A = AxisState
 MOVING = frozenset({_A.HOMING, _A.DISCRETE_MOTION, _A.CONTINUOUS_MOTION, _A.SYNCHRONIZED_MOTION})
-# A new motion command may take over from these; homing is only ended by halt, stop, quick stop or disable.
+# A new motion command may take over in these states; only halt, stop, quick stop or disable ends homing.
 TAKES_MOTION = frozenset({_A.STANDSTILL, _A.DISCRETE_MOTION, _A.CONTINUOUS_MOTION, _A.SYNCHRONIZED_MOTION})
 
-# Why a motion command is refused in a state, and what to do.
+# Why a motion command is rejected in a state, and the remedy.
 REFUSAL = {
     _A.DISABLED: ("is Disabled", "enable it first: axis.enable()"),
     _A.HOMING: ("is Homing", "wait for it, or halt it first: axis.halt()"),

@@ -1,4 +1,4 @@
-"""How an axis that moves freely is led, and what a stop brakes it with."""
+"""How a command moves an axis, and the deceleration of a stop."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ BRAKES = frozenset({Ramp.SLOW, Ramp.QUICK, Ramp.LIMIT})
 
 @dataclass(frozen=True, slots=True)
 class Braking:
-    """What a halt (605Dh) and a quick stop (605Ah) brake with.
+    """Deceleration of a halt (605Dh) and of a quick stop (605Ah).
 
     ``quick`` is 6085h, ``most_up`` and ``most_down`` are the drive's own limits of acceleration and deceleration (60C5h, 60C6h);
-    all in position increments per s², None: unknown, or not limited.
-    """
+    all in position increments per s², None: unknown, or not limited."""
 
     halt: Ramp = Ramp.UNKNOWN
     quick_stop: Ramp = Ramp.UNKNOWN
@@ -25,21 +24,20 @@ class Braking:
     most_down: float | None = None
 
     def deceleration(self, ramp: Ramp, slow: float | None) -> float | None:
-        """Return what ``ramp`` brakes with (None: nothing that is known), ``slow`` being 6084h.
+        """Return the deceleration of ``ramp`` (None: none that is known); ``slow`` is 6084h.
 
-        The drive's limit (of current, of voltage) counts as no harder than ``slow``, and so does a halt or quick stop without an
-        option code, for which the standard has the slow-down ramp.
-        """
+        A ramp at the drive's limit (of current, of voltage) counts as no harder than ``slow``. So does a halt or quick stop without
+        an option code, for which the standard defines the slow-down ramp."""
         if ramp is Ramp.COAST:
             return None
         return self.capped_down(self.quick if ramp is Ramp.QUICK else slow)
 
     def capped_up(self, up: float | None) -> float | None:
-        """Return an acceleration within the drive's own limit."""
+        """Return an acceleration, limited to the drive's own limit."""
         return _lower(up, self.most_up)
 
     def capped_down(self, down: float | None) -> float | None:
-        """Return a deceleration within the drive's own limit."""
+        """Return a deceleration, limited to the drive's own limit."""
         return _lower(down, self.most_down)
 
 
@@ -48,14 +46,13 @@ def _lower(value: float | None, limit: float | None) -> float | None:
 
 
 class CommandedMotion(NamedTuple):
-    """Where a command leads the axis, in position increments; None: not known.
+    """The motion of a command, in position increments; None: unknown.
 
-    ``speed`` (per s) is signed, ``up`` (per s²) leads to it, ``down`` is the profile deceleration 6084h that the drive has by now.
-    ``by_torque``: the axis is pushed, nobody knows how fast it will get, and a halt of the mode lets it coast. ``by_target``: it
-    goes to a position, and comes to rest there by itself. ``by_core``: it is led from cycle to cycle, and a halt brakes it with
-    ``down``, whatever the drive's own halt (605Dh) is. ``soft``: seconds by which a limit of jerk may prolong its ramps.
-    ``unknown``: the drive neither took a deceleration (6084h) nor shows the one that it has.
-    """
+    ``speed`` (per s) is signed, ``up`` (per s²) is the acceleration to it, ``down`` is the profile deceleration 6084h that the
+    drive has now. ``by_torque``: a torque moves the axis, its speed cannot be predicted, and a halt of the mode lets it coast.
+    ``by_target``: the drive moves to a position and comes to rest there. ``by_core``: the master streams set-points, and a halt
+    brakes with ``down``, whatever the drive's own halt (605Dh) is. ``soft``: seconds by which a limit of jerk may prolong its
+    ramps. ``unknown``: the drive neither accepted a deceleration (6084h) nor reports its own."""
 
     speed: float | None = None
     up: float | None = None

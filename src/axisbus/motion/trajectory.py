@@ -16,9 +16,8 @@ from axisbus.motion.numbers import number, told
 class Trajectory(Protocol):
     """A position over time, in the axis's unit; ``duration`` in seconds. It must begin and end at rest.
 
-    ``position`` may be asked for times ahead, and again: it depends on ``t`` alone. One that also has ``span`` and ``top_speed``
-    (``lookahead.LookaheadTrajectory``) is held against the limits as a whole before it starts.
-    """
+    ``position`` may be called for future times, and repeatedly: it must depend on ``t`` alone. A trajectory that also has ``span``
+    and ``top_speed`` (``lookahead.LookaheadTrajectory``) is checked against the limits as a whole before it starts."""
 
     @property
     def duration(self) -> float:
@@ -43,7 +42,7 @@ class TrapezoidalTrajectory:
     end: float
     velocity: float
     acceleration: float
-    _total: float = field(init=False, repr=False, compare=False)  # asked for in every cycle
+    _total: float = field(init=False, repr=False, compare=False)  # used in every cycle
 
     def __post_init__(self) -> None:
         """Check the values.
@@ -71,7 +70,7 @@ class TrapezoidalTrajectory:
 
     @property
     def top_speed(self) -> float:
-        """The highest speed: ``velocity`` where the way is long enough for it."""
+        """The highest speed: ``velocity`` if the distance is long enough to reach it."""
         return min(self.velocity, math.sqrt(abs(self.end - self.start) * self.acceleration))
 
     @property
@@ -80,7 +79,7 @@ class TrapezoidalTrajectory:
         return self.acceleration if self.end != self.start else 0.0
 
     def position(self, t: float) -> float:
-        """Return the position at ``t`` seconds; before and after, the ends."""
+        """Return the position at ``t`` seconds; beyond an end, the position at that end."""
         start, end, total = self.start, self.end, self._total
         if t <= 0 or start == end:
             return start
@@ -102,7 +101,7 @@ class TrapezoidalTrajectory:
 
 @dataclass(frozen=True, slots=True)
 class SampledTrajectory:
-    """Positions at equal intervals of ``step`` seconds, straight lines between them; the first is where the axis stands."""
+    """Positions at equal intervals of ``step`` seconds, linearly interpolated; the first is the axis's position at the start."""
 
     positions: Sequence[float]
     step: float
@@ -134,8 +133,8 @@ class SampledTrajectory:
         return max(abs(b - a) for a, b in pairwise(self.positions)) / self.step
 
     def position(self, t: float) -> float:
-        """Return the position at ``t`` seconds; before and after, the ends."""
-        if t >= self.duration:  # exactly the last point, whatever the division would round to
+        """Return the position at ``t`` seconds; beyond an end, the position at that end."""
+        if t >= self.duration:  # exactly the last point, independent of rounding
             return self.positions[-1]
         where = max(t / self.step, 0.0)
         index = min(int(where), len(self.positions) - 2)

@@ -1,4 +1,4 @@
-"""Exceptions that are nobody's answer: what breaks off in a program's own code, or by a mistake of ours, ends one command."""
+"""Errors for unexpected exceptions: an exception in the user's code, or a bug in axisbus, ends one command."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _REMEDY = (
 
 
 def broken(error: Exception, what: str) -> AxisbusError:
-    """Return what ends a command (``what`` names it) in which ``error`` was raised."""
+    """Return the error that ends command ``what``, in which ``error`` was raised."""
     if isinstance(error, AxisbusError):
         return error
     failure = CommandError(f"{what}: broke off", observed=one_line(error), remedy=_REMEDY)

@@ -1,4 +1,4 @@
-"""Speed and acceleration of a count, from its last samples."""
+"""Estimate velocity and acceleration of a count from its last samples."""
 
 from __future__ import annotations
 
@@ -7,15 +7,14 @@ from itertools import pairwise
 
 from axisbus.motion.position_limits import NOISE
 
-_KEPT = 7  # samples: six velocities, of which the medians of the older and of the newer three give the acceleration
+_KEPT = 7  # samples: six velocities; the medians of the older and the newer three give the acceleration
 
 
 class VelocityEstimator:
-    """The last samples of one count (increments over seconds); holds them.
+    """Stores the last samples of one count (increments over seconds).
 
-    A frame that is taken from the adapter late makes one difference too slow and the next one too fast. The median of three sees
-    neither, so that a busy computer's jitter does not look like danger.
-    """
+    A frame that is read late from the adapter makes one difference too slow and the next one too fast. The median of three
+    suppresses both, so that the jitter of a busy computer does not look like danger."""
 
     __slots__ = ("_motion", "_recounts", "_samples")
 
@@ -25,14 +24,14 @@ class VelocityEstimator:
         self._recounts = False
 
     def recount(self) -> None:
-        """The next sample counts from another place, and the count was at rest: the samples before it take its value.
+        """Announce that the next sample counts from another origin, with the count at rest: earlier samples are set to its value.
 
-        A track that began again would know no velocity for two samples, in which an axis with slow feedback leaves its limits.
-        """
+        If the track restarted instead, it would have no velocity for two samples; an axis with slow feedback could leave its
+        limits."""
         self._recounts = True
 
     def take(self, value: int | None, stamp: float) -> None:
-        """Take a sample; None ends the track, one that is known already changes nothing."""
+        """Add a sample; None ends the track, and a sample that is already known has no effect."""
         samples = self._samples
         if value is None:
             samples.clear()
@@ -46,27 +45,26 @@ class VelocityEstimator:
 
     @property
     def is_known(self) -> bool:
-        """Whether there is a velocity."""
+        """Whether a velocity is known."""
         return len(self._samples) > 2
 
     @property
     def mean(self) -> float:
-        """Mean velocity (per s) over all samples that are kept."""
+        """Mean velocity (per s) over all stored samples."""
         samples = self._samples
         return (samples[-1][1] - samples[0][1]) / (samples[-1][0] - samples[0][0])
 
     def toward(self, direction: int) -> float:
-        """Return how fast (per s) the count may go in ``direction`` (1 or -1), by its last samples.
+        """Return the velocity (per s) that the count may have in ``direction`` (1 or -1), from its last samples.
 
         A count is a whole number. A slow one changes by 1, 1 and 2 between samples, and the median of these is too low by up to one
-        count. The mean over all samples is better there, so it counts up to that much.
-        """
+        count. The mean over all samples is better in this case, so it is used up to that deviation."""
         velocity = self.motion[0] * direction
         return max(velocity, min(self.mean * direction, velocity + 1.0 / self.spacing))
 
     @property
     def least(self) -> float:
-        """The lowest speed (per s) that the count may have had over the last three differences, if it wanders by ``NOISE``."""
+        """The lowest speed (per s) over the last three differences, if the count is noisy by ``NOISE``."""
         samples = self._samples
         first = samples[-min(len(samples), 4)]
         seconds = samples[-1][0] - first[0]
@@ -74,17 +72,17 @@ class VelocityEstimator:
 
     @property
     def gone(self) -> int:
-        """How far the count has gone over all samples that are kept."""
+        """The change of the count over all stored samples."""
         return self._samples[-1][1] - self._samples[0][1]
 
     @property
     def value(self) -> int:
-        """The last sample's value."""
+        """The value of the last sample."""
         return self._samples[-1][1]
 
     @property
     def spacing(self) -> float:
-        """Mean seconds between two samples."""
+        """Mean time between two samples in seconds."""
         samples = self._samples
         return (samples[-1][0] - samples[0][0]) / (len(samples) - 1)
 

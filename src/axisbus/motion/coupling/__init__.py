@@ -1,1 +1,1 @@
-"""Axes that are led by another one: gears and cams (PLCopen part 1, synchronised motion)."""
+"""Slave axes that follow a master axis: gears and cams (PLCopen part 1, synchronised motion)."""

@@ -62,7 +62,7 @@ class Engagement:
         self._passed: float | None = None  # position of the master in the previous cycle
         self._lead: Callable[[], float] = self._wait
 
-    # -- what a group's command asks of what leads its axes -----------------------------------------------------------
+    # -- GroupSetPointSource -------------------------------------------------------------------------------------------
 
     def step(self, _period: float, _begins: bool, _name: str) -> None:
         """Once per cycle, before the axes: update the set-point. An error is passed to the slave, which then brakes."""
@@ -216,7 +216,7 @@ class Engagement:
         likely = self.place + 0.5 * slope * (end - self.master.place)
         return entry.slave + modulo * round((likely - entry.slave) / modulo)
 
-    # -- what is wrong -------------------------------------------------------------------------------------------------
+    # -- errors --------------------------------------------------------------------------------------------------------
 
     def _require_near(self, off: float) -> None:
         units = self._slave.units.position

@@ -1,1 +1,1 @@
-"""Axes that act together: groups, gates, the ways that they go, and their travel along them."""
+"""Groups of axes that move together: start barriers, their paths, and their motion along a path."""

@@ -1,1 +1,1 @@
-"""Streams of set-points: the curve through them, and the axes that go along it while it grows."""
+"""Streams of points: the curve through them, and the axes that follow it while it grows."""

@@ -108,7 +108,7 @@ class PointAccepted(Generic[T]):
         return made
 
     def end(self) -> T | None:
-        """Return the result for the span up to the last point, as the end of the stream; None if there are fewer than two points."""
+        """Return the result for the span up to the last point, as the end of the stream; None with fewer than two points."""
         points = self._points
         if len(points) < 2:
             return None

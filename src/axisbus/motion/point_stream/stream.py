@@ -120,7 +120,7 @@ class PointStreamMotion:
             stream._require_near("is no longer where the stream was left")
         return stream
 
-    # -- what is added ---------------------------------------------------------------------------------------------------
+    # -- added points --------------------------------------------------------------------------------------------------
 
     def add(self, command: AddPoints, ticket: CommandStatus) -> None:
         """Append points to the stream.
