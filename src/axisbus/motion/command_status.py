@@ -30,7 +30,8 @@ class CommandStatus:
 
     ``hear`` is called when the command takes control and when it ends; it must not raise. ``note`` gives additional information
     about an end without error. ``capture`` is the position that a touch probe has latched; it is set only while ``hear`` is called
-    for it."""
+    for it.
+    """
 
     __slots__ = ("_after", "_hear", "capture", "error", "name", "note", "number", "status")
 
@@ -80,7 +81,7 @@ class CommandStatus:
             do()
 
     def then(self, do: Callable[[], None]) -> None:
-        """Call ``do`` after the end of this command, which must be active; for reactions of the core itself."""
+        """Call ``do`` after the end of this command, which must not have ended yet; for reactions of the core itself."""
         self._after.append(do)
 
     def _tell(self) -> None:

@@ -113,7 +113,8 @@ class ControllerCommand:
     """A controller in the user's program: each cycle it answers with a ``ControllerOutput``, a velocity in csv or a torque in cst.
 
     ``by`` has the ramps towards the output. ``number`` identifies this controller. An output may be computed from values that are
-    ``late`` cycles (0 or more) older than those of the previous cycle."""
+    ``late`` cycles (0 or more) older than those of the previous cycle.
+    """
 
     number: int
     by: CyclicVelocity | CyclicTorque
@@ -183,7 +184,8 @@ class Probe:
     """MC_TouchProbe: report the axis position at the next edge of each kind of input ``number`` (1 or 2), or at every edge.
 
     ``window``: the position range (in units) within which an edge counts. ``key`` distinguishes this request from others of its
-    program."""
+    program.
+    """
 
     number: int
     edges: frozenset[Edge]

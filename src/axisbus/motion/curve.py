@@ -4,8 +4,9 @@ Theory of operation
 -------------------
 At the time of a sample the curve is exactly that sample. Between two samples it is the cubic with the speeds at both ends. The
 speed at a sample is that of the parabola through it and its neighbours: straight lines and constant accelerations are reproduced
-exactly, and the speed never jumps. If the path rests (two intervals without motion in a row, or its beginning or end), the speed is
-0, and the curve does not overshoot the position of rest."""
+exactly, and the speed never jumps. The path rests at its beginning, at its end, and in two or more intervals without motion in a
+row. There the speed is 0, and the curve does not overshoot the position of rest.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ class Curve:
     """Samples ``step`` seconds apart (the last interval may be shorter); the first one has the number ``first``.
 
     ``times`` in seconds, as many as ``positions``, at least one. ``span``: the lowest and the highest position of the path if they
-    are known: the curve between samples does not exceed them."""
+    are known: the curve between samples does not exceed them.
+    """
 
     step: float
     first: int

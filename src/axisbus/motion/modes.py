@@ -25,7 +25,8 @@ class Conduct:
 
     ``demand``: 6062h is the value that commands the motor, and can be checked. ``at_once``: targets act from the first frame on,
     without ramps of the drive. ``rests``: rank among the modes in which a drive is enabled, beginning with the mode that keeps
-    standstill most reliably; None if no drive is enabled in it. ``holds``: the mode holds a load until a set-point is given."""
+    standstill most reliably; None if no drive is enabled in it. ``holds``: the mode holds a load until a set-point is given.
+    """
 
     leads: ControlledQuantity
     demand: bool = False

@@ -20,18 +20,18 @@ def number(value: object) -> float | None:
         return None
     try:
         found = float(value)
-    except Exception:  # noqa: BLE001  # too large, or a type of the program's own that cannot say
+    except Exception:  # noqa: BLE001  # too large, or a user-defined type without a conversion
         return None
     return found if math.isfinite(found) else None
 
 
 def flag(value: object) -> bool | None:
-    """Return a boolean, also from numpy; None for anything else."""
+    """Return a boolean, also from numpy and for 0 and 1; None for anything else."""
     if isinstance(value, bool):
         return value
     try:
         return bool(value) if value in (0, 1) else None
-    except Exception:  # noqa: BLE001  # such as a whole array
+    except Exception:  # noqa: BLE001  # for example a whole array
         return None
 
 
@@ -40,7 +40,7 @@ def items(value: object) -> tuple[Any, ...] | None:
     if isinstance(value, (str, bytes, Mapping)):
         return None
     try:
-        len(value)  # type: ignore[arg-type]  # else it may have no end
+        len(value)  # type: ignore[arg-type]  # otherwise it may be endless
         return tuple(value)  # type: ignore[arg-type]
     except Exception:  # noqa: BLE001  # for example a number, or a user-defined type
         return None

@@ -41,7 +41,8 @@ class Units:
 
     ``velocity`` and ``acceleration`` convert unit/s and unit/s² into the drive's own velocity and acceleration increments; they are
     None if only raw values can be given. ``ratio_known``: velocity increments can be compared with position increments (deadlines
-    and braking distances need that). ``rated_torque`` is in N·m, None if torque has no unit."""
+    and braking distances need that). ``rated_torque`` is in N·m, None if torque has no unit.
+    """
 
     position: Scale
     velocity: Scale
@@ -63,7 +64,8 @@ class Units:
         """Return a torque of the drive (0.1 % of rated torque) in N·m, or as a fraction of the rated torque if that is unknown.
 
         If the master reverses the direction of the axis, the sign of the torque is reversed too: ``rated_torque`` is then negative,
-        like the position's factor."""
+        like the position's factor.
+        """
         rated = self.rated_torque
         if rated is None:
             rated = -1.0 if self.position.factor < 0 else 1.0
@@ -167,7 +169,8 @@ class AxisParameters:
     a quick stop (605Ah 5 to 8). ``position_window`` is in increments, None for the derived value; the same applies to
     ``standstill_window`` and ``following_error`` (see ``pull_window`` and ``lag_allowed``). ``explain_fault`` converts 603Fh and
     ``fault_objects`` into sentences (from the drive plug-in's table). ``virtual``: the axis has no drive, and only the core moves
-    it; ``encoder``: the name of the input that gives the position of an encoder axis, empty for any other axis."""
+    it; ``encoder``: the name of the input that gives the position of an encoder axis, empty for any other axis.
+    """
 
     name: str
     units: Units
@@ -216,7 +219,8 @@ class AxisParameters:
         """Permitted difference of demand and actual position, in increments, at which an axis at standstill counts as free of pull.
 
         This is ``standstill_window``. If cell.toml does not set it: ten position windows, otherwise 10 ms at ``max_velocity`` (at
-        the default velocity if that is missing), and never less than the noise of a quiet encoder."""
+        the default velocity if that is missing), and never less than the noise of a quiet encoder.
+        """
         speed = (self.limits.velocity or self.defaults.velocity or 0.0) * abs(self.units.position.factor)
         return pull_window(self.standstill_window, self.position_window, speed)
 

@@ -43,7 +43,8 @@ class PathLimitCheck:
     """Limits of a path in ``unit``/s and ``unit``/s² (None: unknown); ``key``: the setting that the acceleration comes from.
 
     ``period``: scan period in s. ``increment``: the smallest step of the axis; a change by the rounding of the path to increments
-    does not count as a jolt, because the drive could not detect it."""
+    does not count as a jolt, because the drive could not detect it.
+    """
 
     unit: str
     velocity: float | None

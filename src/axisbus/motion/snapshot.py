@@ -14,7 +14,8 @@ class Snapshot(NamedTuple):
 
     ``override`` is that of the axis itself, ``cell_override`` that of its cell, which multiplies it. ``latched``: number of edges
     that its touch probe has latched, for all requests, since the core began. ``demand`` is 6062h as the drive reports it;
-    ``demand_leads``: 6062h is considered to be the value that commands the axis."""
+    ``demand_leads``: 6062h is considered to be the value that commands the axis.
+    """
 
     now: float
     state: AxisState

@@ -15,7 +15,8 @@ class Braking:
     """Deceleration of a halt (605Dh) and of a quick stop (605Ah).
 
     ``quick`` is 6085h, ``most_up`` and ``most_down`` are the drive's own limits of acceleration and deceleration (60C5h, 60C6h);
-    all in position increments per s², None: unknown, or not limited."""
+    all in position increments per s², None: unknown, or not limited.
+    """
 
     halt: Ramp = Ramp.UNKNOWN
     quick_stop: Ramp = Ramp.UNKNOWN
@@ -27,7 +28,8 @@ class Braking:
         """Return the deceleration of ``ramp`` (None: none that is known); ``slow`` is 6084h.
 
         A ramp at the drive's limit (of current, of voltage) counts as no harder than ``slow``. So does a halt or quick stop without
-        an option code, for which the standard defines the slow-down ramp."""
+        an option code, for which the standard defines the slow-down ramp.
+        """
         if ramp is Ramp.COAST:
             return None
         return self.capped_down(self.quick if ramp is Ramp.QUICK else slow)
@@ -52,7 +54,8 @@ class CommandedMotion(NamedTuple):
     drive has now. ``by_torque``: a torque moves the axis, its speed cannot be predicted, and a halt of the mode lets it coast.
     ``by_target``: the drive moves to a position and comes to rest there. ``by_core``: the master streams set-points, and a halt
     brakes with ``down``, whatever the drive's own halt (605Dh) is. ``soft``: seconds by which a limit of jerk may prolong its
-    ramps. ``unknown``: the drive neither accepted a deceleration (6084h) nor reports its own."""
+    ramps. ``unknown``: the drive neither accepted a deceleration (6084h) nor reports its own.
+    """
 
     speed: float | None = None
     up: float | None = None

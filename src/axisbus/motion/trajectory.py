@@ -17,7 +17,8 @@ class Trajectory(Protocol):
     """A position over time, in the axis's unit; ``duration`` in seconds. It must begin and end at rest.
 
     ``position`` may be called for future times, and repeatedly: it must depend on ``t`` alone. A trajectory that also has ``span``
-    and ``top_speed`` (``lookahead.LookaheadTrajectory``) is checked against the limits as a whole before it starts."""
+    and ``top_speed`` (``lookahead.LookaheadTrajectory``) is checked against the limits as a whole before it starts.
+    """
 
     @property
     def duration(self) -> float:

@@ -14,7 +14,8 @@ class VelocityEstimator:
     """Stores the last samples of one count (increments over seconds).
 
     A frame that is read late from the adapter makes one difference too slow and the next one too fast. The median of three
-    suppresses both, so that the jitter of a busy computer does not look like danger."""
+    suppresses both, so that the jitter of a busy computer does not look like danger.
+    """
 
     __slots__ = ("_motion", "_recounts", "_samples")
 
@@ -27,7 +28,8 @@ class VelocityEstimator:
         """Announce that the next sample counts from another origin, with the count at rest: earlier samples are set to its value.
 
         If the track restarted instead, it would have no velocity for two samples; an axis with slow feedback could leave its
-        limits."""
+        limits.
+        """
         self._recounts = True
 
     def take(self, value: int | None, stamp: float) -> None:
@@ -58,7 +60,8 @@ class VelocityEstimator:
         """Return the velocity (per s) that the count may have in ``direction`` (1 or -1), from its last samples.
 
         A count is a whole number. A slow one changes by 1, 1 and 2 between samples, and the median of these is too low by up to one
-        count. The mean over all samples is better in this case, so it is used up to that deviation."""
+        count. The mean over all samples is better in this case, so it is used up to that deviation.
+        """
         velocity = self.motion[0] * direction
         return max(velocity, min(self.mean * direction, velocity + 1.0 / self.spacing))
 

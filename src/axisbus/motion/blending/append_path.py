@@ -10,7 +10,8 @@ until it fits. If none fits, the axes stop at the transition, as they would have
 Path positions stay the same, and the part that has been passed is dropped. ``PathSpeed`` therefore continues where it is.
 
 Each speed zone has a requested velocity (``velocities``) and a requested exit velocity (``exits``). Both are requests within the
-path's limits: if it is too late to meet them, the speed comes as close as the acceleration permits."""
+path's limits: if it is too late to meet them, the speed comes as close as the acceleration permits.
+"""
 
 from __future__ import annotations
 

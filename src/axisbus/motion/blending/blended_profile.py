@@ -8,8 +8,8 @@ room. Backwards from the last end, each leg must be able to brake to its exit ve
 be able to reach that velocity. If two legs have opposite directions, or one has no length, the axis stops at the transition.
 
 Within a leg the velocity changes to that of the leg, is constant, and changes to that of the transition. If the leg is too short
-for that, the velocity has a peak below the leg's (or, if both ends are faster than the leg, a valley above it). Each leg therefore
-has three phases of constant acceleration.
+for that, the velocity has a peak below the leg's velocity. If both ends are faster than the leg, it has a valley above it. Each leg
+therefore has three phases of constant acceleration.
 
 Legs that are added later change nothing up to the present time, and can only raise transition velocities: an axis that could brake
 to the planned velocity can brake to a higher one.
@@ -17,7 +17,8 @@ to the planned velocity can brake to a higher one.
 If the jerk is limited, the axis follows the *mean* of the profile over a time window (``jerk_limited``). To pass a transition at
 the transition velocity, the profile holds that velocity for half the window before and after the transition. At a stop the profile
 rests for the whole window, until the mean has arrived as well. If a leg is too short, it holds the velocity for less time, and the
-mean deviates slightly from it."""
+mean deviates slightly from it.
+"""
 
 from __future__ import annotations
 
@@ -139,7 +140,8 @@ def extended(course: BlendedProfile, t: float, legs: Sequence[Leg]) -> BlendedPr
     """Return ``course`` up to ``t`` seconds, continued through the ends of ``legs``: the legs still ahead, and new ones.
 
     The first leg must be the active one, with the ramps that it was planned with. If the profile holds a velocity after a
-    transition for the mean, it keeps holding it."""
+    transition for the mean, it keeps holding it.
+    """
     t = max([t, *(joint.time + joint.held for joint in course.joints if joint.time <= t)])
     head = tuple(piece for piece in course.pieces if piece.begin < t)
     kept = tuple(
@@ -218,7 +220,8 @@ def _stretches(
     """Return the phases of a leg of ``length``: duration in s, initial speed and acceleration; all speeds are magnitudes.
 
     ``held``: seconds for which the entry speed is held; ``holds``: seconds for which the exit speed is held. Both as far as there
-    is room."""
+    is room.
+    """
     if not holds:
         return _between(length, entry, leave, leg)
     needed = abs(leave * leave - entry * entry) / (2.0 * (leg.up if leave > entry else leg.down))

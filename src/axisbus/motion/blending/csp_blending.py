@@ -5,7 +5,8 @@ Theory of operation
 All moves form one profile (``BlendedProfile``). Each added command extends it from the present time on, so neither position nor
 velocity changes where it was already planned. The ticket of a command ends when the axis has passed its end; the ticket of the last
 command ends when the axis has arrived there and is at standstill. An override and a halt act on the time of the profile, as for any
-trajectory."""
+trajectory.
+"""
 
 from __future__ import annotations
 

@@ -3,12 +3,13 @@
 Theory of operation
 -------------------
 The profile (``SmoothedProfile``) has the accelerations of the legs, under every override, and the axis is commanded to the mean of
-its last positions. Velocity and acceleration of the axis are therefore means as well, and the acceleration changes by no more than
-twice that of the legs in the time of the mean. The profile leaves room at its transitions for the mean, so that they are passed at
+its last positions. Velocity and acceleration of the axis are therefore means as well. In the time of the mean, the acceleration
+changes by no more than twice that of the legs. The profile leaves room at its transitions for the mean, so that they are passed at
 the intended velocity.
 
 The first move determines the number of cycles in the mean; another move may be added if it needs no more. Time never runs faster
-than without an override, because the acceleration of the profile would grow with the square of the factor."""
+than without an override, because the acceleration of the profile would grow with the square of the factor.
+"""
 
 from __future__ import annotations
 

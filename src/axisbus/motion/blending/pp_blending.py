@@ -11,7 +11,8 @@ set-point is written again.
 *When*: at the end of a command if its velocity applies up to there; otherwise earlier, by the distance of the speed change at the
 ramps of the next command. The writes and the handshake take time as well: their last measured duration is used. If a change comes
 too early, the axis runs at the next velocity a little longer; if it comes too late, the axis passes the end a little faster or
-slower. Nothing jumps, because the drive's own ramps make each change."""
+slower. Nothing jumps, because the drive's own ramps make each change.
+"""
 
 from __future__ import annotations
 

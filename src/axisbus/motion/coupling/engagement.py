@@ -13,7 +13,8 @@ distance
 3. The slave is synchronised: in each cycle it follows the gear or cam.
 
 The axis gets nothing but positions. So every check of a path applies here as well: the limits, velocity and acceleration from cycle
-to cycle, and the following error."""
+to cycle, and the following error.
+"""
 
 from __future__ import annotations
 

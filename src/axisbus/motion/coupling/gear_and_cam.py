@@ -42,7 +42,8 @@ class CamLaw:
     """The curve of a cam: ``parts`` from the master's position ``first`` on; each part begins at its ``mark`` (starting at 0).
 
     ``period``: length of the cam in units of the master. If the cam repeats, each turn begins ``lift`` units of the slave farther.
-    If it does not repeat (``lift`` None), the slave is at standstill before the cam's beginning and after its end."""
+    If it does not repeat (``lift`` None), the slave is at standstill before the cam's beginning and after its end.
+    """
 
     first: float
     marks: tuple[float, ...]

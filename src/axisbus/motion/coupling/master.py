@@ -8,7 +8,8 @@ extrapolated to the time at which a target takes effect.
 
 The source of the position changes from command to command, and the sources differ by a following error or by one cycle. A drive
 that controls its own motion continues during cycles that the computer misses; its slave gets no targets meanwhile and lags. Both
-deviations are removed gradually (``LagCorrection``): the slave never jumps, and is synchronised again within a second or two."""
+deviations are removed gradually (``LagCorrection``): the slave never jumps, and is synchronised again within a second or two.
+"""
 
 from __future__ import annotations
 

@@ -13,8 +13,9 @@ If the demand value (6062h) becomes known while the master moves, it is not used
 the actual position, and a slave that changed from one to the other would jump.
 
 During skipped cycles the drive keeps moving. The distance that it covers without a target for the slave becomes a lag of the slave.
-A ``LagCorrection`` removes the lag like a critically damped spring: the slave's speed never jumps, and the correction speed is at
-most a tenth of the master's, as long as that is enough to remove the lag within a few seconds."""
+A ``LagCorrection`` removes the lag like a critically damped spring: the slave's speed never jumps. The correction speed is at most
+a tenth of the master's, as long as that is enough to remove the lag within a few seconds.
+"""
 
 from __future__ import annotations
 

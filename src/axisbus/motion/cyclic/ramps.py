@@ -72,7 +72,8 @@ class TorqueRamp:
         """``torque``: the present one. ``slope`` in 0.1 % per s, above 0; ``period`` in seconds.
 
         ``lets_go``: a halt reduces the torque to 0. Otherwise the torque must hold a load or brake, and the stop sequence does that
-        instead."""
+        instead.
+        """
         self.torque = torque
         self._target = torque
         self._slope = slope

@@ -8,7 +8,8 @@ from the previous velocity. Both are computed before the set-point is rounded to
 values is noise.
 
 The constant torque changes on a ramp, because a step would be a jolt for a controller that already holds the load. If this master
-does not command the axis, all offsets are 0 at once."""
+does not command the axis, all offsets are 0 at once.
+"""
 
 from __future__ import annotations
 
@@ -71,7 +72,8 @@ class Forward:
         """Return the offsets of this cycle.
 
         ``velocity``: velocity of the set-point in unit/s; None if the last set-point is held. ``by_position``: True in csp; False
-        in csv, where the target itself is the velocity. ``holds``: whether the constant torque acts; otherwise it changes to 0."""
+        in csv, where the target itself is the velocity. ``holds``: whether the constant torque acts; otherwise it changes to 0.
+        """
         before, self._velocity = self._velocity, velocity
         acceleration = 0.0
         if velocity is not None and before is not None:

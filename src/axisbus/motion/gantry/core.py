@@ -10,7 +10,8 @@ other. A beam that is slightly out of square is square at the end of its next mo
 The skew is checked before the axes step (``skew``). If the skew is too large or unknown, both axes go to ErrorStop in that cycle.
 They brake along their line, as hard as all axes of that line permit; if no line commands them, each executes its stop sequence. If
 the beam is still out of square at rest, it is quick-stopped, because a jammed side would jump to its target when it comes free. If
-one axis has failed of its own accord, the fault policy stops the other along the same line, and that line brakes as hard."""
+one axis has failed of its own accord, the fault policy stops the other along the same line, and that line brakes as hard.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,8 @@ beam is square, at the search velocity. If the switches are outside the position
    axes return to the limits in the same motion.
 
 So the axes move relative to each other only to square the beam, and by no more than the plan's ``skew``, which is the monitor's
-bound meanwhile. Any other command to the pair (a halt, a stop) and any fault ends homing, as it would end a line."""
+bound meanwhile. Any other command to the pair (a halt, a stop) and any fault ends homing, as it would end a line.
+"""
 
 from __future__ import annotations
 

@@ -6,7 +6,8 @@ Skew is the position of the second axis minus that of the first, minus the offse
 confirmed: homed, set, or from an absolute encoder (``homing.required = false``). Without confirmed positions, each drive counts
 from its position at power-on, and the skew of the beam is unknown. Then the difference at the first cycle with both positions
 counts as square, and only later changes are skew. A node that restarts counts from a new position, so this procedure restarts as
-well."""
+well.
+"""
 
 from __future__ import annotations
 

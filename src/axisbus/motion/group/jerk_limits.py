@@ -3,13 +3,14 @@
 Theory of operation
 -------------------
 The position is the mean of the positions of the last cycles (``path_speed``). Speed and acceleration are therefore means as well.
-While the mean is in a corner, some of its values belong to positions before or after the corner. If the corner's speed and
-acceleration also hold for the distance covered at that speed in the time of the mean, all these values comply, and so does the
-mean.
+While the mean is in a corner, some of its values belong to positions before or after the corner. Therefore the corner's speed and
+acceleration also apply before and after it, over the distance covered at that speed in the time of the mean. Then all values comply
+with them, and so does the mean.
 
-On a curve of curvature k the jerk is (j - k²v³) along the path and (3kva + k'v³) across it, with the speed v, the acceleration a,
-and its change j. In a corner, a is limited to a small share of its value on lines, and so is j. v is the highest speed at which
-both components together do not exceed the jerk."""
+Let v be the speed, a the acceleration and j its change. On a curve of curvature k the jerk is (j - k²v³) along the path and (3kva +
+k'v³) across it. In a corner, a is limited to a small share of its value on lines, and so is j. v is the highest speed at which both
+components together do not exceed the jerk.
+"""
 
 from __future__ import annotations
 

@@ -2,12 +2,13 @@
 
 Theory of operation
 -------------------
-Along such a segment the ratio of axis speed to path speed varies, and where it varies the axes accelerate even at constant path
-speed. So the segment is surveyed: at short distances, the first and second differences of each axis position are computed. If an
-axis's ratio changes much between two samples, the steepest interval is halved until the ratio hardly changes. If it keeps changing
+Along such a segment the ratio of axis speed to path speed varies. While it varies, the axes accelerate even at constant path speed.
+So the segment is surveyed: at short distances, the first and second differences of each axis position are computed. If an axis's
+ratio changes much between two samples, the steepest interval is halved until the ratio hardly changes. If it keeps changing
 (``_HALVINGS``), or an axis leaps (``_WILD``), for example near a position with stretched arms, the path is rejected: no path speed
 would keep the axis within its acceleration. In each speed zone, the change of direction and the change of speed get half of an
-axis's acceleration each."""
+axis's acceleration each.
+"""
 
 from __future__ import annotations
 

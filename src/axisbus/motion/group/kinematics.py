@@ -2,7 +2,8 @@
 
 Lengths are in one unit, angles in degrees. Each class is a frozen value. ``forward`` converts axis positions to the workspace
 position, ``inverse`` does the opposite and raises ValueError if the position is out of reach. Additional axes, such as a lift or a
-tool, are passed through unchanged."""
+tool, are passed through unchanged.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +43,8 @@ class Scara:
     """Two arms in a plane: ``upper`` from the shoulder at (0, 0) to the elbow, ``fore`` from the elbow to the tool.
 
     The first axis turns the shoulder (0: along x), the second the elbow (0: stretched). ``left``: the elbow bends to positive
-    angles. Shoulder positions are within half a turn of ``middle``."""
+    angles. Shoulder positions are within half a turn of ``middle``.
+    """
 
     upper: float
     fore: float

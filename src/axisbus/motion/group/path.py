@@ -2,11 +2,13 @@
 
 Theory of operation
 -------------------
-On a curve, an axis needs acceleration for the change of direction and for the change of speed. The sum stays within the axis's
-limit if the first is at most 0.8 of the limit and the second at most 0.6 (0.8² + 0.6² = 1, and the squares of the tangential and
-the normal component add up in the same manner). The speed at the end of each speed zone is low enough to come to rest at the end of
-the path, and at each stop on it, with the permitted acceleration of each zone. These speeds hold whatever velocity is requested,
-and however the request changes during the motion (``path_speed``)."""
+On a curve, an axis needs acceleration for the change of direction and for the change of speed. Both together stay within the axis's
+limit if the path's acceleration is at most 0.8 of the limit across the path and at most 0.6 along it. The reason: 0.8² + 0.6² = 1,
+and the squares of an axis's tangential and normal components add up to at most 1 as well. The speed at the end of each speed zone
+is limited: with the permitted accelerations of the following zones, the axes can still come to rest at the end of the path and at
+each stop on it. These speeds hold whatever velocity is requested, and however the request changes during the motion
+(``path_speed``).
+"""
 
 from __future__ import annotations
 
@@ -39,9 +41,10 @@ _CHANGING = (
 class Path:
     """The segments of a path, starting at ``starts``, and its speed zones, starting at ``marks``; path positions: 0 to ``length``.
 
-    Each speed zone has a highest speed (``tops``), an acceleration (``ramps``) and a highest speed at its end (``leaves``), in the
-    unit of the path, per s and per s². For each axis the path knows the ``lowest`` and ``highest`` position, the highest ratio of
-    axis speed to path speed (``shares``), the highest speed and the highest acceleration."""
+    Each speed zone has a highest speed (``tops``), an acceleration (``ramps``) and a highest speed at its end (``leaves``). All are
+    in the unit of the path, per s and per s². For each axis there are the ``lowest`` and ``highest`` position, the highest ratio of
+    axis speed to path speed (``shares``), the highest speed and the highest acceleration.
+    """
 
     pieces: tuple[Part, ...]
     starts: tuple[float, ...]
@@ -126,7 +129,8 @@ def way_of(
     ``acceleration``: acceleration of the path, in its unit per s². ``stops``: the indices of the segments that end with a stop.
     ``cycle``: if given, the speed zones of a corner are no shorter than the distance in one cycle, and a cycle crosses little more
     than eight of them. ``soft``: the limit of jerk, for straight lines and corners; also for a path in the workspace, where it
-    limits the jerk of the tool."""
+    limits the jerk of the tool.
+    """
     shares, bends, boxes = zip(*((piece.shares, piece.bends, piece.box) for piece in pieces), strict=True)
     hardest = [min(acceleration, least([limit.acceleration for limit in limits], parts)) for parts in bends]
     fastest = [least([limit.velocity for limit in limits], parts) for parts in shares]

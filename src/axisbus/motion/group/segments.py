@@ -9,7 +9,8 @@ of steps, accurate to a few billionths of the corner's length.
 
 The limits of a segment are computed from three properties. ``shares`` are the highest ratios of axis speed to path speed, by axis.
 ``bends`` are the highest ratios of axis acceleration to an acceleration of the path. ``curvatures(count)`` divides the segment into
-at most that many parts of equal length, and returns the highest curvature of each, in 1/unit."""
+at most that many parts of equal length, and returns the highest curvature of each, in 1/unit.
+"""
 
 from __future__ import annotations
 

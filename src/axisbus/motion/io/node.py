@@ -5,10 +5,10 @@ Theory of operation
 An output belongs to the node until the program sets it: it keeps the value found at boot, and an RPDO is sent only after one of its
 outputs was set. From then on the master controls the output, until it has its safe state.
 
-- **A lost node loses its outputs.** If a node is not operational, or is not heard, its outputs no longer have the values set
-  before, because the module has applied its error objects. The values therefore become the safe ones, and the outputs get these
-  when the node returns. Nothing switches on again automatically; the program has to set it again. The safe values are sent meanwhile,
-  too, because a node that is not heard may still receive.
+- **A lost node loses its outputs.** If a node is not operational, or is not heard, the module has applied its error objects. Its
+  outputs then no longer have the values set before. The stored values therefore become the safe ones, and the outputs get these when
+  the node returns. Nothing switches on again automatically; the program has to set each output again. The safe values are also sent
+  meanwhile, because a node that is not heard may still receive.
 - **Done means sent, to a live node.** A command ends as done when its frame and the SYNC at which it takes effect have been sent,
   and the node was heard after that. If the node is lost instead, the command fails when the loss is detected, however long ago its
   frame was sent. Only an input can confirm that an output has switched.

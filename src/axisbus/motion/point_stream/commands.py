@@ -39,7 +39,8 @@ class AddPoints:
     """Append ``spans`` to a stream; the first one has the span number ``first`` (counted from 0).
 
     Done when the axes have reached the end of these spans. ``begins``: enough points are known to begin; ``ends``: these are the
-    last."""
+    last.
+    """
 
     axes: tuple[str, ...]
     stream: int

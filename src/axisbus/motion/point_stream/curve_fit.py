@@ -8,7 +8,8 @@ constant accelerations are reproduced exactly. The curve up to a point is known 
 
 Each new point leads to two checks: of the span that it completes, and of the span up to itself as if no more points came. An
 accepted stream can therefore always be ended. The points may use four fifths of an axis's acceleration; the rest is reserved for
-braking along them and for resuming."""
+braking along them and for resuming.
+"""
 
 from __future__ import annotations
 

@@ -6,7 +6,8 @@ Within a span, the square of the highest pace is a linear function of the distan
 distance). The pace rises at the span's ramp to the requested pace, stays there, and falls along that line or to the requested pace.
 So a cycle consists of a few phases of constant change. Each ends where the next begins, at a span boundary, or with the cycle.
 Spans may be shorter than a cycle, and their ramps differ by powers of ten. Therefore no phase crosses a span boundary, unlike in
-``PathSpeed``."""
+``PathSpeed``.
+"""
 
 from __future__ import annotations
 

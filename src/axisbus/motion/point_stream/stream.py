@@ -4,7 +4,8 @@ Theory of operation
 -------------------
 The axes wait at the start barrier until enough points are known. Then they move along the ``StreamTimeline``, like the axes of a
 line along their path: a halt, a fault of one axis and an override act in the same manner. If the pace falls because no more points
-are known, this is an underrun."""
+are known, this is an underrun.
+"""
 
 from __future__ import annotations
 

@@ -5,7 +5,8 @@ Theory of operation
 A pace of 1 is that of the points. The known part ends, so the pace at the end of each span is limited: with the ramps of the
 following spans, the axes can come to rest at the end of the last span. Each added span updates these limits, from the end
 backwards, as far as they change. So the axes are always ready to come to rest at their last point, and brake only if no more points
-come in time. Neither an underrun nor a point that is delayed on its way to the core needs a reaction."""
+come in time. Neither an underrun nor a point that is delayed on its way to the core needs a reaction.
+"""
 
 from __future__ import annotations
 

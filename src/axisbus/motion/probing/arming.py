@@ -12,7 +12,8 @@ last (see ``latch``). Bits 6 and 7, which toggle in some drives, are vendor-spec
 checks a window, so the drive is armed continuously for it.
 
 One transfer runs at a time: ``_ASKED`` gives the object of each step, ``_TAKE`` the function that processes the answer and selects
-the next step."""
+the next step.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,8 @@ class ProbeCapture(NamedTuple):
     """One edge: ``position`` (unwrapped increments) of the axis at the edge, and ``origin`` of the axis when the edge was read.
 
     ``stamp``: seconds (monotonic) of the cycle in which it was read. ``missed``: number of edges of this kind that the drive has
-    counted since the previous one without a report; None if the drive does not count."""
+    counted since the previous one without a report; None if the drive does not count.
+    """
 
     edge: Edge
     position: int

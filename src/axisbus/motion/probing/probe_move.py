@@ -4,7 +4,8 @@ Theory of operation
 -------------------
 The search consists of commands of the axis: a probe, a move that waits at a barrier until the input is armed, and a halt. So any
 other command to the axis meanwhile (a halt, another move, a stop by policy) affects the move as usual, and ends the search. The
-axis brakes by its own halt."""
+axis brakes by its own halt.
+"""
 
 from __future__ import annotations
 

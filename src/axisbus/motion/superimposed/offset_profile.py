@@ -3,10 +3,10 @@
 Theory of operation
 -------------------
 In each cycle the rate approaches the requested rate by no more than its ramp, and stays low enough to be at rest at the end. A
-position is the previous one plus the rate times the period. So a rate w (in units of d T, d the deceleration) is followed by w - 1,
-w - 2 and so on, and covers (k + 1) w - k (k + 1) / 2 units of d T² including its own cycle, with k the whole number below w.
-``_bound`` is the rate for which this equals the remaining distance. One cycle later it is lower by one, and in the last cycle it
-reaches the end.
+position is the previous one plus the rate times the period. Let d be the deceleration, T the period, w a rate in units of d T, and
+k the whole number below w. When braking, the rate w is followed by w - 1, w - 2 and so on. Together these cycles cover (k + 1) w -
+k (k + 1) / 2 units of d T². ``_bound`` is the rate for which this equals the remaining distance. One cycle later it is lower by
+one, and in the last cycle it reaches the end.
 
 A motion that is slowed down while it should brake overshoots its end, and returns to it.
 """
