@@ -131,7 +131,7 @@ class BlendedMoves(Follow):
         return False
 
     def _go_ahead(self, image: AxisImage) -> None:
-        """Advance the profile behind a mean by one cycle; nothing to do here."""
+        """Advance the unsmoothed profile by one cycle if the axis follows a mean; nothing to do here."""
 
     def _legs(self) -> list[Leg]:
         return [part.leg for part in self._parts]

@@ -147,7 +147,7 @@ class JerkLimitedBlendedMoves(BlendedMoves):
         return ahead.walk(target, gait, self.shifted)
 
     def take_up_softly(self, way: ProfileFromSpeed, before: JerkLimitedMove) -> None:
-        """Take over an active move as the first command: ``way`` is the profile behind the mean of ``before``."""
+        """Take over an active move as the first command: ``way`` is the unsmoothed profile of ``before``."""
         walk = before.walk
         assert walk is not None
         course = course_along(way, self._mean)

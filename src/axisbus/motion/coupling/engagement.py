@@ -8,8 +8,7 @@ A coupling is stepped once per cycle before the axes, like the path of a group, 
 1. The slave is at standstill (or continues its motion) until synchronisation begins: with ``AtPlace`` it waits for the master to
    reach the start of the synchronisation distance.
 2. The slave synchronises: by its acceleration up to the required speed (``SyncAtSpeed``), or along a ``SyncInCurve`` over a
-distance
-   of the master.
+   distance of the master.
 3. The slave is synchronised: in each cycle it follows the gear or cam.
 
 The axis gets nothing but positions. So every check of a path applies here as well: the limits, velocity and acceleration from cycle

@@ -92,7 +92,7 @@ class Coupled(Follow):
         self.clock = _Now()
         self.brakes_along = True
         self._is_taken_up = before is None
-        self._is_in_step = False  # which has ended its command
+        self._is_in_step = False  # synchronised, so that its command has ended
         if before is not None:
             self.resume(before)
 
@@ -141,7 +141,7 @@ class Coupled(Follow):
         self._is_in_step = False
 
     def foresee(self) -> Foreseen | None:
-        """Return the next target, as ``Follow`` does, as long as the axis is synchronised and no limit is in its way."""
+        """Return the next target, as ``Follow`` does, as long as the axis is synchronised and can stop within its limits."""
         leader, limits = self._leader, self._limits
         if leader.failure is not None or not self._is_in_step:
             return None

@@ -2,13 +2,13 @@
 
 Theory of operation
 -------------------
-1. The touch probes of the axes that have a switch are armed (60B8h); nothing moves before all are armed. 2. Both axes move along
-one line towards the switches. Each drive latches its position at its own edge. After the first edge both axes
-   continue together towards the other edge, so the skew of the beam does not change. The second edge shows the skew. It must come
-   before the skew exceeds the plan's ``skew``; otherwise both axes stop and are not homed.
-3. Both axes brake to rest on their line. Each position is then referenced to its edge. 4. The second axis moves alone until the
-beam is square, at the search velocity. If the switches are outside the position limits, both
-   axes return to the limits in the same motion.
+1. The touch probes of the axes that have a switch are armed (60B8h); nothing moves before all are armed.
+2. Both axes move along one line towards the switches. Each drive latches its position at its own edge. After the first edge both
+   axes continue together towards the other edge, so the skew of the beam does not change. The second edge shows the skew. It must
+   come before the skew exceeds the plan's ``skew``; otherwise both axes stop and are not homed.
+3. Both axes brake to rest on their line. Each position is then referenced to its edge.
+4. The second axis moves alone until the beam is square, at the search velocity. If the switches are outside the position limits,
+   both axes return to the limits in the same motion.
 
 So the axes move relative to each other only to square the beam, and by no more than the plan's ``skew``, which is the monitor's
 bound meanwhile. Any other command to the pair (a halt, a stop) and any fault ends homing, as it would end a line.

@@ -169,7 +169,7 @@ class GroupCore:
         assert isinstance(line, PathMotion)
         if (
             line.is_at_its_end or not undertaking.leads_all()
-        ):  # it comes to rest at its end, and no velocity is maintained
+        ):  # it comes to rest, so there is no velocity to maintain
             ticket.note = began_from_rest("it came when the one before had come to its end already")
             self._move_along(replace(plain, buffer=True), ticket)
             return

@@ -6,7 +6,7 @@ On a curve, an axis needs acceleration for the change of direction and for the c
 limit if the path's acceleration is at most 0.8 of the limit across the path and at most 0.6 along it. The reason: 0.8² + 0.6² = 1,
 and the squares of an axis's tangential and normal components add up to at most 1 as well. The speed at the end of each speed zone
 is limited: with the permitted accelerations of the following zones, the axes can still come to rest at the end of the path and at
-each stop on it. These speeds hold whatever velocity is requested, and however the request changes during the motion
+each stop on it. These limits hold whatever velocity is requested, and however the request changes during the motion
 (``path_speed``).
 """
 

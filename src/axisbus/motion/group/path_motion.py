@@ -269,7 +269,7 @@ class PathMotion:
 
 
 def _bounds_of(core: AxisCore) -> AxisParameters:
-    """Return an axis's parameters for a path; without position limits if it need not be homed, as they hold only after homing."""
+    """Return an axis's parameters for a path; without position limits if the axis must be homed and is not homed yet."""
     parameters = core.parameters
     return (
         parameters if core.bounded else replace(parameters, limits=replace(parameters.limits, position=None))

@@ -6,7 +6,7 @@ An output belongs to the node until the program sets it: it keeps the value foun
 outputs was set. From then on the master controls the output, until it has its safe state.
 
 - **A lost node loses its outputs.** If a node is not operational, or is not heard, the module has applied its error objects. Its
-  outputs then no longer have the values set before. The stored values therefore become the safe ones, and the outputs get these when
+  outputs then no longer have the values set before. The stored values therefore become the safe ones, and the outputs get them when
   the node returns. Nothing switches on again automatically; the program has to set each output again. The safe values are also sent
   meanwhile, because a node that is not heard may still receive.
 - **Done means sent, to a live node.** A command ends as done when its frame and the SYNC at which it takes effect have been sent,
