@@ -73,7 +73,7 @@ class Move:
 class MoveVelocity:
     """MC_MoveVelocity; the velocity of ``profile`` is signed. ``life`` in seconds: MC_Jog, which ends unless it is renewed.
 
-    ``renews``: extend the active jog. If the jog has ended, by a halt of any client, no new one begins.
+    ``renews``: extend the active jog. If the jog has ended, for example by a halt of any client, no new one begins.
     """
 
     profile: MoveProfile

@@ -64,9 +64,8 @@ class CyclicTorqueMove(Activity):
             self._held = self._held if order.target_torque is None else order.target_torque
             return False
         ramp = self._begun(image)
-        self._watch(
-            image, ramp
-        )  # before the ramp advances: if it raises, the axis is stopped in this cycle from the previous torque
+        # Before the ramp advances: if this raises, the axis is stopped in this cycle, from the previous torque.
+        self._watch(image, ramp)
         ramp.step(image, order)
         return self.reached
 

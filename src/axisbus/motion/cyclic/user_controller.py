@@ -31,7 +31,7 @@ _FIRST = 1.0  # seconds within which the first output must come
 
 
 class ControllerOutputBuffer:
-    """Holds the newest output of a controller, and the times of the last cycles; the oldest of them is the permitted age."""
+    """Holds the newest output of a controller, and the times of the last cycles; the oldest of them limits its age."""
 
     def __init__(self, command: ControllerCommand, name: str) -> None:
         """``name``: of the axis."""

@@ -80,9 +80,8 @@ class CyclicVelocityMove(Activity):
         if self._ready is not None and not self._ready.step(image, order):
             return False
         ramp = self._begun()
-        self._watch(
-            image, ramp
-        )  # before the ramp advances: if it raises, the axis brakes in this cycle from the previous velocity
+        # Before the ramp advances: if this raises, the axis brakes in this cycle, from the previous velocity.
+        self._watch(image, ramp)
         ramp.step(image, order)
         self._follow(image, ramp)
         return self.reached and self._factor > 0.0

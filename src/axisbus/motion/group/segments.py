@@ -181,9 +181,8 @@ Piece = Straight | Arc | Corner
 @cache
 def _rise(count: int) -> Place:
     """Return the highest curvature in each part of a corner with angle 1 and length 1."""
-    middle = (
-        min(max(0.5, n / count), (n + 1) / count) for n in range(count)
-    )  # the point closest to the middle
+    # The point of each part that is closest to the middle.
+    middle = (min(max(0.5, n / count), (n + 1) / count) for n in range(count))
     return tuple(1.0 - math.cos(math.tau * at) for at in middle)
 
 

@@ -114,9 +114,8 @@ class NodeIo:
         if inputs.known is not SignalValidity.YES:
             self._lose(now)
             return self._to_send() if inputs.known in MAY_HEAR else (None,) * len(self._words)
-        self._acting += [
-            (now, ticket) for ticket in self._under_way
-        ]  # its frame was sent, and the SYNC after it
+        # Their frames were sent, and the SYNC after them.
+        self._acting += [(now, ticket) for ticket in self._under_way]
         self._end_confirmed(inputs.heard)
         self._under_way, self._given = self._given, []
         self._leaves, self._new = self._new, False
@@ -147,9 +146,8 @@ class NodeIo:
     def _lose(self, now: float) -> None:
         self._unknown_until = now
         self._leaves = False
-        self._words = list(
-            self._alone
-        )  # outputs never set must not be switched on by a frame of this master either
+        # Outputs that were never set must not be switched on by a frame of this master either.
+        self._words = list(self._alone)
         self._new = bool(self._used)
         self.changed = bool(self._given or self._under_way or self._acting)
         for ticket in self._given:

@@ -77,9 +77,8 @@ class StreamTravel(PathSpeed):
         room = leave * leave + 2.0 * ramp * left - v * v  # below 0: faster than the known points allow
         if v > wanted:
             return _Phase(-ramp, (v - wanted) / ramp, wanted)
-        if room <= _SAME * max(
-            1.0, ramp
-        ):  # a distance of ``_SAME``: below the resolution of a time of the stream
+        # A distance of ``_SAME`` is below the resolution of a time of the stream.
+        if room <= _SAME * max(1.0, ramp):
             return _Phase(-ramp, max(v - leave, 0.0) / ramp, leave) if v > leave else _Phase(0.0, math.inf, v)
         if v == wanted:
             return _Phase(0.0, room / (2.0 * ramp * v) if v else math.inf, v)
