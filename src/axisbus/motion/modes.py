@@ -40,7 +40,7 @@ CONDUCT = {
     _M.VELOCITY: Conduct(ControlledQuantity.VELOCITY),
     _M.PROFILE_VELOCITY: Conduct(ControlledQuantity.VELOCITY, rests=2, holds=True),
     _M.PROFILE_TORQUE: Conduct(ControlledQuantity.TORQUE, at_once=True, rests=4),
-    _M.HOMING: Conduct(ControlledQuantity.POSITION),  # the meaning of 6062h is undefined here
+    _M.HOMING: Conduct(ControlledQuantity.POSITION),  # 6062h cannot be checked here
     _M.INTERPOLATED_POSITION: Conduct(ControlledQuantity.POSITION, demand=True),
     _M.CYCLIC_SYNC_POSITION: Conduct(
         ControlledQuantity.POSITION, demand=True, at_once=True, rests=1, holds=True

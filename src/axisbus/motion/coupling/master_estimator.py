@@ -1,6 +1,7 @@
 """Estimate the position of a coupling's master from the values that its drive reports, and remove a slave's lag gradually.
 
-Used if the drive controls the master's motion (pp, pv): the library then knows only sampled and quantised values of it.
+Used if the drive controls the master's motion (pp, pv), or if the slave follows the actual position: the library then knows only
+sampled and quantised values of the master.
 
 Theory of operation
 -------------------

@@ -30,9 +30,7 @@ _MOST = 400
 _STEPS = 4  # samples in a zone
 _SPARE = 1.05  # margin for values between two samples
 _WILD = 2.0  # permitted relative change of an axis's ratio within a zone
-_UNEVEN = (
-    0.25  # of an axis's ratio: if it changes by more within a zone, the interval is examined more closely
-)
+_UNEVEN = 0.25  # of an axis's ratio: a zone with a larger change is examined more closely
 _STILL = 1e-9  # relative to an axis's position: smaller motion is rounding
 _HALVINGS = 5  # of an interval; near stretched arms the ratio grows by 1.4 with each
 _HALF = 0.5

@@ -127,7 +127,8 @@ class PointStreamMotion:
         """Append points to the stream.
 
         Raises:
-            StateError: the stream has been ended, points before these are missing, or too many wait; the stream then ends as well.
+            StateError: the stream has been ended, points before these are missing, too many wait, or a value is not finite. The
+                stream then ends as well.
         """
         wrong = self._wrong(command)
         if wrong is not None:
