@@ -53,7 +53,7 @@ def test_every_path_in_the_source_and_on_pages_exists():
 def test_the_search_finds_dotted_names_and_paths():
     text = "As ``motion.stop.policy`` and ``Axis.halt(now)``; not ``two words.``, `one.tick` or ``plain``."
     assert list(mentioned(text, page=False)) == ["motion.stop.policy", "Axis.halt"]
-    assert list(mentioned("`cell.lateness`\n```\n`in.block`\n```\n", page=True)) == ["cell.cycle_jitter"]
+    assert list(mentioned("`cell.cycle_jitter`\n```\n`in.block`\n```\n", page=True)) == ["cell.cycle_jitter"]
     assert paths_in("see `src/axisbus/units.py`, tests/kit; not tests/web*") == [
         "src/axisbus/units.py",
         "tests/kit",

@@ -52,7 +52,7 @@ class CommandStatus:
         self._after: list[Callable[[], None]] = []
 
     def __repr__(self) -> str:
-        return f"<Ticket {self.name}: {self.status.value}>"
+        return f"<CommandStatus {self.name}: {self.status.value}>"
 
     @property
     def busy(self) -> bool:
