@@ -1,1 +1,1 @@
-"""A node brought up, or the reason why not."""
+"""Boot-up of one node: its result, or the reason for its failure."""

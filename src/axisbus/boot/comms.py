@@ -1,4 +1,4 @@
-"""What boot-up needs of one node on a bus beside SDO: NMT, error control, PDOs."""
+"""The services of one node on a bus that boot-up needs beside SDO: NMT, error control, PDOs."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ from axisbus.errors import NodeTimeout
 
 
 class CanComms:
-    """What boot-up needs of one node on a bus; holds the ports that it made."""
+    """The bus services that the boot-up of one node needs; holds the ports that it has made."""
 
     def __init__(
         self, cell: CellConfig, node: CanopenNode, find_time: float, begin_heartbeat: Callable[[], None]
     ) -> None:
-        """``find_time``: seconds that the node may take to answer for the first time; ``begin_heartbeat`` begins ours."""
+        """``find_time``: seconds allowed for the node's first answer; ``begin_heartbeat`` starts the master's heartbeat."""
         self.begin_heartbeat = begin_heartbeat
         self._cell = cell
         self._config = cell.nodes[node.node_id]
@@ -53,18 +53,18 @@ class CanComms:
         self.io: CanIoPort | None = None
         self.guarding: float | None = None
 
-    # -- what boot-up asks for ---------------------------------------------------------------------------------------
+    #  # -- services for boot-up -----------------------------------------------------------------------------------------
 
     @property
     def find_tries(self) -> int:
-        """As many as fit into ``find_time``."""
+        """How many tries fit into ``find_time``; at least 1."""
         return max(1, math.ceil(self._find_time / DEADLINE - 1e-9) - 1)
 
     def command(self, command: NmtCommand, deadline: float) -> NmtState:
-        """Send an NMT command and wait until it is confirmed; one that asks for the state which it reports is not sent.
+        """Send an NMT command and wait for its confirmation; send nothing if the node already reports the requested state. Blocks.
 
         Raises:
-            NodeTimeout: it is not.
+            NodeTimeout: the node does not confirm it within ``deadline`` seconds.
         """
         monitor = self._node.nmt
         if monitor.assumed or monitor.state is not RESULT[command]:
@@ -72,21 +72,21 @@ class CanComms:
         return monitor.state
 
     def listen(self, deadline: float) -> NmtState | None:
-        """Return the state of the next heartbeat."""
+        """Return the state of the next heartbeat, None if none comes within ``deadline`` seconds; blocks."""
         monitor = self._node.nmt
         return monitor.state if monitor.wait_report(monitor.reports, deadline) else None
 
     def ask(self, deadline: float) -> NmtState | None:
-        """Return its state by node guarding."""
+        """Return the node's state by node guarding, None if no answer comes; blocks for at most ``deadline`` seconds."""
         return guarding_answer(self._node.channel, self._node.nmt, deadline)
 
     def pause(self, seconds: float) -> None:
-        """Let time pass."""
+        """Wait for ``seconds``; blocks."""
         time.sleep(seconds)
 
     @contextmanager
     def trying(self, tries: int, deadline: float) -> Iterator[None]:
-        """Make SDO requests ``tries`` times."""
+        """Inside the ``with`` block, make each SDO request up to ``tries`` times with ``deadline`` seconds each."""
         sdo = self._node.sdo
         before = sdo.tries, sdo.timeout
         sdo.tries, sdo.timeout = tries, deadline
@@ -96,16 +96,16 @@ class CanComms:
             sdo.tries, sdo.timeout = before
 
     def last_emcy(self) -> tuple[Emcy, float] | None:
-        """Its last emergency message, and the seconds since it came."""
+        """The node's last emergency message and its age in seconds; None if none has come."""
         history = self._node.emcy.history
         return (history[-1], time.monotonic() - history[-1].stamp) if history else None
 
     def restarts(self) -> int:
-        """How many boot-up messages have come."""
+        """The number of boot-up messages received from the node."""
         return self._node.nmt.bootups
 
     def nobody(self) -> NodeTimeout:
-        """Return the error of a node that does not answer, with what is known of it and of the bus."""
+        """Return the error of a node that does not answer, with the known state of the node and of the bus."""
         channel = self._node.channel
         health = channel.health() or f"nothing is wrong with the channel {channel.name} itself"
         seen = self._node.nmt.describe(time.monotonic())
@@ -117,7 +117,10 @@ class CanComms:
         )
 
     def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:  # noqa: ARG002
-        """Plan and set the PDOs of an axis, make its port, and fill it with the drive's present values."""
+        """Plan and set the PDOs of an axis, make its port, and load the port with the drive's present values.
+
+        If ``disturb`` is false, the drive keeps its PDOs as they are.
+        """
         if disturb:
             self._set_tables()
         usual = policy_of(self._cell, self._config)
@@ -127,7 +130,7 @@ class CanComms:
         plan = configure(self._node.sdo, wanted, policy, axis.drive_axis, also=also)
         if disturb:
             require_synchronous(axis, wanted.synchronous_outputs, plan.outputs)
-        elif plan.impossible:  # it is left as it was found, and does without
+        elif plan.impossible:  # the drive is left as it was found, and the axis works without these PDOs
             plan = configure(self._node.sdo, PdoRequirements(), policy, axis.drive_axis, also=also)
         port = CanPort(
             self._node,
@@ -135,7 +138,7 @@ class CanComms:
             scan_period=self._cell.bus.scan_period,
             remappable=self._config.remappable,
             foreign_sync=self._cell.bus.hears_sync,
-            # As often as a heartbeat, whose triple boot-up may make the RPDO's deadline (``DriveMonitoringSetup.arm_deadlines``).
+            # As often as a heartbeat: the RPDO's deadline may be 3 heartbeats (``DriveMonitoringSetup.arm_deadlines``).
             rpdo_repeat=min(REPEAT, self._cell.bus.heartbeat or REPEAT),
         )
         port.prime()
@@ -144,11 +147,14 @@ class CanComms:
 
     @property
     def senders(self) -> list[CycleSender]:
-        """Whatever of the node has frames in a cycle."""
+        """All ports of the node that send frames in a cycle."""
         return [*self.ports.values(), *([] if self.io is None else [self.io])]
 
     def connect_io(self, points: Sequence[IoPoint]) -> str:
-        """Plan and set the PDOs of the node's inputs and outputs, beside those of its axes, and make their port."""
+        """Plan and set the PDOs of the node's inputs and outputs, beside those of its axes, and make their port.
+
+        Returns the planned PDOs and their values as text.
+        """
         self._set_tables()
         sdo = self._node.sdo
         used = {(pdo.receive, pdo.target.number) for port in self.ports.values() for pdo in port.plan.active}
@@ -168,11 +174,11 @@ class CanComms:
         return "; ".join(f"{pdo.name}: {', '.join(filter(None, pdo.values))}" for pdo in plan.active)
 
     def event_timers(self, axis: AxisConfig) -> tuple[EventTimer, ...]:
-        """Return the event timers that ``connect`` was to change, and what has become of them."""
+        """Return the event timers that ``connect`` had to change, with the result of each change."""
         return self.ports[axis.name].plan.event_timers
 
     def _set_tables(self) -> None:
-        """Set the PDOs of ``[nodes.N.pdo]``; once for all axes of the node."""
+        """Set the PDOs of ``[nodes.N.pdo]``; only once, for all axes of the node."""
         tables, self._tables = self._tables, ()
         for table in tables:
             mapping = tuple(map_entry(key, self._node.sdo.dictionary)[0] for key in table.map or ())
@@ -190,27 +196,27 @@ class CanComms:
             )
 
     def follow_emcy(self) -> None:
-        """Listen to the node's emergency messages where its 1014h says that they are, else where the standard has them."""
+        """Listen to the node's emergency messages at the COB-ID of its 1014h, else at the default of CiA 301."""
         value = read_number(self._node.sdo, o.COB_ID_EMCY, 0)
         if value is not None and not value & cob.INVALID and value & cob.ID_MASK_11 not in (0, cob.EMCY):
             self._node.emcy.listen_to(value & cob.ID_MASK_11)
 
     def watch(self, timeout: float | None) -> None:
-        """Expect its heartbeat."""
+        """Monitor the node's heartbeat from now on; ``timeout`` in seconds."""
         self._node.nmt.watch(timeout)
 
     def guard(self, period: float) -> None:
-        """Have the scan ask for its state; answers may stay away as long as heartbeats."""
+        """Let the scan ask for the node's state every ``period`` seconds; the timeout equals that of heartbeats."""
         self.guarding = period
         if self._node.nmt.watched is None:
             self._node.nmt.guard(max(HEARTBEATS * period, LEAST_CONSUMER), period)
 
     def state(self) -> str:
-        """Its NMT state."""
+        """The node's NMT state in words."""
         return self._node.nmt.state.text
 
     def cyclic_rpdos(self) -> list[int]:
-        """The RPDO that holds the controlword, where it is one: from the first command on the scan goes on sending it."""
+        """The RPDO with the controlword, if there is exactly one: the scan sends it continuously from the first command on."""
         first = [_controlword_pdo(port) for port in self.ports.values()]
         return [number for number in first if number is not None]
 

@@ -1,4 +1,4 @@
-"""What a node is given at its boot-up: the plan of it, and the watchdogs on our own life."""
+"""The plan of a node's boot-up, and the setup of the node's monitoring of the master."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import SdoAbort
 
-HEARTBEATS = 3  # missed ones after which a drive may call the master dead, and the master a drive
+HEARTBEATS = 3  # missed ones after which a drive may treat the master as dead, and the master a drive
 _MOST_WATCHED = 127  # entries of 1016h (CiA 301 7.5.2.18)
 
 
 def writes_of(cell: CellConfig, node_id: int, dictionary: Dictionary) -> list[CellWrite]:
-    """Return what the cell file has written into a node, in order: the node's own objects, then those of its axes.
+    """Return the writes that the cell file asks for in a node, in order: the node's own objects, then those of its axes.
 
     Raises:
         ArgumentError: a key names no object.
@@ -37,7 +37,7 @@ def writes_of(cell: CellConfig, node_id: int, dictionary: Dictionary) -> list[Ce
 
 
 def plan_of(cell: CellConfig, node_id: int, eds: Eds, find_tries: int, late: bool = False) -> BootPlan:
-    """Return the boot-up of a node as the cell file and the EDS have it; ``late``: of one that appears while the machine runs.
+    """Return the boot-up plan of a node from the cell file and the EDS; ``late``: the node appears while the machine runs.
 
     Raises:
         ArgumentError: a key of an ``objects`` table names no object.
@@ -68,22 +68,22 @@ def plan_of(cell: CellConfig, node_id: int, eds: Eds, find_tries: int, late: boo
 
 
 class DriveMonitoringSetup:
-    """The drive's watch over us, and the SYNC that it hears; holds what to give back."""
+    """Set up the drive's monitoring of the master, and its SYNC and TIME; holds the original values to restore."""
 
     def __init__(self, objects: NodeObjects, bus: BusConfig) -> None:
         self._objects = objects
         self._bus = bus
-        self._before: list[tuple[int, int, int]] = []  # index, sub-index, value to give back
+        self._before: list[tuple[int, int, int]] = []  # index, sub-index, original value
         self.guarding: float | None = None
 
     def set_sync(self) -> None:
-        """Make sure that the node hears the bus's SYNC and TIME: 1005h, 1019h, 1012h; raises as ``set_services``."""
+        """Set the bus's SYNC and TIME in the node: 1005h, 1019h, 1012h; raises as ``set_services``."""
         set_services(self._objects, self._bus)
 
     def arm(self, reaction: str | None) -> WatchdogReport:
-        """Let the node notice our death: by 1016h, else by 100Ch and 100Dh (then ``guarding`` holds the period in s).
+        """Make the node monitor the master: by 1016h, else by 100Ch and 100Dh (then ``guarding`` holds the period in s).
 
-        ``reaction``: what 6007h says, None where the drive has none.
+        ``reaction``: the meaning of the drive's 6007h, None if the drive has no 6007h.
         """
         if self._bus.heartbeat is None:
             return NO_WATCHDOG
@@ -91,10 +91,10 @@ class DriveMonitoringSetup:
         return _report(how, reaction)
 
     def arm_deadlines(self, numbers: Iterable[int], reaction: str | None) -> WatchdogReport:
-        """Let the node notice that the RPDOs with these ``numbers`` (from 1) stay away: 14xxh:05, as the third choice.
+        """Make the node monitor the arrival of the RPDOs with these ``numbers`` (from 1): 14xxh:05, as the third choice.
 
-        To be used for RPDOs that are sent at least as often as our heartbeat. The node begins to watch with the first one that
-        it gets.
+        Use it for RPDOs that the master sends at least as often as its heartbeat. The node begins to monitor an RPDO
+        when it receives the RPDO for the first time.
         """
         if self._bus.heartbeat is None:
             return NO_WATCHDOG
@@ -112,7 +112,7 @@ class DriveMonitoringSetup:
         return before is not None and self._set(index, o.PDO_EVENT_TIMER, milliseconds, before)
 
     def restore(self) -> None:
-        """Give 1016h, 100Ch and 100Dh, or 14xxh:05 back what they had, so that our silence after closing faults nobody.
+        """Restore 1016h, 100Ch and 100Dh, or 14xxh:05, so that no drive goes to fault when the master is silent after closing.
 
         Raises:
             SdoError, BusError: the node does not answer.
@@ -127,7 +127,7 @@ class DriveMonitoringSetup:
         if subindex is None:
             return None
         before = read_int(self._objects, o.CONSUMER_HEARTBEAT, subindex) or 0
-        ours = watched_node(before) == self._bus.master_id  # left behind by a program that was killed
+        ours = watched_node(before) == self._bus.master_id  # an entry left by a program that was killed
         wanted = self._bus.master_id << 16 | milliseconds
         if not self._set(o.CONSUMER_HEARTBEAT, subindex, wanted, 0 if ours else before):
             return None
@@ -145,7 +145,7 @@ class DriveMonitoringSetup:
         return f"100Ch and 100Dh expect our guarding within {period * HEARTBEATS} ms"
 
     def _set(self, index: int, subindex: int, value: int, back: int) -> bool:
-        """Write and read back; keep what to restore. The limits of the EDS are not asked: for 1016h many are wrong."""
+        """Write and read back; remember the value to restore. The EDS limits are not checked: many are wrong for 1016h."""
         try:
             self._objects.write_unchecked(index, subindex, value)
         except SdoAbort:
@@ -154,7 +154,7 @@ class DriveMonitoringSetup:
         return read_int(self._objects, index, subindex) == value
 
     def _free_entry(self) -> int | None:
-        """Return the entry that watches us already, else the first free one."""
+        """Return the entry that already monitors the master, else the first free one."""
         count = read_int(self._objects, o.CONSUMER_HEARTBEAT)
         free = None
         for subindex in range(1, min(count or 0, _MOST_WATCHED) + 1):

@@ -1,4 +1,4 @@
-"""Configuring a node at boot from the DCF that its section of the cell file names."""
+"""Configure a node at boot from the DCF that its section of the cell file names."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _SHOWN = 4
 
 
 def apply(objects: NodeObjects, cell: CellConfig, eds: Eds, make: Make) -> int:
-    """Write the values of a node's DCF that it does not have yet and read all of them again; return how many it has then.
+    """Write those values of a node's DCF that differ in the node, read all values back, and return their number.
 
-    What the cell file itself says of an object wins: its ``objects`` and ``pdo`` tables, the words of its axes, and [bus].
-    Blocks for a transfer for each value. A node without ``dcf`` is left alone.
+    The cell file takes precedence over the DCF: its ``objects`` and ``pdo`` tables, the keys of its axes, and [bus]. A node without
+    ``dcf`` is not changed. Blocks for one transfer for each value.
 
     Raises:
-        BootError: the node refuses a value or reads back another one; it names them.
+        BootError: the node refuses a value or reads back another one; the error names the values.
         SdoError, BusError: the node does not answer.
     """
     node = cell.nodes[objects.node_id]
@@ -50,7 +50,7 @@ def apply(objects: NodeObjects, cell: CellConfig, eds: Eds, make: Make) -> int:
 
 
 def own_values(cell: CellConfig, node_id: int, eds: Eds, make: Make) -> Selection:
-    """Return what of a node's DCF is written at boot: what the cell file does not say otherwise.
+    """Return the values of a node's DCF that are written at boot: those that the cell file does not define.
 
     Raises:
         ArgumentError: a value does not fit its type, or a key of the cell file names no object.
@@ -66,7 +66,7 @@ def own_values(cell: CellConfig, node_id: int, eds: Eds, make: Make) -> Selectio
 
 
 def _bus_objects(cell: CellConfig) -> frozenset[int]:
-    """Return the objects that ``[bus]`` decides: error control by ``heartbeat``, the COB-ID of SYNC by ``sync``."""
+    """Return the objects that ``[bus]`` defines: error control by ``heartbeat``, the COB-ID of SYNC by ``sync``."""
     heartbeat = _ERROR_CONTROL if cell.bus.heartbeat is not None else frozenset[int]()
     return heartbeat | (frozenset((o.COB_ID_SYNC,)) if cell.bus.sync else frozenset[int]())
 
@@ -76,7 +76,7 @@ def _taken(cell: CellConfig, node_id: int, eds: Eds) -> frozenset[Key]:
 
 
 def _tables(cell: CellConfig, node_id: int) -> frozenset[int]:
-    """Return the communication parameters of the PDOs that have a table of their own."""
+    """Return the communication parameters of the PDOs that have a table of their own in the cell file."""
     return frozenset(
         (o.RPDO_COMMUNICATION if table.receive else o.TPDO_COMMUNICATION) + table.number - 1
         for table in cell.nodes[node_id].pdos

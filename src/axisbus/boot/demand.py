@@ -1,4 +1,4 @@
-"""What boot says of 6062h (position demand value): whether it counts, and what counts in its place."""
+"""Describe how the master uses 6062h (position demand value), and what it uses if 6062h is not used."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _ELSE = "in csp the target that the master sent counts, in other modes nothing"
 
 
 def demand_text(parameters: AxisParameters, source: ValueTransport) -> str:
-    """Return the line of an axis; ``source``: how 6062h travels."""
+    """Return the report's line for one axis; ``source``: how 6062h is transferred."""
     parts = [_use(parameters, source)]
     if not parameters.compares_demand:
         parts.append('not compared in motion (following_error = "off")')

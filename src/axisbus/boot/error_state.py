@@ -1,4 +1,4 @@
-"""What a node that is there says of its errors: error register 1001h, error field 1003h, and its last emergency message."""
+"""The errors that a node reports: error register 1001h, error field 1003h, and its last emergency message."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from axisbus.drives.emcy_text import emcy_words, history_words
 from axisbus.drives.make import GENERIC, Make
 from axisbus.errors import BusError, SdoAbort
 
-_MOST = 3  # entries of 1003h that are told, the newest ones that differ
+_MOST = 3  # entries of 1003h in the text: the newest different ones
 
 
 class ErrorStateUploads(Protocol):
-    """What is needed of a node's objects; raises ``SdoAbort``, and ``BusError`` where it does not answer."""
+    """The access to a node's objects that is needed here; raises ``SdoAbort``, and ``BusError`` if the node does not answer."""
 
     def upload(self, index: int, subindex: int = 0) -> bytes:
         """Return an object's bytes."""
@@ -25,9 +25,9 @@ class ErrorStateUploads(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ErrorState:
-    """What was found; None where the node has no such object, or did not answer.
+    """The errors found; None if the node has no such object or did not answer.
 
-    ``last`` is its last emergency message, ``ago`` the seconds since it came; None: none has come since we listen.
+    ``last`` is its last emergency message since listening began (None: none has come); ``ago`` is the age of the message in s.
     """
 
     register: int | None
@@ -37,11 +37,11 @@ class ErrorState:
 
     @property
     def tells(self) -> bool:
-        """Whether there is an error in it that is not over."""
+        """Whether it contains an error that is still present."""
         return bool(self.register) or (self.last is not None and not self.last.is_reset)
 
     def words(self, make: Make = GENERIC) -> str:
-        """Return it in one line."""
+        """Return the errors in one line."""
         return "; ".join((self._register(), self._history(make), self._last(make)))
 
     def _register(self) -> str:
@@ -68,7 +68,7 @@ class ErrorState:
 
 
 def read(objects: ErrorStateUploads, last: Emcy | None = None, ago: float = 0.0) -> ErrorState:
-    """Read it; blocks for a few transfers, or for one where the node does not answer. Raises nothing of a node or a bus."""
+    """Read the error state; blocks for a few transfers, or for one if the node does not answer. Raises no node or bus errors."""
     try:
         register = _number(objects, o.ERROR_REGISTER, 0)
         history = errorfield.read(lambda index, subindex: _number(objects, index, subindex))

@@ -1,4 +1,4 @@
-"""What is told of a node that did not come up: the outcome of its boot-up as an error."""
+"""The outcome of a failed boot-up as an error."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from axisbus.errors import AxisbusError, BootError, SdoAbort
 from axisbus.wording import counted
 
 _OTHER_DEVICE = {letter for _, _, letter in IDENTITY}
-# Where the node's own errors say nothing of why it did not come up: nobody is there, or another device.
+# Letters of failures that the node's own errors do not explain: the node does not answer, or is another device.
 SILENT_OR_STRANGE = {Letter.A, Letter.B, *_OTHER_DEVICE}
 
 _OTHER_VALUE = "give a value that the drive takes (its manual lists them), or leave the line out"
@@ -19,7 +19,7 @@ NAMES_NO_ERROR = (
     "it names no error: its manual says what keeps it from starting (a PDO mapping that it does not take, a missing signal); "
     "see whether another NMT master is on the bus"
 )
-# Letter -> message after "node N", what was seen, and what to do first.
+# Letter -> message after "node N", and the first remedy.
 _ERROR_CONTROL = {
     Letter.E: (
         "it sends no heartbeat, though 1017h says that it does",
@@ -38,7 +38,7 @@ _ERROR_CONTROL = {
 
 
 def as_error(outcome: BootOutcome, node: NodeConfig, cause: AxisbusError | None) -> AxisbusError:
-    """Return the error of a boot-up that failed; ``cause`` is the error of its last request that had none or a bad answer."""
+    """Return the error of a failed boot-up; ``cause`` is the error of its last request that failed, None if there is none."""
     if outcome.letter in _OTHER_DEVICE:
         error = identity.another_device(outcome, node)
     elif outcome.letter is Letter.J:
@@ -59,7 +59,7 @@ def as_error(outcome: BootOutcome, node: NodeConfig, cause: AxisbusError | None)
 
 
 def with_facts(error: BootError, outcome: BootOutcome) -> BootError:
-    """Give an error the letter, tries and time of the boot-up that it ended."""
+    """Add the letter, tries and time of the failed boot-up to its error."""
     error.letter = outcome.letter.name if outcome.letter is not None else ""
     if error.index is None and outcome.address is not None:
         error.index, error.subindex = outcome.address
@@ -68,7 +68,7 @@ def with_facts(error: BootError, outcome: BootOutcome) -> BootError:
 
 
 def at_step(node_id: int, step: str, error: AxisbusError) -> BootError:
-    """Return an error of a step as one that names node and step."""
+    """Return the error of a step as a BootError that names node and step."""
     if isinstance(error, BootError):
         return error
     failed = BootError(

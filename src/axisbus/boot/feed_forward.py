@@ -1,4 +1,4 @@
-"""Whether what some axes alone are sent travels with SYNC, as it must."""
+"""Check that the special outputs of an axis (feed-forward offsets, ip set-points) travel in synchronous PDOs."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ _WHY = {
 def require_synchronous(
     axis: AxisConfig, names: Collection[str], outputs: Mapping[str, ValueTransport]
 ) -> None:
-    """Raise where one of ``names``, which the axis is sent beside the usual, does not travel in a synchronous PDO.
+    """Check that all of ``names``, the special outputs of an axis, travel in a synchronous PDO.
 
     Raises:
-        BootError: one does not; nothing was sent by it.
+        BootError: one of them does not; the master has not sent it yet.
     """
     for name in sorted(names, key=ALL_OUTPUTS.__getitem__):
         source = outputs.get(name, ValueTransport.NONE)

@@ -1,4 +1,4 @@
-"""Who a node is expected to be, and what is said when it is somebody else."""
+"""The expected identity of a node, and the error if another device is found."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from axisbus.drives.make import GENERIC, Make
 from axisbus.eds.model import Eds
 from axisbus.errors import BootError, SdoError
 
-_PROFILE = 0xFFFF  # the low word of 1000h; the high word says which of its options a device has
+_PROFILE = 0xFFFF  # mask of the low word of 1000h; the high word holds the device's options
 _VENDOR = (o.IDENTITY, o.VENDOR_ID)
 _PRODUCT = (o.IDENTITY, o.PRODUCT_CODE)
 _REVISION = (o.IDENTITY, o.REVISION_NUMBER)
@@ -24,7 +24,7 @@ _SHORT = {_VENDOR: "vendor", _PRODUCT: "product", _REVISION: "revision", _SERIAL
 
 
 def expected(node: NodeConfig, eds: Eds) -> dict[Address, Expected]:
-    """Return what a node must say of itself: what the cell file asks for, and what the EDS says where the node says anything."""
+    """Return the expected identity of a node: the cell file's values, and the EDS's values, checked only if the node has them."""
     found: dict[Address, Expected] = {}
     if eds.device_type and eds.device_type & _PROFILE:
         found[o.DEVICE_TYPE, 0] = Expected(eds.device_type & _PROFILE, _PROFILE, lenient=True)
@@ -43,7 +43,7 @@ def text(found: Mapping[Address, int]) -> str:
 
 
 def differences(found: Mapping[Address, int], eds: Eds) -> list[str]:
-    """Return what differs from the EDS but need not matter: the revision."""
+    """Return the differences from the EDS that may be harmless: the revision."""
     wanted, got = eds.identity.revision, found.get(_REVISION)
     if wanted and got and wanted != got:
         return [f"revision 0x{got:X}, the EDS is for 0x{wanted:X}: objects may differ"]
@@ -51,7 +51,7 @@ def differences(found: Mapping[Address, int], eds: Eds) -> list[str]:
 
 
 def another_device(outcome: BootOutcome, node: NodeConfig) -> BootError:
-    """Return the error of a node that is not the expected one."""
+    """Return the error of a node that is not the expected device."""
     index, subindex = outcome.address or (o.DEVICE_TYPE, 0)
     address = (index, subindex)
     by_cell = address in (_REVISION, _SERIAL)
@@ -70,7 +70,7 @@ def another_device(outcome: BootOutcome, node: NodeConfig) -> BootError:
 
 
 def name(objects: NodeObjects) -> str:
-    """Return the device's name (1008h), empty if it has none that can be read: the name is only shown. Blocks.
+    """Return the device's name (1008h), empty if it cannot be read; the name is only shown. Blocks.
 
     Raises:
         BusError: the channel failed.
@@ -82,7 +82,7 @@ def name(objects: NodeObjects) -> str:
 
 
 def heading(objects: NodeObjects, found: Mapping[Address, int], make: Make) -> str:
-    """Return what a device is called: by its name (1008h), its make, or its device type (1000h); blocks, raises as ``name``."""
+    """Return the title of a device: its name (1008h), else its make, else its device type (1000h); blocks, raises as ``name``."""
     own = name(objects) or (make.name if make is not GENERIC else "")
     return own or device_kind(found.get((o.DEVICE_TYPE, 0))) or "a device without a name"
 

@@ -1,4 +1,4 @@
-"""What a module is told about its outputs at boot: what becomes of them without us, and which bits of a drive's act.
+"""Prepare the outputs of a module at boot: their behaviour without the master, and the output bits of a drive that act.
 
 Each object is read, changed only in the bits of the cell's own outputs, written, and read back.
 """
@@ -27,10 +27,10 @@ _STEP = "inputs and outputs"
 def prepare(
     objects: NodeObjects, points: Sequence[IoPoint], *, alone: bool, given: Collection[Address] = ()
 ) -> list[str]:
-    """Set error modes, error values and masks of the outputs; return lines that say what a module does without us.
+    """Set error modes, error values and masks of the outputs; return lines that describe the outputs without the master. Blocks.
 
-    ``alone``: no axis is on the node, so that its error behaviour is ours to set. ``given``: objects that the cell file writes
-    itself; a number that it gives a whole output is left as it is. Blocks.
+    ``alone``: the node has no axis, so that its error behaviour may be changed. ``given``: objects that the cell file itself
+    writes; a number that the cell file gives for a whole output is not changed.
 
     Raises:
         BootError: an object is refused, or reads back something else.
@@ -60,7 +60,7 @@ def _prepare(objects: NodeObjects, point: IoPoint, given: Collection[Address]) -
     if not own:
         _write(
             objects, value, point.into(values, point.safe)
-        )  # first: what is switched on then is right already
+        )  # before the mode, so that the mode never activates a wrong value
     _write(objects, mode, modes | point.mask if row.by_bit else 1)
     if own:
         return f"{point.name}: {point.object_text}; without us the module does what the cell file writes into {_both(value)}"
@@ -68,9 +68,9 @@ def _prepare(objects: NodeObjects, point: IoPoint, given: Collection[Address]) -
 
 
 def _open_mask(objects: NodeObjects, point: IoPoint) -> None:
-    """Let the drive obey these bits of its outputs; one without a mask obeys all (CiA 402-2, 60FEh).
+    """Enable these bits in the drive's output mask; a drive without a mask uses all bits (CiA 402-2, 60FEh).
 
-    A bit that did not act may hold anything: it is made safe first, so that opening a machine switches nothing on.
+    A masked bit may hold any value. It gets its safe value first, so that opening a machine switches nothing on.
     """
     mask, word = read_int(objects, point.index, MASK), read_int(objects, *point.address)
     if mask is None or mask & point.mask == point.mask:

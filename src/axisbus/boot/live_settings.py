@@ -1,10 +1,10 @@
-"""Which values of a DCF may be brought to a node while a machine runs that has it: the drive's settings, and nothing else.
+"""Select the values of a DCF that may be written to a node while its machine runs: only the drive's own settings.
 
 Theory of operation
 -------------------
-What a machine needs of a node it has set as it began: communication, PDOs, and what its cell file says. What it has read then it
-goes on to believe: scale, limits, windows, what a stop does. None of these may change under it, so they are left to a restore
-without a machine. What is left are the drive's own settings, such as gains and filters.
+The master sets a node's communication, PDOs and the cell file's values when it opens the machine. It also reads values then and
+relies on them afterwards: scale, limits, windows, stop reactions. None of these may change while the machine runs, so they are
+left to a restore without a machine. The remaining values are the drive's own settings, such as gains and filters.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 
 _COMMUNICATION = range(0x1000, 0x2000)
-# What boot-up reads of an axis: the master computes by it, or has told its user of it.
+# Objects that boot-up reads for an axis: the master calculates with them, or has reported them to its user.
 BELIEVED = frozenset(
     (
         *(index for index, _ in scale_proposal.OBJECTS),
@@ -46,7 +46,7 @@ BELIEVED = frozenset(
 def settings(
     cell: CellConfig, node_id: int, eds: Eds, make: Make, cyclic: frozenset[Key], whole: Selection
 ) -> Selection:
-    """Return what of ``whole``, the values of a DCF for a node, may be written to it now; the rest is skipped, and says why.
+    """Return the values of ``whole``, a node's DCF values, that may be written now; the others are skipped with a reason.
 
     ``cyclic`` are the objects that the machine sends by PDO.
 

@@ -1,4 +1,4 @@
-"""Bringing one node up: find it, make sure that it is the one that was meant, configure it, start it, and report.
+"""Boot one node: find it, check its identity, configure it, start it, and report.
 
 Theory of operation
 -------------------
@@ -6,11 +6,11 @@ Two rules:
 
 1. Boot-up energises nothing. It sends no controlword; it writes objects, maps PDOs, and starts the node (NMT).
 2. A drive found enabled is left as it is: it gets no configuration and no new mapping (a half-configured moving axis is worse than
-   an unconfigured one), and the report says so. ``axis.enable()`` takes it over, ``axis.disable()`` switches it off.
+   an unconfigured one), and the report says so. ``axis.enable()`` takes control of it, ``axis.disable()`` switches it off.
 
-The order of the steps, their tries and their letters are those of ``cia302.bootup``; here is what a drive needs beside: the look at
-its power stage before anything is written, the watchdogs, the PDOs, and the report. The steps are the same for a node on a bus and
-for a stand-in without one; ``Comms`` is what only a bus has.
+``cia302.bootup`` defines the order of the steps, their tries and their letters. This module adds the needs of a drive: reading the
+state of its power stage before anything is written, the watchdogs, the PDOs, and the report. The steps are the same for a node on
+a bus and for a simulated node without a bus; ``Comms`` contains the services that only a bus provides.
 """
 
 from __future__ import annotations
@@ -66,41 +66,41 @@ _T = TypeVar("_T")
 
 
 class Comms(Nmt, Protocol):
-    """What boot-up needs of the bus beside SDO; a stand-in without a bus has none of its own."""
+    """The bus services that boot-up needs beside SDO; a simulated node without a bus provides a replacement."""
 
     @property
     def find_tries(self) -> int:
-        """How often a node is asked whether it is there."""
+        """How often boot-up asks whether the node is present."""
 
     def nobody(self) -> NodeTimeout:
-        """Return the error of a node that does not answer, with all that is known of bus and node."""
+        """Return the error of a node that does not answer, with the known state of bus and node."""
 
     def last_emcy(self) -> tuple[Emcy, float] | None:
-        """Return the node's last emergency message with the seconds since it came, None where none has come."""
+        """Return the node's last emergency message and its age in seconds, None if none has come."""
 
     def restarts(self) -> int:
-        """Return how many boot-up messages the node has sent since we listen."""
+        """Return the number of boot-up messages received from the node since listening began."""
 
     def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:
-        """Plan and set the PDOs of one axis; return how its values travel."""
+        """Plan and set the PDOs of one axis; return how its values are transferred."""
 
     def connect_io(self, points: Sequence[IoPoint]) -> str:
-        """Plan and set the PDOs of the node's inputs and outputs; return how they travel."""
+        """Plan and set the PDOs of the node's inputs and outputs; return how they are transferred, as text."""
 
     def event_timers(self, axis: AxisConfig) -> tuple[EventTimer, ...]:
-        """Return the event timers of the axis's TPDOs that were to be changed, and what has become of them."""
+        """Return the event timers of the axis's TPDOs that had to be changed, with the result of each change."""
 
     def follow_emcy(self) -> None:
-        """Listen to emergency messages where the node's 1014h has them."""
+        """Listen to emergency messages at the COB-ID of the node's 1014h."""
 
     def cyclic_rpdos(self) -> list[int]:
-        """Return the numbers (from 1) of the RPDOs that the scan will go on sending, at least as often as its heartbeat."""
+        """Return the numbers (from 1) of the RPDOs that the scan sends continuously, at least as often as the heartbeat."""
 
     def begin_heartbeat(self) -> None:
-        """Send our heartbeat from now on, if nothing sends it yet."""
+        """Start the master's heartbeat, if it does not run yet."""
 
     def watch(self, timeout: float | None) -> None:
-        """Expect the node's heartbeat from now on; ``timeout`` in seconds."""
+        """Monitor the node's heartbeat from now on; ``timeout`` in seconds."""
 
     def guard(self, period: float) -> None:
         """Ask for the node's state every ``period`` seconds from now on (node guarding)."""
@@ -110,7 +110,7 @@ class Comms(Nmt, Protocol):
 
 
 class NodeBoot:
-    """The boot-up of one node; holds what was found on the way."""
+    """The boot-up of one node; holds the results of its steps."""
 
     def __init__(
         self,
@@ -122,7 +122,7 @@ class NodeBoot:
         progress: Progress | None = None,
         late: bool = False,
     ) -> None:
-        """``progress(done, all)`` is told the bytes of a program on its way to the node; ``late``: while the machine runs."""
+        """``progress(done, all)`` gets the bytes of a program download; ``late``: the node boots while the machine runs."""
         self._cell = cell
         self._node: NodeConfig = cell.nodes[node_id]
         self._eds = eds
@@ -140,9 +140,9 @@ class NodeBoot:
         self._by_dcf = 0
 
     def run(self) -> Booted:
-        """Do all steps; blocks for some dozen SDO transfers, and for minutes where the node's program is replaced.
+        """Do all steps; an error goes into the report and is not raised.
 
-        What fails stands in the report, and is not raised.
+        Blocks for several dozen SDO transfers, and for minutes if the node's program is replaced.
         """
         self._report.optional = self._node.optional
         answerer = Answerer(self._objects, self._comms, self._locals(), self._progress)
@@ -184,7 +184,7 @@ class NodeBoot:
                 report.configured += f", {self._by_dcf} are as its DCF says"
 
     def _add_errors(self, error: AxisbusError, *, always: bool) -> None:
-        """Add what the node itself says of its errors; where it says of none only if that is worth a word."""
+        """Add the errors that the node reports. If it reports none, add that only if ``always`` is set."""
         last, ago = self._comms.last_emcy() or (None, 0.0)
         with self._comms.trying(1, DEADLINE):
             found = error_state.read(self._objects, last, ago)
@@ -195,7 +195,7 @@ class NodeBoot:
 
     @property
     def found_enabled(self) -> bool:
-        """Whether a drive of the node drives its motor already."""
+        """Whether a drive of the node already energises its motor."""
         return any(state in ENERGISED for state in self._power.values())
 
     def _step(self, name: str, work: Callable[[], _T]) -> _T:
@@ -213,7 +213,7 @@ class NodeBoot:
         self._report.warnings += ids.differences(found, self._eds)
 
     def _look(self, known: BootOutcome) -> bool:
-        """See who it is and what the drives are doing, before anything is written; return whether it may be disturbed."""
+        """Read the identity and the drives' states before anything is written; return whether the node may be configured."""
         self._identify(known.identity)
         self._comms.follow_emcy()
         for axis in self._axes:
@@ -227,17 +227,17 @@ class NodeBoot:
 
     def _prepare(self, known: BootOutcome) -> None:
         if known.program is not None and known.program.replaced:
-            self._report.warnings.clear()  # they were about the revision that it had
+            self._report.warnings.clear()  # they were about the previous revision
             self._identify(known.identity)
         self._restarts = self._comms.restarts()
         self._watch.set_sync()
 
     def _apply_dcf(self) -> None:
-        """Before the cell file's own objects; not at all where 1020h has the expected date and time (CiA 302-2)."""
+        """Apply the DCF before the cell file's own objects; skipped if 1020h has the expected date and time (CiA 302-2)."""
         self._by_dcf = dcf.apply(self._objects, self._cell, self._eds, self._make)
 
     def _require_no_restart(self) -> None:
-        """A node that has restarted since has lost its configuration, and must not be started with half of it."""
+        """Raise if the node has restarted meanwhile: its configuration is lost, and it must not start with half of it."""
         if self._restarts is not None and self._comms.restarts() != self._restarts:
             raise NodeError(
                 f"node {self._objects.node_id} restarted while it was being configured",
@@ -247,7 +247,7 @@ class NodeBoot:
             )
 
     def _complete(self, known: BootOutcome) -> None:
-        """What is left before the start: the watch on both sides, and the axes with their PDOs."""
+        """Do the last steps before the start: monitoring on both sides, and the axes with their PDOs."""
         if not self.found_enabled:
             self._comms.watch(known.consumer)
         self._step("watchdog", partial(self._arm, known.control))
@@ -259,7 +259,7 @@ class NodeBoot:
         self._step("restart", self._require_no_restart)
 
     def _io(self) -> None:
-        """After the axes: their PDOs come first. A node that was found enabled keeps its inputs and outputs to itself."""
+        """Connect the inputs and outputs, after the axes, whose PDOs come first. A node found enabled is not connected."""
         dictionary = Dictionary(self._eds, self._objects.node_id)
         points = points_of(self._cell, self._objects.node_id, dictionary)
         if not points:
@@ -283,7 +283,7 @@ class NodeBoot:
             )
 
     def _arm(self, control: ErrorControl) -> None:
-        self._comms.begin_heartbeat()  # before a node counts for how long it is missing
+        self._comms.begin_heartbeat()  # before a node monitors it
         self._report.watchdog = self._watch.arm(self._reaction())
         if self._watch.guarding is not None:
             self._comms.guard(self._watch.guarding)
@@ -301,9 +301,9 @@ class NodeBoot:
             self._report.warnings.append(report.text)
 
     def _reaction(self) -> str | None:
-        """Return what the drives do when they notice that we are dead (6007h), None where one of them does not say.
+        """Return the drives' reaction to a dead master (6007h), None if a drive has no 6007h.
 
-        A node without axes does what CiA 301 says (7.5.2.32); of its outputs boot tells more.
+        A node without axes reacts as CiA 301 defines (7.5.2.32); the report of its outputs has more.
         """
         if not self._axes:
             return "goes to pre-operational, or does what its 1029h says"
@@ -355,7 +355,7 @@ class NodeBoot:
         return parameters
 
     def _read_only(self, axis: AxisConfig, parameters: AxisParameters) -> list[str]:
-        """Say which commands will fail, because the drive has another value in an object that cannot be written."""
+        """Describe the commands that will fail because a read-only object of the drive has another value."""
         drive = Drive.of(axis, self._cell.nodes[axis.node], self._eds)
 
         def read(index: int, subindex: int) -> int | None:
@@ -373,12 +373,12 @@ class NodeBoot:
     def _require_units(
         self, axis: AxisConfig, values: scale_proposal.Values, scale: scale_proposal.ScaleReport
     ) -> None:
-        """Refuse an axis whose drive counts velocities or accelerations otherwise than the cell file says.
+        """Refuse an axis whose drive uses other velocity or acceleration units than the cell file.
 
-        Warn only where that follows from a 608Fh that ``scale`` does not agree with, and of a drive that was found enabled.
+        Only warn if the drive was found enabled, or if the conflict depends on a 608Fh that ``scale`` does not agree with.
 
         Raises:
-            ConfigError: it does.
+            ConfigError: the units differ.
         """
         for found in scale_proposal.contradictions(axis, values):
             if not self.found_enabled and (found.is_certain or scale.agrees is not False):
@@ -388,7 +388,7 @@ class NodeBoot:
             self._report.warnings.append(f"{found.message}: {found.observed}; {found.remedy}")
 
     def _live_parameters(self, axis: AxisConfig, values: scale_proposal.Values) -> AxisParameters:
-        """What cell file and EDS say, mended by what the drive itself says."""
+        """Return the parameters of cell file and EDS, corrected by the values read from the drive."""
         parameters = axis_parameters(self._cell, axis.name, self._eds, self._make)
         parameters = replace(parameters, units=known_units(axis, values))
         window = read_int(self._objects, own_index(o.POSITION_WINDOW, axis.drive_axis))
@@ -417,7 +417,7 @@ class NodeBoot:
     def _modes_shown(
         self, axis: AxisConfig, parameters: AxisParameters
     ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """The modes of the cell file, else those that objects and the drive's 6502h show, with what speaks against them."""
+        """Return the modes and the doubts about them: from the cell file, else from the objects and the drive's 6502h."""
         if axis.modes is not None:
             return tuple(modes.short(mode) for mode in sorted(parameters.modes)), ()
         claimed = read_int(self._objects, own_index(o.SUPPORTED_DRIVE_MODES, axis.drive_axis))
@@ -429,7 +429,7 @@ class NodeBoot:
         return read_int(self._objects, own_index(index, axis.drive_axis))
 
     def _with_following_error(self, axis: AxisConfig, parameters: AxisParameters) -> AxisParameters:
-        """What the drive itself allows its position modes; 0 and FFFFFFFFh mean that it does not look."""
+        """Add the drive's own following error window of its position modes; 0 and FFFFFFFFh mean no monitoring."""
         window = read_int(self._objects, own_index(o.FOLLOWING_ERROR_WINDOW, axis.drive_axis))
         if not window or window == _NO_WINDOW:
             return parameters
@@ -441,7 +441,7 @@ class NodeBoot:
 
 
 def _travels(how: Capabilities) -> str:
-    """Return how values travel, grouped: ``synchronous PDO: statusword, position; SDO: torque``."""
+    """Return how values are transferred, in groups: ``synchronous PDO: statusword, position; SDO: torque``."""
     groups: dict[ValueTransport, list[str]] = {}
     for name, source in (*how.outputs.items(), *how.inputs.items()):
         if name.replace("_", " ") not in groups.setdefault(source, []):

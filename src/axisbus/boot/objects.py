@@ -1,4 +1,4 @@
-"""Access to a node's objects as boot-up needs it, whether they are behind a bus or in a stand-in."""
+"""Access to a node's objects for boot-up, for nodes on a bus and for simulated nodes."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from axisbus.cia301.datatypes import DataType, Value, decode, encode
 from axisbus.cia301.sdo import SdoTransferType
 from axisbus.errors import SdoAbort, SdoTimeout
 
-if TYPE_CHECKING:  # who has drives on a bus has no need of simulated ones
+if TYPE_CHECKING:  # programs with drives on a bus need no simulated ones
     from axisbus.sim.device import Device
 
-Progress = Callable[[int, int | None], None]  # bytes done, bytes in all (None: not known)
+Progress = Callable[[int, int | None], None]  # bytes done, bytes in all (None: unknown)
 
 
 class NodeObjects(Protocol):
-    """Typed reads and writes; blocks; raises ``SdoAbort``, ``SdoTimeout`` and what the bus raises."""
+    """Typed reads and writes; blocks; raises ``SdoAbort``, ``SdoTimeout`` and the errors of the bus."""
 
     @property
     def node_id(self) -> int:
@@ -29,7 +29,7 @@ class NodeObjects(Protocol):
         """Set an object's value."""
 
     def write_unchecked(self, key: int, subindex: int, value: int) -> None:
-        """Set an integer without asking the EDS for its limits."""
+        """Set an integer without checking the limits of the EDS."""
 
     def upload(self, index: int, subindex: int = 0) -> bytes:
         """Return an object's bytes."""
@@ -43,11 +43,11 @@ class NodeObjects(Protocol):
         way: SdoTransferType = SdoTransferType.AUTO,
         progress: Progress | None = None,
     ) -> None:
-        """Set an object's bytes; ``progress`` is told how many have arrived."""
+        """Set an object's bytes; ``progress`` is called with the number of bytes that have arrived."""
 
 
 class DeviceObjects:
-    """The objects of a stand-in, reached without a bus."""
+    """The objects of a simulated node, accessed without a bus."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
@@ -76,7 +76,7 @@ class DeviceObjects:
         self._device.dictionary.download(key, subindex, encode(value, data_type))
 
     def write_unchecked(self, key: int, subindex: int, value: int) -> None:
-        """Set an integer without asking the EDS for its limits; raises ``SdoAbort`` or ``SdoTimeout``."""
+        """Set an integer without checking the limits of the EDS; raises ``SdoAbort`` or ``SdoTimeout``."""
         self._require_answer(key, subindex)
         self._device.write(key, subindex, value)
 
@@ -112,7 +112,7 @@ class DeviceObjects:
 
 
 def read_int(objects: NodeObjects, index: int, subindex: int = 0) -> int | None:
-    """Return an integer, None where the node has no such object or does not let it be read.
+    """Return an integer, None if the node has no such object or refuses to read it.
 
     Raises:
         SdoTimeout, BusError: the node does not answer.

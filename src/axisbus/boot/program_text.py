@@ -1,4 +1,4 @@
-"""How it stands with a node's program, in words: as a line of the report, as plain values, and as the error of a failed boot-up."""
+"""The state of a node's program in words: as a line of the report, as plain values, and as the error of a failed boot-up."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ORDERS = {
     ProgramStage.START: ProgramControl.START,
 }
 
-# What is in the node's memory, by the stage that failed.
+# The contents of the node's memory, by the stage that failed.
 _LEFT = {
     ProgramStage.STOP: "nothing was cleared: after switching it off and on the node runs its old program",
     ProgramStage.CLEAR: "the old program may be cleared already: do not count on the node before a download has succeeded",
@@ -32,7 +32,7 @@ _LEFT = {
 _AGAIN = "boot again: the download begins anew with stop and clear"
 _TOOL = "if that fails too, load the program with the maker's tool"
 _FILE = f"check that the file is for this very device and in the form that it takes, and {_AGAIN}; {_TOOL}"
-# What to do first, by the stage that failed.
+# The first remedy, by the stage that failed.
 _FIRST = {
     ProgramStage.STOP: "see in the drive's manual in which state its program may be stopped, and boot again",
     ProgramStage.CLEAR: f"{_AGAIN}; {_TOOL}",
@@ -46,7 +46,7 @@ _OTHER_PROGRAM = (
     "compare what [nodes.N.program] expects with the program in the file (its maker says what it is), correct the one that is "
     "wrong, and boot again"
 )
-# What else a program may be known by, where an object is missing.
+# The other property that identifies a program, if an object is missing.
 _OTHER_MARK = {
     o.VERIFY_SOFTWARE: "give identification (what its 1F56h:01 says) instead of date_time",
     o.PROGRAM_IDENTIFICATION: "give date_time (what its 1F52h says) instead of identification",
@@ -54,7 +54,7 @@ _OTHER_MARK = {
 
 
 def line(state: ProgramState | None) -> str:
-    """Return the report's line; empty where no program is expected."""
+    """Return the report's line; empty if no program is expected."""
     if state is None:
         return ""
     if state.replaced:
@@ -66,7 +66,7 @@ def line(state: ProgramState | None) -> str:
 
 
 def as_json(state: ProgramState | None) -> dict[str, Any] | None:
-    """Return the same as plain values; dates as ISO 8601 without a time zone, null where there is none."""
+    """Return the program state as plain values; dates as ISO 8601 without a time zone, null if there is none."""
     if state is None:
         return None
     return {
@@ -81,7 +81,7 @@ def as_json(state: ProgramState | None) -> dict[str, Any] | None:
 
 
 def as_error(outcome: BootOutcome, node: NodeConfig, cause: AxisbusError | None) -> BootError:
-    """Return the error of a boot-up that ended with one of ``LETTERS``; ``cause`` is the error of its last bad answer."""
+    """Return the error of a boot-up that ended with one of ``LETTERS``; ``cause`` is the error of its last failed request."""
     assert outcome.program is not None
     if outcome.letter is Letter.G:
         what, observed, remedy = _inconsistent(outcome, outcome.program)
@@ -170,7 +170,7 @@ def _reason(outcome: BootOutcome, state: ProgramState, cause: AxisbusError | Non
     broke_off = (
         outcome.address == (o.PROGRAM_DATA, NUMBER) and getattr(cause, "index", None) == o.PROGRAM_DATA
     )
-    silent = isinstance(cause, SdoTimeout) and not broke_off  # then what it was asked for last says nothing
+    silent = isinstance(cause, SdoTimeout) and not broke_off  # then the last requested object means nothing
     told = "the node no longer answers" if silent else cause.message
     return f"{told} ({cause.observed})" if cause.observed else told
 
@@ -191,7 +191,7 @@ def _plain(mark: ProgramVersion | None) -> dict[str, Any] | None:
 
 
 def _toml(mark: ProgramVersion | None) -> str:
-    """Return the lines of the cell file that expect this program; empty where it is none."""
+    """Return the lines of the cell file that expect this program; empty if the program is unknown."""
     if mark is None or mark.version == (0, 0) or (mark.version is not None and mark.version.moment is None):
         return ""
     moment = None if mark.version is None else mark.version.moment

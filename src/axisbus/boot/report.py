@@ -1,4 +1,4 @@
-"""What boot-up has to say of each node and axis, as values, as text and as JSON."""
+"""The report of boot-up for each node and axis, as values, as text and as JSON."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class AxisReport:
 
 @dataclass(slots=True)
 class NodeReport:
-    """One node during and after boot-up; ``error`` says which step failed, ``steps`` what was done."""
+    """One node during and after boot-up; ``error`` names the failed step, ``steps`` lists the completed steps."""
 
     node_id: int
     device: str = ""
@@ -55,16 +55,16 @@ class NodeReport:
 
     @property
     def absent(self) -> bool:
-        """Whether it is an optional node that is not there."""
+        """Whether the node is optional and absent."""
         return self.optional and self.outcome is not None and self.outcome.letter is Letter.B
 
     @property
     def ok(self) -> bool:
-        """Whether the node came up."""
+        """Whether the boot-up succeeded."""
         return self.error is None
 
     def text(self) -> str:
-        """Return the report as lines for a person."""
+        """Return the report as lines for a user."""
         return "\n".join(self._lines())
 
     def as_json(self) -> dict[str, Any]:

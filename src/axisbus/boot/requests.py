@@ -1,4 +1,4 @@
-"""Carrying out the requests of a node's boot-up, one after the other, over what reaches the node."""
+"""Carry out the requests of a node's boot-up, one after the other."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from axisbus.errors import AxisbusError, NodeRefused, NodeTimeout, SdoAbort, Sdo
 
 
 class Nmt(Protocol):
-    """What a boot-up needs of a node beside SDO."""
+    """The services of a node that boot-up needs beside SDO."""
 
     def command(self, command: NmtCommand, deadline: float) -> NmtState:
         """Send an NMT command and return the confirmed state; raises ``NodeTimeout``."""
 
     def listen(self, deadline: float) -> NmtState | None:
-        """Return the state of the next heartbeat, None where none comes."""
+        """Return the state of the next heartbeat, None if none comes."""
 
     def ask(self, deadline: float) -> NmtState | None:
-        """Return the state by node guarding, None where no answer comes."""
+        """Return the state by node guarding, None if no answer comes."""
 
     def pause(self, seconds: float) -> None:
-        """Let time pass; blocks for so long."""
+        """Wait for ``seconds``; blocks."""
 
     def trying(self, tries: int, deadline: float) -> AbstractContextManager[None]:
-        """Make SDO requests that often, with ``deadline`` seconds each, inside the ``with`` block."""
+        """Inside the ``with`` block, make each SDO request up to ``tries`` times, with ``deadline`` seconds each."""
 
 
 Locals = Mapping[b.BootPhase, Callable[[b.BootOutcome], bool | None]]
 
 
 class Answerer:
-    """Answers the requests for one node; holds state: the last error that an answer stands for."""
+    """Answer the requests for one node; holds state: the error behind the last failed answer."""
 
     def __init__(
         self,
@@ -47,7 +47,7 @@ class Answerer:
         progress: Progress | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """``local`` are the application's own parts: what ``LOOK`` returns says whether the node may be disturbed.
+        """``local`` are the application's own steps; the result of ``LOOK`` says whether the node may be configured.
 
         ``progress(done, all)`` is called in this thread with the bytes of a program that the node has confirmed.
         """
@@ -59,7 +59,7 @@ class Answerer:
         self.error: AxisbusError | None = None
 
     def run(self, machine: Generator[b.Request, b.Answer, b.BootOutcome]) -> b.BootOutcome:
-        """Answer until the machine is through; blocks. What goes wrong is an answer, too, and ``error`` holds it."""
+        """Answer all requests until the boot-up ends; blocks. An error becomes an answer, and ``error`` holds the error."""
         request = next(machine)
         while True:
             try:
@@ -69,7 +69,7 @@ class Answerer:
                 return outcome
 
     def answer(self, request: b.Request) -> b.Answer:
-        """Make one request, once; blocks at most about its deadline."""
+        """Make one request, once; blocks for about its deadline at most."""
         start = self._clock()
         try:
             value = self._do(request)
@@ -78,7 +78,7 @@ class Answerer:
             return _bad_answer(request, error, self._clock() - start)
         elapsed = self._clock() - start
         if isinstance(request, b.Pause):
-            elapsed = max(elapsed, request.seconds)  # where time is virtual, the clock has not moved
+            elapsed = max(elapsed, request.seconds)  # in virtual time the clock has not moved
         if value is None and isinstance(request, (b.Listen, b.GuardRequest)):
             return b.NoReply(elapsed)
         return b.Got(value, elapsed)

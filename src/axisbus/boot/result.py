@@ -1,4 +1,4 @@
-"""What booting a node has come to."""
+"""The result of booting a node."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 from axisbus.boot.report import NodeReport
 from axisbus.motion.parameters import AxisParameters
 
-if TYPE_CHECKING:  # a program whose core is another process has no need of what boots
+if TYPE_CHECKING:  # a program whose core is another process does not need the boot code
     from axisbus.boot.configure import DriveMonitoringSetup
 
 
 @dataclass(slots=True)
 class Booted:
-    """A node that is up: what it reported, the parameters of its axes, and how to let it go again."""
+    """A booted node: its report, the parameters of its axes, and the monitoring setup that is undone when the node is released."""
 
     report: NodeReport
     parameters: dict[str, AxisParameters]

@@ -1,4 +1,4 @@
-"""How each axis stops, in plain words: the stop ladder and what on the drive notices a dead master."""
+"""Describe how each axis stops, in plain words: its stop sequence, and how the drive notices a dead master."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from axisbus.motion.parameters import HoldsLoad, StopTimes
 
 
 class Watchdog(Enum):
-    """What on a drive notices that the master is dead."""
+    """How a drive notices that the master is dead."""
 
     ARMED = "armed"
     UNKNOWN = "armed, reaction unknown"
@@ -20,7 +20,7 @@ class Watchdog(Enum):
 
 @dataclass(frozen=True, slots=True)
 class WatchdogReport:
-    """The kind of watchdog, and a sentence of how it is made and what it does."""
+    """The kind of watchdog, and a sentence that names its objects and its effect."""
 
     kind: Watchdog
     text: str
@@ -34,14 +34,14 @@ NO_WATCHDOG = WatchdogReport(
 
 @dataclass(frozen=True, slots=True)
 class StopLadderReport:
-    """The stop ladder of one axis: rows of (rung, object, what it does), and what is dangerous about it."""
+    """The stop sequence of one axis: rows of (step, object, effect), and warnings of dangerous settings."""
 
     axis: str
     rows: tuple[tuple[str, str, str], ...]
     warnings: tuple[str, ...]
 
 
-# Rung of the ladder or event -> option object, in the order in which they are printed.
+# Step of the stop sequence or event -> option object, in the order of printing.
 _ROWS = (
     ("1 halt", options.HALT),
     ("2 quick stop", options.QUICK_STOP),
@@ -51,11 +51,11 @@ _ROWS = (
     ("its NMT state", options.COMMUNICATION_ERROR),
 )
 _UNKNOWN = "not in this drive: what it does is in its manual"
-# What the standard says of a drive without the object (CiA 301 7.5.2.29).
+# The standard's definition for a drive without the object (CiA 301 7.5.2.29).
 _MISSING = {
     options.COMMUNICATION_ERROR.index: "not in this drive: by the standard it goes to pre-operational"
 }
-# Values that leave a moving load to itself.
+# Values with which a moving load coasts.
 _COASTS = {
     options.QUICK_STOP.index: (0,),
     options.DISABLE.index: (0,),
@@ -68,7 +68,7 @@ _COASTS = {
 def stop_ladder(
     axis: str, values: Mapping[int, int | None], times: StopTimes, holds_load: HoldsLoad
 ) -> StopLadderReport:
-    """Put the option codes that a drive reads back into words; ``values`` maps their index to the value, None: no such object."""
+    """Describe the option codes read from a drive; ``values`` maps their index to the value, None: no such object."""
     rows, warnings = [], []
     limits = {"1 halt": times.halt, "2 quick stop": times.quick_stop, "3 power off": times.disable}
     for title, option in _ROWS:

@@ -1,4 +1,4 @@
-"""What a node must know of the bus's SYNC and TIME: 1005h, 1019h and 1012h, set at boot and read back."""
+"""Set the bus's SYNC and TIME in a node at boot: 1005h, 1019h and 1012h, each read back."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from axisbus.errors import BootError, SdoAbort
 
 
 def set_services(objects: NodeObjects, bus: BusConfig) -> None:
-    """Have a node listen to the bus's SYNC with its counter, and to TIME where we send it; blocks for a few transfers.
+    """Make a node use the bus's SYNC with its counter, and TIME if the master sends it; blocks for a few transfers.
 
-    What a node does not have is left alone: one without 1005h knows no SYNC, one without 1012h no TIME.
+    Missing objects are left out: a node without 1005h does not use SYNC, one without 1012h does not use TIME.
 
     Raises:
-        BootError: it listens to another SYNC and cannot be told otherwise.
-        SdoError, BusError: it does not answer.
+        BootError: the node uses another SYNC, SYNC counter or TIME and refuses to change it.
+        SdoError, BusError: the node does not answer.
     """
     if bus.sync:
         _set_sync(objects, bus)
@@ -26,7 +26,7 @@ def set_services(objects: NodeObjects, bus: BusConfig) -> None:
 
 
 def _set_sync(objects: NodeObjects, bus: BusConfig) -> None:
-    """1005h (CiA 301 7.5.2.5); bit 30 makes the node a producer, which only the bus's own external one may be."""
+    """Set 1005h (CiA 301 7.5.2.5); bit 30 makes the node a producer, which is allowed only to the bus's external producer."""
     now = read_int(objects, o.COB_ID_SYNC)
     if now is None:
         return
@@ -35,7 +35,7 @@ def _set_sync(objects: NodeObjects, bus: BusConfig) -> None:
     if same and (bus.hears_sync or not produces):
         return
     try:
-        if produces:  # its COB-ID may not change while it sends
+        if produces:  # its COB-ID must not change while it sends
             objects.write_unchecked(o.COB_ID_SYNC, 0, now & ~cob.SYNC_PRODUCER)
         if not same:
             objects.write_unchecked(o.COB_ID_SYNC, 0, bus.sync_cob_id)
@@ -53,7 +53,7 @@ def _set_sync(objects: NodeObjects, bus: BusConfig) -> None:
 
 
 def _set_counter(objects: NodeObjects, bus: BusConfig) -> None:
-    """1019h (CiA 301 7.5.2.20), which may only change while 1006h is 0."""
+    """Set 1019h (CiA 301 7.5.2.20), which may change only while 1006h is 0."""
     now = read_int(objects, o.SYNC_COUNTER_OVERFLOW)
     if now is None or now == bus.sync_counter:
         return
@@ -76,13 +76,13 @@ def _set_counter(objects: NodeObjects, bus: BusConfig) -> None:
 
 
 def _set_time(objects: NodeObjects, bus: BusConfig) -> None:
-    """1012h: bit 31 makes the node take TIME, bit 30 would make it send it. One without 1012h is left alone."""
+    """Set 1012h: bit 31 makes the node a consumer of TIME, bit 30 a producer. A node without 1012h is left as it is."""
     now = read_int(objects, o.COB_ID_TIME)
     wanted = cob.TIME_CONSUMER | bus.time_cob_id
     if now is None or now & (cob.TIME_CONSUMER | cob.TIME_PRODUCER | cob.ID_MASK_29) == wanted:
         return
     try:
-        if now & (cob.TIME_CONSUMER | cob.TIME_PRODUCER):  # its COB-ID may not change meanwhile
+        if now & (cob.TIME_CONSUMER | cob.TIME_PRODUCER):  # its COB-ID must not change while it is in use
             off = now & ~(cob.TIME_CONSUMER | cob.TIME_PRODUCER)
             objects.write_unchecked(o.COB_ID_TIME, 0, off)
         objects.write_unchecked(o.COB_ID_TIME, 0, wanted)

@@ -1,4 +1,4 @@
-"""How a boot-up went, as lines for a person and as plain values: letter, step, object, expected, got, abort, tries, time."""
+"""The course of a boot-up, as lines for a user and as plain values: letter, step, object, expected, got, abort, tries, time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _WIDTH = 14
 
 
 def rows(outcome: BootOutcome | None) -> list[str]:
-    """Return what is worth a line; a boot-up without incident has one."""
+    """Return the lines that matter; a boot-up without incident has one."""
     if outcome is None:
         return []
     found = [("boot-up", _summary(outcome))]
@@ -30,7 +30,7 @@ def rows(outcome: BootOutcome | None) -> list[str]:
 
 
 def as_json(outcome: BootOutcome) -> dict[str, Any]:
-    """Return a boot-up as plain values; numbers are numbers."""
+    """Return a boot-up as plain values; numbers stay numbers."""
     return {
         "ok": outcome.ok,
         "letter": None if outcome.letter is None else outcome.letter.name,
@@ -52,7 +52,7 @@ def as_json(outcome: BootOutcome) -> dict[str, Any]:
 
 
 def object_text(outcome: BootOutcome) -> str:
-    """Return the object that the boot-up ended at, such as ``1018h:02``; empty where it was none."""
+    """Return the object at which the boot-up ended, such as ``1018h:02``; empty if there is none."""
     return "" if outcome.address is None else f"{outcome.address[0]:04X}h:{outcome.address[1]:02X}"
 
 

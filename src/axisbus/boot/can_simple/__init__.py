@@ -1,1 +1,1 @@
-"""Bringing a module up that speaks CAN Simple: who it is, what it does, and how it will stop."""
+"""Boot-up of a module that speaks CAN Simple: its identity, its state, and its stop sequence."""

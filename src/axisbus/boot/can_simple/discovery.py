@@ -1,4 +1,4 @@
-"""Hearing one module before it is asked anything: its heartbeats, and whoever else may be meant instead."""
+"""Listen to the heartbeats of one module and ask it questions; notice other nodes with the same node ID."""
 
 from __future__ import annotations
 
@@ -21,40 +21,40 @@ from axisbus.drives.gim6010.discovery.questions import ProbeFrame
 
 T = TypeVar("T")
 
-_TICK = 0.002  # s between two looks
-_ANSWER = 0.1  # s that an answer may take
-_KEPT = 1000  # frames that wait to be looked at
+_TICK = 0.002  # s between two checks for new frames
+_ANSWER = 0.1  # s allowed for an answer
+_KEPT = 1000  # frames stored until they are evaluated
 
 
 class BootChannel(Sends, Protocol):
-    """What leads to the module: a ``bus.link.channel.Channel``, or what stands for it in virtual time."""
+    """The channel to the module: a ``bus.link.channel.Channel``, or its replacement in virtual time."""
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """The channel's name, for messages."""
 
     def overheard(self, ear: Callable[[CanFrame], None]) -> AbstractContextManager[None]:
-        """Have ``ear`` called for every frame within the block."""
+        """Call ``ear`` for every received frame within the ``with`` block."""
 
     def check(self) -> None:
-        """Raise AdapterError where it has failed."""
+        """Raise AdapterError if the channel has failed."""
 
     def health(self) -> str:
-        """Say what is wrong with it, in words; empty where nothing is."""
+        """Describe the channel's fault in words; empty if it has none."""
 
 
 @dataclass(slots=True)
 class NodeListener:
-    """What was heard of one node ID; holds state. ``clock`` and ``sleep`` are those of the frames' stamps (s).
+    """The frames received from one node ID; holds state. ``clock`` and ``sleep`` use the time base of the frames' stamps (s).
 
-    ``canopen`` counts the heartbeats of a CANopen node of this ID, ``extended`` those of the 29-bit protocol.
+    ``canopen`` counts the heartbeats of a CANopen node of this ID, ``extended`` counts the heartbeats of the 29-bit protocol.
     """
 
     channel: BootChannel
     node: int
     clock: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
-    answer: float = _ANSWER  # s that one may take
+    answer: float = _ANSWER  # s allowed for one answer
     beats: Heartbeats = field(default_factory=Heartbeats)
     stamps: list[tuple[float, bytes]] = field(default_factory=list)
     canopen: int = 0
@@ -62,11 +62,14 @@ class NodeListener:
     _heard: deque[CanFrame] = field(default_factory=lambda: deque(maxlen=_KEPT))
 
     def hear(self, frame: CanFrame) -> None:
-        """Take a frame, in the receive thread."""
+        """Store a frame. Runs in the receive thread."""
         self._heard.append(frame)
 
     def wait(self, seconds: float, until: Callable[[], bool] = lambda: False) -> bool:
-        """Listen for so long, or until something has come; return whether it has. Blocks."""
+        """Listen for ``seconds``, or until ``until`` returns true; return the last result of ``until``. Blocks.
+
+        Raises AdapterError if the channel has failed.
+        """
         end = self.clock() + seconds
         while not until() and self.clock() < end:
             self._take_all()
@@ -76,12 +79,12 @@ class NodeListener:
 
     @property
     def quickest(self) -> float:
-        """The shortest time (s) from one heartbeat to the next, of which a busy computer delays some; endless before the second."""
+        """The shortest time (s) between two heartbeats, as a busy computer delays some; infinite before the second heartbeat."""
         times = [stamp for stamp, _ in self.stamps]
         return min((after - before for before, after in pairwise(times)), default=math.inf)
 
     def ask(self, asking: Generator[ProbeFrame, CanFrame | None, T]) -> T:
-        """Ask all of its questions, one after the other, and return what came of it; blocks for at most 0.1 s each."""
+        """Ask all questions of ``asking``, one after the other, and return its result; blocks for at most 0.1 s per question."""
         try:
             question = next(asking)
             while True:

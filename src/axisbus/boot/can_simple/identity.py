@@ -1,4 +1,4 @@
-"""Whether a module is the one that the cell file means, as far as that can be known over CAN Simple; else in words who is there."""
+"""Check over CAN Simple, as far as possible, that a module is the one of the cell file; if not, describe the module found."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from axisbus.errors import BootError
 
 HEARTBEAT, IDENTITY = "heartbeat", "identity"
 _COUNTS, _NEWEST = Firmware(0, 5, 12), Firmware(0, 5, 13)  # the first with each layout (manual v2.2, 4.1.2)
-_SLOW = 1.5  # periods that axisbus counts on
+_SLOW = 1.5  # longest accepted heartbeat period, as a multiple of the expected period
 _FIND = "axisbus gim6010 find shows who is there and what it speaks"
 
 
 def no_answer_error(listening: NodeListener, seconds: float, health: str) -> BootError:
-    """Return the error of a module of which no heartbeat came in so many seconds."""
+    """Return the error of a module that sent no heartbeat within ``seconds``; ``health`` is the state of the channel."""
     node = listening.node
     if listening.canopen:
         return _told(
@@ -44,15 +44,15 @@ def no_answer_error(listening: NodeListener, seconds: float, health: str) -> Boo
 
 
 def cob(node: int) -> str:
-    """Return the identifier of a CANopen heartbeat, as people write it."""
+    """Return the identifier of a CANopen heartbeat in the usual notation, such as 701h."""
     return f"{0x700 + node:03X}h"
 
 
 def require_one(listening: NodeListener, expected: float) -> None:
-    """Check that it is one module, which beats as often as its port counts on (s).
+    """Check that only one module has the node ID and that it sends a heartbeat at least every 1.5 times ``expected`` (s).
 
     Raises:
-        BootError: it is not.
+        BootError: several modules have the node ID, or the heartbeats come too seldom.
     """
     node = listening.node
     if count_senders(listening.stamps) > 1:
@@ -74,10 +74,10 @@ def require_one(listening: NodeListener, expected: float) -> None:
 
 
 def require_firmware(listening: NodeListener, facts: SimpleFacts, text: str | None) -> None:
-    """Check the firmware that the cell file names (None: none) against what the module tells, and what its heartbeats show.
+    """Compare the firmware of the cell file (None: not given) with the module's answer, or else with its heartbeat layout.
 
     Raises:
-        BootError: it is another one.
+        BootError: the module has another firmware.
     """
     if text is None:
         return
@@ -99,7 +99,7 @@ def require_firmware(listening: NodeListener, facts: SimpleFacts, text: str | No
 
 
 def words(listening: NodeListener, facts: SimpleFacts, text: str | None) -> str:
-    """Return who it is, as far as it is known."""
+    """Return firmware and serial number of the module in words, as far as they are known."""
     if facts.version is not None:
         serial = "" if facts.serial is None else f", serial number ends in {facts.serial:08X}h"
         return f"firmware {facts.version}, by its endpoints{serial}"

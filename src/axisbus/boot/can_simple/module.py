@@ -1,4 +1,4 @@
-"""Bringing one module up: hear it, ask who it is, look what it does, and report. Nothing is energised, and nothing is commanded."""
+"""Boot one module: detect it, identify it, read its state, and report. Boot-up energises nothing and commands nothing."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ from axisbus.errors import AxisbusError, BootError
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.promises import promises
 
-_BEATS = 0.55  # s: five heartbeats, of which two modules of one node ID show
-_SELDOM = 1.5  # s more, where the first one is alone by then
+_BEATS = 0.55  # s, five heartbeats: enough to see two modules with one node ID
+_SELDOM = 1.5  # s more, if only one heartbeat has come by then
 _WITHIN_A_TURN = "; until it is enabled, its place is known within one turn of the rotor only"
 _TRAVELS = (
     "sent when it changes: mode, targets, limits; in every cycle: position of a path; asked for in every cycle: position, "
@@ -47,7 +47,7 @@ _FOUND_BY_LINE = (
 
 
 class ModuleBoot:
-    """The boot-up of one module; holds what was found on the way."""
+    """The boot-up of one module; holds the results of its steps."""
 
     def __init__(
         self,
@@ -60,9 +60,9 @@ class ModuleBoot:
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        """``objects`` are those of its port, which take what the cell file writes; ``find_time`` (s) is for its first heartbeat.
+        """``objects`` are those of the module's port and take the cell file's writes; ``find_time`` (s) limits the first heartbeat.
 
-        ``clock`` and ``sleep`` are those of the channel's stamps, in s.
+        ``clock`` and ``sleep`` use the time base of the channel's stamps, in s.
         """
         self._cell = cell
         self._node = cell.nodes[settings.node]
@@ -77,7 +77,10 @@ class ModuleBoot:
         self._parameters: dict[str, AxisParameters] = {}
 
     def run(self) -> Booted:
-        """Do all steps; blocks for about a second, and longer where nobody is heard. What fails stands in the report."""
+        """Do all steps; an error goes into the report and is not raised.
+
+        Blocks for about a second, and for up to ``find_time`` if no module answers.
+        """
         try:
             with self._channel.overheard(self._listening.hear):
                 self._hear()
@@ -89,7 +92,7 @@ class ModuleBoot:
             self._report.error = at_step(self._settings.node, "configuration", error)
         return Booted(self._report, self._parameters, None, self._found_enabled)
 
-    # -- its steps -----------------------------------------------------------------------------------------------------------------
+    # -- steps ---------------------------------------------------------------------------------------------------------------------
 
     def _hear(self) -> None:
         listening = self._listening
@@ -177,7 +180,7 @@ class ModuleBoot:
         return found
 
     def _write(self, axis: AxisConfig) -> None:
-        """Give its port what the cell file has for the objects of a drive."""
+        """Write the values that the cell file gives for drive objects into the module's port."""
         for write in drive_of(self._cell, axis).written.values():
             code = self._objects.write(write.index, write.subindex, int(write.value))
             if code is not None:
@@ -190,7 +193,7 @@ class ModuleBoot:
                     remedy="leave it out: axisbus check says what a module does instead",
                 )
 
-    # -- what was heard ------------------------------------------------------------------------------------------------------------
+    # -- evaluation of the frames --------------------------------------------------------------------------------------------------
 
     @property
     def _state(self) -> int:
@@ -207,7 +210,7 @@ class ModuleBoot:
         return self._state == CLOSED_LOOP
 
     def _turns(self) -> scale_proposal.Values:
-        """What a turn has, and the gear where the cell file says so."""
+        """The encoder counts of one turn, and the gear ratio if the cell file gives one."""
         module = self._node.module
         gear = None if module is None or module.gear_ratio is None else round(module.gear_ratio * 1000)
         motor = {(o.ENCODER_RESOLUTION, 1): COUNTS_PER_ROTOR_TURN, (o.ENCODER_RESOLUTION, 2): 1}

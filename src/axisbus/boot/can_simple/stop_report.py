@@ -1,4 +1,4 @@
-"""How the axis of a module stops, and what of it notices a dead master, in plain words."""
+"""Describe how the axis of a module stops, and which of its watchdogs notice a dead master, in plain words."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
 from axisbus.drives.gim6010.settings.watchdog_status import Armed
 from axisbus.motion.parameters import HoldsLoad, StopTimes
 
-# Where nothing could be read: no message tells what is armed; owners and the maker say what each does (docs/gim6010-8.md).
+# Used if nothing could be read: no message reports the armed watchdogs. Users and the maker describe each (docs/gim6010-8.md).
 WATCHDOG = WatchdogReport(
     Watchdog.NONE,
     "nothing on this module is known to notice a dead master: break_timeout and watchdog_timeout are not told by any message, and "
@@ -21,12 +21,12 @@ _LATCHES = (
     "away and to latch CAN_BUS_FAILED"
 )
 _GOES_ON = "positions hold, a velocity or a torque goes on"
-_WATCHDOG_UNTIL = Firmware(0, 6, 0)  # the first of which the maker says that the axis's watchdog does nothing
+_WATCHDOG_UNTIL = Firmware(0, 6, 0)  # from here on the axis's watchdog has no effect, says the maker
 _COASTS = "the motor coasts: a module has no ramp for it"
 
 
 def watchdog_of(found: Armed, firmware: Firmware | None) -> WatchdogReport:
-    """Return what of a module notices a dead master, by what was ``found`` armed in it."""
+    """Return which watchdogs of a module notice a dead master, from the watchdogs ``found`` armed in it."""
     if found == Armed():
         return WATCHDOG
     works = firmware is not None and firmware < _WATCHDOG_UNTIL
@@ -52,7 +52,7 @@ def _axis(seconds: float | None, *, works: bool) -> str:
 
 
 def ladder(axis: str, settings: ModuleSettings, times: StopTimes, holds_load: HoldsLoad) -> StopLadderReport:
-    """Return the rungs of an axis and what each does; ``times`` are their deadlines."""
+    """Return the stop sequence of an axis with the effect of each step; ``times`` are the deadlines of the steps."""
     at_rest = (
         "then stays in closed loop and holds its place" if settings.quick_stop_holds else "then power off"
     )
