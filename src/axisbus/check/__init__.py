@@ -1,1 +1,1 @@
-"""Everything that can be found wrong with a cell before the first frame; one module for each matter."""
+"""The checks of a cell before the first frame is sent; one module for each subject."""

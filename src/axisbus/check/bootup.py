@@ -1,4 +1,4 @@
-"""Whether what the cell file asks of a node's boot-up can be had from it."""
+"""Check that the nodes support the boot-up that the cell file asks for."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def version(case: CheckContext) -> Problems:
 
 
 def restore(case: CheckContext) -> Problems:
-    """Check that a node whose defaults are to be restored can do so (1011h:01)."""
+    """Check that a node supports the restoring of its defaults (1011h:01) if the cell file asks for it."""
     for node, eds, _ in case.nodes:
         if node.restore_defaults and eds.get(cia301.RESTORE_DEFAULTS, 1) is None:
             yield case.error(
@@ -40,7 +40,7 @@ def restore(case: CheckContext) -> Problems:
 
 
 def identity(case: CheckContext) -> Problems:
-    """Warn of a serial number or revision that the node does not have: it would be refused at boot-up."""
+    """Warn of a serial number or revision that the node does not report: the node would be refused at boot-up."""
     for node, eds, _ in case.nodes:
         for key, subindex in (("serial", cia301.SERIAL_NUMBER), ("revision", cia301.REVISION_NUMBER)):
             if getattr(node, key) is not None and eds.get(cia301.IDENTITY, subindex) is None:
@@ -53,7 +53,7 @@ def identity(case: CheckContext) -> Problems:
 
 
 def optional_in_group(case: CheckContext) -> Problems:
-    """Note groups that can be used only while an optional node is there."""
+    """Note groups that are usable only while an optional node is present."""
     for group in case.cell.groups.values():
         for name in group.axes:
             axis = case.cell.axes.get(name)

@@ -1,4 +1,4 @@
-"""Whether every COB-ID has one producer, and none lies where CiA 301 lets no PDO be."""
+"""Check that each COB-ID has one producer, and that no PDO uses a COB-ID that CiA 301 restricts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.eds.model import Eds
 
-# Restricted CAN-IDs (CiA 301 table 40), and the ones that SYNC and TIME use by default.
+# Restricted CAN-IDs (CiA 301 table 40), and the default CAN-IDs of SYNC and TIME.
 RESTRICTED: tuple[tuple[range, str], ...] = (
     (range(0x001), "NMT"),
     (range(0x001, 0x080), "reserved"),
@@ -29,10 +29,10 @@ RESTRICTED: tuple[tuple[range, str], ...] = (
 
 
 class Use(NamedTuple):
-    """One producer of a COB-ID, by the ``line`` of the cell file that it follows from.
+    """One producer of a COB-ID; ``line`` is the line of the cell file that defines it.
 
-    ``remedy`` is empty where the COB-ID is the predefined one, which is best left alone. ``doubt`` says why the COB-ID may be
-    another on the bus than in the EDS, empty where it is certain.
+    ``remedy`` is empty if the COB-ID is the predefined one, which should not be changed. ``doubt`` says why the COB-ID on the bus
+    may differ from the EDS; empty if the COB-ID is certain.
     """
 
     cob_id: int
@@ -43,7 +43,7 @@ class Use(NamedTuple):
 
 
 def duplicates(case: CheckContext) -> Problems:
-    """Find COB-IDs that two producers share; the master is the producer of every RPDO."""
+    """Find COB-IDs that two producers share; the master is the producer of each RPDO."""
     seen: dict[int, Use] = {}
     for use in _uses(case):
         other = seen.setdefault(use.cob_id, use)
@@ -101,7 +101,7 @@ def _uses(case: CheckContext) -> Iterator[Use]:
         )
     for node, eds, _ in case.nodes:
         if eds.node_id not in (None, node.node_id):
-            continue  # a DCF of another node is one error already
+            continue  # a DCF of another node is already an error
         line = node.at.line
         yield Use(cob.SDO_TX + node.node_id, f"SDO answers of node {node.node_id}", line)
         yield Use(cob.SDO_RX + node.node_id, f"SDO requests to node {node.node_id}", line)
@@ -130,7 +130,7 @@ def _pdo_uses(node: NodeConfig, eds: Eds) -> Iterator[Use]:
     for each in pdo_tables.node_pdos(node, eds):
         cob_id = each.pdo.cob_id
         if not each.pdo.valid or cob_id > cob.ID_MASK_11 or not cob_id & 0x7F:
-            continue  # off, of 29 bits, or written without node ID: boot gives it one
+            continue  # disabled, 29 bits long, or written without node-ID: boot assigns a COB-ID
         line = each.config.at.of("cob_id") if each.config is not None else node.at.line
         what = f"{each.name} {'to' if each.receive else 'of'} node {node.node_id}"
         odd = cob_id != _predefined(each, node)

@@ -1,4 +1,4 @@
-"""What a check looks at: the cell, the dictionaries of its nodes, and its drives."""
+"""The input of a check: the cell, the dictionaries of its nodes, and its drives."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from axisbus.cia402.axes import FIRST_AXIS
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds, Severity
 
-NEEDED = (objects.CONTROLWORD, objects.STATUSWORD)  # without these there is no axis
+NEEDED = (objects.CONTROLWORD, objects.STATUSWORD)  # every axis needs these
 
 
 @dataclass(frozen=True)
 class CheckContext:
     """A cell with the EDS of each node whose file could be read.
 
-    ``drives`` are the axes of those nodes; ``incomplete`` those that lack the controlword or the statusword, which need one finding
-    and no more.
+    ``drives`` are the axes of those nodes. ``incomplete`` are the axes without controlword or statusword; each gets one
+    finding and no other checks.
     """
 
     cell: CellConfig
@@ -51,7 +51,7 @@ class CheckContext:
                 yield node, eds, Dictionary(eds, node.node_id)
 
     def node_number(self, node: NodeConfig, index: int, subindex: int = 0) -> int | None:
-        """Return what an object of a node will hold after boot by its table and its EDS; None where it is no known integer."""
+        """Return the value of a node's object after boot, from its table and its EDS; None if it is not a known integer."""
         dictionary = Dictionary(self.eds[node.node_id], node.node_id)
         written = {write.address: write.value for write in known_writes(node.objects, dictionary)}
         value = written.get((index, subindex), initial(dictionary, node.node_id, index, subindex))
@@ -75,18 +75,18 @@ Check = Callable[[CheckContext], Problems]
 
 
 def title(index: int) -> str:
-    """Return an object of CiA 402 as people know it: ``6081h (profile velocity)``."""
+    """Return an object of CiA 402 with its name: ``6081h (profile velocity)``."""
     name = catalogue.name(index) if index in FIRST_AXIS else ""
     return f"{index:04X}h ({_lower(name)})" if name else f"{index:04X}h"
 
 
 def titles(indices: tuple[int, ...]) -> str:
-    """Return several objects, separated by commas."""
+    """Return several objects as ``title`` does, separated by commas."""
     return ", ".join(title(index) for index in indices)
 
 
 def own_title(drive: Drive, index: int) -> str:
-    """Return an object as ``title`` does, with the device's own index where that is another one."""
+    """Return an object as ``title`` does, with the device's own index if that differs."""
     own = drive.index(index)
     return title(index) if own == index else f"{own:04X}h ({title(index)} of axis {drive.axis.drive_axis})"
 

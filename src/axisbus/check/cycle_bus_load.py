@@ -1,4 +1,4 @@
-"""Whether the frames of one cycle fit its period at the bus's rate, with the arithmetic."""
+"""Check that the frames of one cycle fit into its period at the bus's bit rate; the finding shows the calculation."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from axisbus.check.cycle_schedule import ERROR_LOAD, WARNING_LOAD, CycleSlot, Ti
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.motion.moves.interpolation import interpolation_period
 
-_LATE = 0.001  # seconds; a shorter period depends on the computer
+_LATE = 0.001  # seconds; whether a shorter period is kept depends on the computer
 _NO_WIRE = frozenset({"sim", "virtual", "udp_multicast"})
 _KINDS = {"heartbeat": "heartbeats", "answer": "answers of CAN Simple", "target": "targets of CAN Simple"}
 
 
 def bus_load(case: CheckContext) -> Problems:
-    """Work out how much of the bus one cycle takes at worst."""
+    """Calculate the worst-case bus load of one cycle."""
     bus = case.cell.bus
     if not bus.at.sound("bitrate", "scan_period", "sync", "heartbeat", "interface") or not case.eds:
         return
@@ -31,7 +31,7 @@ def bus_load(case: CheckContext) -> Problems:
     try:
         table = timetable(case.cell, case.eds, bus.bitrate)
     except (ArgumentError, LimitError):
-        return  # of a module; another check reports it
+        return  # an error of a module; another check reports it
     message = f"the bus load is {table.load:.0%} at worst"
     bits, room = table.bits, bus.bitrate * bus.scan_period
     observed = (
@@ -47,7 +47,7 @@ def bus_load(case: CheckContext) -> Problems:
 
 
 def _periods(case: CheckContext, bitrate: int) -> str:
-    """Return what ``axisbus plan`` says of the shortest period, and from when on there is no warning."""
+    """Return the shortest period from ``axisbus plan``, and the shortest period without a warning, as text."""
     least, calm = (shortest(case.cell, case.eds, bitrate, load) for load in (ERROR_LOAD, WARNING_LOAD))
     if least is None or calm is None:
         return ""
@@ -58,7 +58,7 @@ def _periods(case: CheckContext, bitrate: int) -> str:
 
 
 def _arithmetic(table: Timetable) -> str:
-    """Return the frames of a cycle by kind and length: how many on average, and how many bits each has at worst."""
+    """Return the frames of a cycle by kind and length: their number on average, and the worst-case bits of each."""
     frames: dict[tuple[str, int], float] = {}
     for slot in table.slots:
         key = (_kind(slot), slot.bits)
@@ -73,7 +73,7 @@ def _kind(slot: CycleSlot) -> str:
 
 
 def _modules_sound(case: CheckContext) -> bool:
-    """Whether the frames of the cell's CAN Simple modules are known; another check reports the defects of their tables."""
+    """Whether the frames of the cell's CAN Simple modules are known; another check reports errors in their tables."""
     return all(node.module.at.sound(*READERS) for node in case.cell.nodes.values() if node.module is not None)
 
 
@@ -81,7 +81,7 @@ def _modules_sound(case: CheckContext) -> bool:
 
 
 def short_period(case: CheckContext) -> Problems:
-    """Warn of a period that no ordinary computer keeps."""
+    """Warn of a period that an ordinary computer does not keep."""
     bus = case.cell.bus
     if bus.at.sound("scan_period") and bus.scan_period < _LATE:
         yield case.warning(
@@ -93,7 +93,7 @@ def short_period(case: CheckContext) -> Problems:
 
 
 def interpolation(case: CheckContext) -> Problems:
-    """Warn of a period that 60C2h cannot hold, where cyclic modes are wanted."""
+    """Warn of a period that 60C2h cannot hold, if the cell uses cyclic modes."""
     bus = case.cell.bus
     wanted = [
         drive.axis.name

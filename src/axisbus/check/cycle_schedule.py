@@ -1,15 +1,15 @@
-"""The timetable of a cycle: when each of its frames is through at the latest, and the shortest period that the wire can hold.
+"""The timetable of a cycle: the latest end of each of its frames, and the shortest period for which the bus is fast enough.
 
 Theory of operation
 -------------------
-All that follows a SYNC is taken to want the wire at once, and CAN's arbitration to put it in the order of its identifiers. So a
-frame is through after the longest frame that may be under way when the cycle begins (SYNC has to wait for it), every frame with a
-lower identifier, and itself; each with as many stuff bits as there can be. That is the worst case: what leaves later, because its
-drive or the computer takes its time, finds a wire that is less busy.
+The timetable assumes that all frames after a SYNC are ready at once, and that CAN's arbitration sends them in the order of their
+identifiers. A frame then ends after the longest frame that may be on the bus when the cycle begins (SYNC has to wait for it), all
+frames with lower identifiers, and itself. Each frame counts with the maximum number of stuff bits. This is the worst case: a
+frame that leaves later, because its drive or the computer needs time, finds the bus less busy.
 
-Frames that come with every n-th SYNC, or by a timer, are in the table of the cycle in which all of them come together. The
-shortest period is that in which all of *every* cycle is through before the next SYNC, the others on average, with an SDO request
-and its answer besides, and in which the load stays below what ``check`` lets pass.
+Frames that come with every n-th SYNC, or by a timer, are in the timetable of the cycle in which all of them coincide. The shortest
+period fulfils two conditions. First, the frames of *every* cycle end before the next SYNC, with the other frames on average and
+one SDO request with its answer. Second, the load stays below the limit of ``check``.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ _TARGETS = frozenset({objects.TARGET_POSITION, objects.TARGET_VELOCITY, objects.
 
 @dataclass(frozen=True, slots=True)
 class CycleSlot:
-    """One frame of a cycle: ``begin`` and ``end`` (s after the point of the grid) at the latest, and what is in it.
+    """One frame of a cycle: ``begin`` and ``end`` are its latest times (s after the point of the grid); and its contents.
 
-    ``kind``: SYNC, TPDO, RPDO, request (a remote frame), heartbeat or TIME; ``node`` None for those of no node; ``share``: in what
-    part of all cycles it comes, or how often in each, on average.
+    ``kind``: SYNC, TPDO, RPDO, request (a remote frame), heartbeat or TIME; ``node`` is None for frames of no node; ``share``: the
+    average number of such frames in a cycle, below 1 if the frame does not come in each cycle.
     """
 
     can_id: int
@@ -64,24 +64,24 @@ class CycleSlot:
 
     @property
     def bits(self) -> int:
-        """Its length with as many stuff bits as there can be."""
+        """The length of the frame in bits, with the maximum number of stuff bits."""
         return worst_bits(self.data_bytes, self.can_id > cob.ID_MASK_11)
 
     @property
     def times(self) -> int:
-        """How often it comes in the fullest cycle."""
+        """The number of these frames in the fullest cycle."""
         return max(1, math.ceil(self.share - _SLACK))
 
     @property
     def rank(self) -> tuple[int, int]:
-        """Who has the lower one has the wire: the first 11 bits, then those without 18 more, then these."""
+        """The rank in the arbitration, lowest first: the first 11 bits, then 11-bit before 29-bit identifiers, then the rest."""
         extended = self.can_id > cob.ID_MASK_11
         return (self.can_id >> 18, 1 + self.can_id) if extended else (self.can_id, 0)
 
 
 @dataclass(frozen=True, slots=True)
 class Timetable:
-    """The cycle of a cell at a bit rate (bit/s), in the order of the wire."""
+    """The cycle of a cell at a bit rate (bit/s), with its frames in the order of transmission."""
 
     bitrate: int
     period: float
@@ -89,44 +89,44 @@ class Timetable:
 
     @property
     def waits(self) -> float:
-        """For how long SYNC may wait for a frame that is under way, in seconds."""
+        """The longest time in seconds that SYNC waits for a frame that is on the bus."""
         return LONGEST_FRAME / self.bitrate
 
     @property
     def fullest(self) -> float:
-        """When the last frame of the fullest cycle is through, in seconds."""
+        """The end of the last frame in the fullest cycle, in seconds."""
         return max((slot.end for slot in self.slots), default=0.0)
 
     @property
     def every(self) -> float:
-        """When the last of those that come in every cycle is through, were there no others, in seconds."""
+        """The end of the last frame if only the frames of every cycle are sent, in seconds."""
         return (
             LONGEST_FRAME + sum(slot.bits * slot.times for slot in self.slots if slot.share >= 1)
         ) / self.bitrate
 
     @property
     def load(self) -> float:
-        """The part of the wire that is taken on average, at worst, from 0 to 1."""
+        """The worst-case load of the bus on average, from 0 to 1."""
         return self.bits / (self.bitrate * self.period)
 
     @property
     def left(self) -> float:
-        """What an average cycle leaves for SDO, EMCY and NMT, in seconds; negative where it does not fit."""
+        """The time that an average cycle leaves for SDO, EMCY and NMT, in seconds; negative if the cycle does not fit."""
         return self.period - (LONGEST_FRAME + self.bits) / self.bitrate
 
     @property
     def fits(self) -> bool:
-        """Whether this period can be held."""
+        """Whether the bus is fast enough for this period."""
         return self.holds(ERROR_LOAD)
 
     def holds(self, load: float) -> bool:
-        """Return whether this period has room for an SDO transfer, and takes at most ``load`` (0 to 1) of the wire."""
+        """Return whether this period has room for an SDO transfer, with a bus load of at most ``load`` (0 to 1)."""
         needed = LONGEST_FRAME + SDO_TRANSFER + self.bits
         return needed <= self.bitrate * self.period + _SLACK and self.load <= load + _SLACK
 
     @property
     def bits(self) -> float:
-        """How many bits an average cycle has, with as many stuff bits as there can be."""
+        """The number of bits in an average cycle, with the maximum number of stuff bits."""
         return sum(slot.bits * slot.share for slot in self.slots)
 
 
@@ -144,11 +144,11 @@ def timetable(cell: CellConfig, files: Mapping[int, Eds], bitrate: int) -> Timet
 def shortest(
     cell: CellConfig, files: Mapping[int, Eds], bitrate: int, load: float = ERROR_LOAD
 ) -> float | None:
-    """Return the shortest scan period that the wire can hold, in whole tenths of a millisecond; None where not even 1 s can.
+    """Return the shortest scan period for which the bus is fast enough, in tenths of a millisecond; None if even 1 s is too short.
 
-    ``load``: how much of the wire may be taken, from 0 to 1.
+    ``load``: the highest allowed bus load, from 0 to 1.
 
-    In another period the planner may let other PDOs come less often, so it is asked for each.
+    The timetable is calculated for each tried period, because the planner may send PDOs less often at another period.
     """
     if not timetable(_with_period(cell, _LONGEST_PERIOD), files, bitrate).holds(load):
         return None
@@ -202,16 +202,16 @@ def _of_pdo(
 
 
 def _carried(pdo: PdoConfiguration, dictionary: Dictionary) -> tuple[str, ...]:
-    """Return the names of what a PDO carries."""
+    """Return the names of the objects in a PDO."""
     entries = (dictionary.entry(mapped.index, mapped.subindex) for mapped in pdo.mapping)
     return tuple(entry.name or f"{entry.index:04X}h:{entry.subindex:02X}" for entry in entries)
 
 
 def per_cycle(pdo: PdoConfiguration, receive: bool, cell: CellConfig, node_id: int) -> float:
-    """Return how often a PDO of a node travels in one cycle at worst: an event-driven one as its inhibit time lets it, or once.
+    """Return how often a PDO of a node is sent per cycle at worst: an event-driven TPDO once, or less with an inhibit time.
 
-    The master sends an event-driven RPDO when its values change, which may be in every cycle; one that holds only targets of modes
-    that are not in use, once at a stop.
+    The master sends an event-driven RPDO when its values change, which may be in each cycle. An RPDO that holds only targets of
+    unused modes counts as 0: it is sent once at a stop.
     """
     bus = cell.bus
     if receive and not _serves(pdo, cell, node_id):

@@ -1,4 +1,4 @@
-"""Whether each node's EDS or DCF can serve, and describes such a drive as its axes need."""
+"""Check that each node's EDS or DCF is usable, and describes a drive that fits the node's axes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SHOWN = 3
 
 
 def load_all(cell: CellConfig) -> tuple[Mapping[int, Eds], list[CellProblem]]:
-    """Read the EDS of every node; what cannot be read is a problem, once for each file.
+    """Read the EDS of each node; an unreadable file is a problem, reported once for each file.
 
     Blocks for as long as the files take to read.
     """
@@ -42,10 +42,10 @@ def load_all(cell: CellConfig) -> tuple[Mapping[int, Eds], list[CellProblem]]:
 
 
 def load(spec: str, cell: CellConfig) -> Eds:
-    """Read an EDS or DCF as a cell file names it.
+    """Read an EDS or DCF by the name in the cell file.
 
     Raises:
-        EdsError: it is missing or cannot serve.
+        EdsError: the file is missing or unusable.
     """
     return eds_files.load(builtin.resolve(spec, cell.folder))
 
@@ -74,7 +74,7 @@ def _nodes(node_ids: list[int]) -> str:
 
 
 def defects(case: CheckContext) -> Problems:
-    """Warn of what is broken inside a file, once for each file, with its own lines."""
+    """Warn of errors inside a file, once for each file, with its own line numbers."""
     seen: set[str] = set()
     for node, eds, _ in case.nodes:
         wrong = [finding for finding in eds.findings if finding.severity is Severity.ERROR]
@@ -95,7 +95,7 @@ def _listed(eds: Eds, wrong: list[EdsFinding]) -> str:
 
 
 def made_for_node(case: CheckContext) -> Problems:
-    """Check that a DCF is of the node that uses it: its COB-IDs are those of one node ID."""
+    """Check that a DCF belongs to the node that uses it: its COB-IDs are those of one node-ID."""
     for node, eds, _ in case.nodes:
         if eds.node_id not in (None, node.node_id):
             yield case.error(
@@ -143,7 +143,7 @@ def is_drive(case: CheckContext) -> Problems:
                 "boot asks the drive itself",
             )
         elif device_type & 0xFFFF != objects.PROFILE_NUMBER:
-            # 0 is "no profile", and also what a file says that leaves it open: the drive is asked at boot.
+            # 0 means "no profile", and files that leave the profile open have it too: boot asks the drive.
             report = case.error if device_type & 0xFFFF else case.warning
             yield report(
                 line,
@@ -154,7 +154,7 @@ def is_drive(case: CheckContext) -> Problems:
 
 
 def has_axis(case: CheckContext) -> Problems:
-    """Check that the axis is there: controlword and statusword, 800h further for each axis after the first."""
+    """Check that the drive has the axis: controlword and statusword, 800h higher for each axis after the first."""
     for drive in case.incomplete:
         axis = drive.axis
         named = " and ".join(own_title(drive, index) for index in drive.missing(NEEDED))
@@ -184,7 +184,7 @@ _SINGLE = (
 
 
 def one_axis_per_object(case: CheckContext) -> Problems:
-    """Check that a device does not keep several axes in the sub-indices of one object, which CiA 402 does not know."""
+    """Reject a device that keeps several axes in the sub-indices of one object, which CiA 402 does not define."""
     for drive in case.drives:
         split = tuple(
             index for index in _SINGLE if drive.has(index) and drive.eds.objects[drive.index(index)].is_record
@@ -199,7 +199,7 @@ def one_axis_per_object(case: CheckContext) -> Problems:
 
 
 def bitrate(case: CheckContext) -> Problems:
-    """Warn of a bitrate that CANopen does not have, or that a device does not."""
+    """Warn of a bit rate that CANopen does not define, or that a device does not support."""
     bus = case.cell.bus
     if bus.bitrate is None or is_line(bus):
         return

@@ -1,4 +1,4 @@
-"""Whether the program that the cell file expects of a node can be checked, and replaced where that is allowed."""
+"""Check that the program that the cell file expects of a node can be checked, and replaced if that is allowed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _DOWNLOAD = ((o.PROGRAM_DATA, NUMBER), (o.PROGRAM_CONTROL, NUMBER))
 
 
 def files(case: CheckContext) -> Problems:
-    """Check that the file of a program can be read, is there where it is needed, and is needed where it is there."""
+    """Check that a program's file is readable, present if it is needed, and used if it is present."""
     for node, program in _programs(case):
         if program.file is not None:
             yield from _file(case, node, program)

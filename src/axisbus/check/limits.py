@@ -1,4 +1,4 @@
-"""Whether the numbers of an axis agree with each other."""
+"""Check that the numbers of an axis are consistent."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from axisbus.motion.stop.promises import promises, rows
 
 
 def _speeds(axis: AxisConfig) -> Iterator[tuple[str, SourceLocation, float]]:
-    """The speeds that must not pass ``max_velocity``."""
+    """The velocities that must not exceed ``max_velocity``."""
     for key, at, value in (
         ("velocity", axis.defaults.at, axis.defaults.velocity),
         ("speed_switch", axis.homing.at, axis.homing.speed_switch),
@@ -26,7 +26,7 @@ def _speeds(axis: AxisConfig) -> Iterator[tuple[str, SourceLocation, float]]:
 
 
 def _ramps(axis: AxisConfig) -> Iterator[tuple[str, SourceLocation, float]]:
-    """The accelerations that must not pass ``max_acceleration``; that of a quick stop may."""
+    """The accelerations that must not exceed ``max_acceleration``; the deceleration of a quick stop may."""
     for key, at, value in (
         ("acceleration", axis.defaults.at, axis.defaults.acceleration),
         ("deceleration", axis.defaults.at, axis.defaults.deceleration),
@@ -37,7 +37,7 @@ def _ramps(axis: AxisConfig) -> Iterator[tuple[str, SourceLocation, float]]:
 
 
 def beyond_maximum(case: CheckContext) -> Problems:
-    """Check defaults and homing speeds against the axis's own maxima."""
+    """Check defaults and homing velocities against the axis's own maxima."""
     for axis in case.cell.axes.values():
         for maximum, limit, unit, values in (
             ("max_velocity", axis.max_velocity, "/s", _speeds(axis)),
@@ -66,7 +66,7 @@ def modulo_with_limits(case: CheckContext) -> Problems:
 
 
 def virtual_outside(case: CheckContext) -> Problems:
-    """Warn of a virtual axis that begins outside its position limits."""
+    """Warn of a virtual axis whose start position, 0, is outside its position limits."""
     for axis in case.cell.axes.values():
         limits = axis.position_limits
         if axis.virtual and limits is not None and not limits[0] <= 0.0 <= limits[1]:
@@ -79,7 +79,7 @@ def virtual_outside(case: CheckContext) -> Problems:
 
 
 def invert(case: CheckContext) -> Problems:
-    """Check that the direction is turned once."""
+    """Check that the direction is not inverted twice."""
     for drive in case.drives:
         axis, polarity = drive.axis, drive.number(objects.POLARITY)
         if axis.invert == "master" and polarity:
@@ -129,7 +129,7 @@ _TORQUE_TYPES = {"max_torque": DataType.INTEGER16, "torque_slope": DataType.UNSI
 
 
 def homing_speeds(case: CheckContext) -> Problems:
-    """Check what a homing method needs, and name reserved methods."""
+    """Check that a homing method has the velocities that it needs, and warn of reserved methods."""
     for axis in case.cell.axes.values():
         given = axis.homing
         if given.method is None:
@@ -160,7 +160,7 @@ def homing_speeds(case: CheckContext) -> Problems:
 
 
 def in_drive(case: CheckContext) -> Problems:
-    """Check what ``limits_in_drive`` can leave in the drive, and tell from when on it means the same there."""
+    """Check which limits ``limits_in_drive`` can write into the drive, and note from when on they mean the same there."""
     for drive in case.drives:
         axis, writes = drive.axis, list(drive.written.values())
         if not axis.limits_in_drive:
@@ -189,7 +189,7 @@ def in_drive(case: CheckContext) -> Problems:
 
 
 def promised(case: CheckContext) -> Problems:
-    """Say in which mode each limit is kept, and how; a warning where it is not."""
+    """Report in which mode each limit is kept, and how; a warning if it is not kept."""
     for drive in case.drives:
         axis = drive.axis
         if not axis.at.sound("unit", "scale", "velocity_scale", "acceleration_scale"):

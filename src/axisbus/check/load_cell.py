@@ -1,4 +1,4 @@
-"""A cell file that may be opened: read, and without any error that ``axisbus check`` would find."""
+"""Read a cell file and refuse it if ``axisbus check`` would find an error."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from axisbus.check.run import check_cell
 
 
 def checked(path: str | Path, beside: bool = False) -> CellConfig:
-    """Return the cell of a file in which ``check`` finds no error; ``beside`` is as if the file said so. Blocks for its files.
+    """Return the cell of a file in which ``check`` finds no error; ``beside`` overrides the key of the file. Blocks for its files.
 
     Raises:
-        ConfigError: there is an error; the first is told, and the others listed.
+        ConfigError: there is an error; it contains the first error, and lists the others.
     """
     cell, problems = reader.read(path)
     if cell is None:
@@ -24,6 +24,6 @@ def checked(path: str | Path, beside: bool = False) -> CellConfig:
 
 
 def require_sound(cell: CellConfig, problems: list[CellProblem]) -> None:
-    """Raise ``ConfigError`` as ``checked`` does; ``problems`` are what reading the cell has found. Blocks for its files."""
+    """Raise ``ConfigError`` as ``checked`` does; ``problems`` come from reading the cell. Blocks for its files."""
     if wrong := errors(check_cell(cell, problems)):
         raise reader.as_exception(wrong)

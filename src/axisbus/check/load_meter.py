@@ -1,4 +1,4 @@
-"""How much of a bus frames take: bits of a frame with its stuff bits, and a meter that adds them up by node and by service."""
+"""Measure the bus load: the bits of a frame with its stuff bits, and a meter that adds them up by node and by service."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from axisbus.cia301.frame import UNSTUFFED, CanFrame, worst_bits
 
 WINDOW = 0.1  # seconds
 _CRC = 0x4599  # x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1 (ISO 11898-1)
-_RUN = 5  # equal bits after which one of the other kind is stuffed in
+_RUN = 5  # equal bits after which an inverse bit is stuffed in
 
 
 def actual_bits(frame: CanFrame) -> int:
-    """Return the bits that a frame really took, its stuff bits counted from identifier, data and CRC."""
+    """Return the actual bits of a frame, with the stuff bits counted in identifier, data and CRC."""
     return _actual(frame.can_id, frame.data[:8], frame.extended, frame.remote)
 
 
@@ -29,7 +29,7 @@ def _actual(can_id: int, data: bytes, extended: bool, remote: bool) -> int:
 
 
 def _head(can_id: int, length: int, extended: bool, remote: bool) -> str:
-    """Start of frame to data length code; dominant is 0."""
+    """Return the bits from start of frame to data length code; dominant is 0."""
     rtr = "1" if remote else "0"
     if not extended:
         return f"0{can_id & 0x7FF:011b}{rtr}00{length:04b}"
@@ -47,7 +47,7 @@ def _crc(bits: str) -> int:
 
 
 def _stuffed(bits: str) -> int:
-    """Count stuff bits; a stuff bit begins a run of its own."""
+    """Count stuff bits; a stuff bit begins a new run."""
     count, run, last = 0, 0, ""
     for bit in bits:
         run = run + 1 if bit == last else 1
@@ -60,14 +60,14 @@ def _stuffed(bits: str) -> int:
 
 @dataclass(slots=True)
 class LoadShare:
-    """What a part of the traffic took; holds state: grows while frames are added."""
+    """The frames and bits of a part of the traffic; holds state: it grows while frames are added."""
 
     frames: int = 0
     bits: int = 0
     worst: int = 0
 
     def add(self, bits: int, worst: int) -> None:
-        """Add a frame."""
+        """Add a frame of ``bits`` bits, ``worst`` bits with the maximum number of stuff bits."""
         self.frames += 1
         self.bits += bits
         self.worst += worst
@@ -75,7 +75,7 @@ class LoadShare:
 
 @dataclass(frozen=True, slots=True)
 class PeakLoad:
-    """The fullest 100 ms: ``load`` from 0 to 1, and the time of its last frame."""
+    """The load of the fullest 100 ms: ``load`` from 0 to 1, and the time of its last frame."""
 
     load: float = 0.0
     time: float = 0.0
@@ -83,7 +83,7 @@ class PeakLoad:
 
 @dataclass(frozen=True)
 class MeasuredLoad:
-    """What was measured in ``seconds`` at ``bitrate`` (bit/s); ``by_node`` has None for frames of no node."""
+    """The load measured during ``seconds`` at ``bitrate`` (bit/s); ``by_node`` has None for frames of no node."""
 
     bitrate: int
     seconds: float
@@ -91,25 +91,25 @@ class MeasuredLoad:
     by_node: Mapping[int | None, LoadShare]
     by_kind: Mapping[str, LoadShare]
     peak: PeakLoad
-    errors: Mapping[str, int]  # error frames by what they say
+    errors: Mapping[str, int]  # error frames by kind
 
     @property
     def error_frames(self) -> int:
-        """How many error frames there were."""
+        """The number of error frames."""
         return sum(self.errors.values())
 
     def load(self, share: LoadShare) -> float:
-        """Return the part of the bus that a share took, from 0 to 1, with the stuff bits that there were."""
+        """Return the bus load of a share, from 0 to 1, with the actual stuff bits."""
         return share.bits / (self.bitrate * self.seconds)
 
     def worst(self, share: LoadShare) -> float:
-        """Return the same with as many stuff bits as there can be."""
+        """Return the bus load of a share, from 0 to 1, with the maximum number of stuff bits."""
         return share.worst / (self.bitrate * self.seconds)
 
 
 @dataclass
 class Meter:
-    """Adds up frames in the order of their times; holds state: the sums, and the frames of the last 100 ms."""
+    """Add up frames in the order of their times; holds state: the sums, and the frames of the last 100 ms."""
 
     bitrate: int
     total: LoadShare = field(default_factory=LoadShare)
@@ -140,7 +140,7 @@ class Meter:
         self._slide(frame.time, bits)
 
     def result(self, seconds: float | None = None) -> MeasuredLoad | None:
-        """Return the sums over ``seconds`` (None: from the first frame to the last); None where that is no time at all."""
+        """Return the sums over ``seconds`` (None: from the first frame to the last); None if that time is 0."""
         span = seconds if seconds is not None else self.last - (self.first or 0.0)
         if span <= 0:
             return None

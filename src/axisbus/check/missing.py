@@ -1,4 +1,4 @@
-"""What is left out, and what the user will miss by it."""
+"""Report missing keys, and the consequences for the user."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _M = ModeOfOperation
 
 
 def defaults(case: CheckContext) -> Problems:
-    """Warn of defaults whose absence makes commands need arguments."""
+    """Warn of missing defaults, without which commands need arguments."""
     for axis in case.cell.axes.values():
         if axis.encoder is not None:
-            continue  # nothing leads it
+            continue  # no command moves it
         given = axis.defaults
         missing = [
             key for key in ("velocity", "acceleration") if getattr(given, key) is None and given.at.sound(key)
@@ -37,7 +37,7 @@ def defaults(case: CheckContext) -> Problems:
 
 
 def rated_torque(case: CheckContext) -> Problems:
-    """Note axes that could be torque-controlled but for ``rated_torque``."""
+    """Note axes whose only obstacle to torque control is a missing ``rated_torque``."""
     for drive in case.drives:
         axis = drive.axis
         if _M.PROFILE_TORQUE in modes(drive) and axis.rated_torque is None and axis.at.sound("rated_torque"):
@@ -50,7 +50,7 @@ def rated_torque(case: CheckContext) -> Problems:
 
 
 def homing(case: CheckContext) -> Problems:
-    """Warn of an axis that must be homed and cannot be."""
+    """Warn of an axis that must be homed but has no homing method."""
     for axis in case.cell.axes.values():
         if (
             homing_required(axis)
@@ -73,7 +73,7 @@ def homing(case: CheckContext) -> Problems:
 
 
 def scales(case: CheckContext) -> Problems:
-    """Warn of scales that stay at their default beside one that does not; position limits must not be reckoned with them."""
+    """Warn of a default acceleration scale beside a velocity scale that differs; an error if the axis has position limits."""
     for axis in case.cell.axes.values():
         if axis.velocity_scale is None or axis.acceleration_scale is not None:
             continue
@@ -102,7 +102,7 @@ def increments(case: CheckContext) -> Problems:
 
 
 def resolution(case: CheckContext) -> Problems:
-    """Tell how finely a virtual axis counts that has no ``scale``."""
+    """Note the resolution of a virtual axis without ``scale``."""
     for axis in case.cell.axes.values():
         if not axis.virtual or axis.unit == INCREMENTS or axis.at.gives("scale") or not axis.at.sound("unit"):
             continue

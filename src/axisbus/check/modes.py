@@ -1,4 +1,4 @@
-"""Which modes of operation each axis can run, and what is missing for those that the cell asks for."""
+"""Check which modes of operation each axis can run, and which objects are missing for the modes that the cell asks for."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ USED = (
     _M.CYCLIC_SYNC_VELOCITY,
     _M.CYCLIC_SYNC_TORQUE,
 )
-# What the user loses without a mode.
+# The commands that the user loses without a mode.
 COMMANDS = {
     _M.PROFILE_POSITION: "move_absolute, move_relative and move_additive",
     _M.PROFILE_VELOCITY: "move_velocity and jog",
@@ -35,7 +35,7 @@ _BY_SHORT_NAME = {facts.short: mode for mode, facts in FACTS.items()}
 
 
 def summary(case: CheckContext) -> Problems:
-    """Note for each axis which modes its objects and 6502h show, and where the two differ."""
+    """Note the modes of each axis by its objects and 6502h, and the differences between the two."""
     for drive in case.drives:
         shown = mode_list(drive)
         runs = [FACTS[mode].short for mode in USED if mode in shown.modes]
@@ -69,7 +69,7 @@ def asked_for(case: CheckContext) -> Problems:
 
 
 def _moves_otherwise(drive: Drive, mode: ModeOfOperation) -> bool:
-    """Whether default velocities serve all the same, for the trajectories of csp."""
+    """Whether the default velocities are still used without the mode, for the trajectories of csp."""
     named = drive.axis.modes is not None
     return mode is _M.PROFILE_POSITION and not named and _M.CYCLIC_SYNC_POSITION in drive.runnable
 
@@ -85,12 +85,12 @@ def _asked(drive: Drive) -> Iterator[tuple[ModeOfOperation, int, str]]:
 
 
 def _turns_only(drive: Drive) -> bool:
-    """A drive for speed alone has defaults for move_velocity."""
+    """Whether the default velocity may be meant for move_velocity, as on a drive that runs only velocities."""
     return _M.PROFILE_VELOCITY in drive.runnable
 
 
 def homing_left_out(case: CheckContext) -> Problems:
-    """Warn of a homing method with modes that leave homing out."""
+    """Warn of a homing method if modes does not list hm."""
     for drive in case.drives:
         axis = drive.axis
         if axis.homing.method is not None and axis.modes is not None and "hm" not in axis.modes:
@@ -127,9 +127,9 @@ def groups(case: CheckContext) -> Problems:
 
 
 def no_csp(drive: Drive) -> str:
-    """Return why a drive cannot be led in csp (or ip, where it has that instead); "" where nothing is known against it."""
+    """Return why the master cannot command a drive in csp (or in ip instead); "" if no reason is known."""
     if interpolates(drive):
-        return ""  # it is led in ip
+        return ""  # the master commands it in ip
     if drive.axis.modes is not None and "csp" not in drive.axis.modes:
         return f"modes at line {drive.axis.at.of('modes')} leaves it out"
     missing = drive.missing(FACTS[_M.CYCLIC_SYNC_POSITION].required)
@@ -169,7 +169,7 @@ def mode_switch(case: CheckContext) -> Problems:
 
 
 def unclaimed(case: CheckContext) -> Problems:
-    """Note modes that are asked for and that 6502h does not claim: many drives' 6502h is wrong, so this refuses nothing."""
+    """Note requested modes that 6502h does not list: 6502h is wrong in many drives, so these modes are not refused."""
     for drive in case.drives:
         claimed = drive.claimed
         if claimed is None:

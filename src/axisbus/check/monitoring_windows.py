@@ -1,4 +1,4 @@
-"""What the master will take for standing, and for following: the allowances that come of an axis's numbers."""
+"""Report the tolerances for standstill and following that result from an axis's numbers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _STAYS = (
 
 
 def allowances(case: CheckContext) -> Problems:
-    """Tell each axis's standstill window and lag, where ``standstill_window`` or ``following_error`` is left out."""
+    """Note each axis's standstill window and allowed lag, if ``standstill_window`` or ``following_error`` is left out."""
     for drive in case.drives:
         axis = drive.axis
         if not axis.at.sound("scale", "velocity_scale", "acceleration_scale"):
@@ -55,7 +55,7 @@ def _why(axis: AxisConfig) -> str:
 
 
 def by_sight(case: CheckContext) -> Problems:
-    """Warn where a set-point must be seen to be taken, and the drive shows little of what it does."""
+    """Warn if the set-point handshake relies on the axis's observed motion, but the drive lacks the objects to observe it."""
     for drive in case.drives:
         axis = drive.axis
         missing = drive.missing((objects.POSITION_ACTUAL, objects.POSITION_DEMAND))
@@ -77,7 +77,7 @@ def _unseen(missing: tuple[int, ...]) -> str:
 
 
 def demands(case: CheckContext) -> Problems:
-    """Report each axis whose 6062h the cell file has left out, wholly or in motion, or whose drive does not have it."""
+    """Report each axis whose 6062h is not used, entirely or in motion, or whose drive lacks it although ``demand`` is "use"."""
     for drive in case.drives:
         axis, name = drive.axis, drive.axis.name
         missing = bool(drive.missing((objects.POSITION_DEMAND,)))

@@ -1,4 +1,4 @@
-"""Whether what the cell file writes into objects can be written: they exist, are writable, and can hold the value."""
+"""Check the cell file's writes to objects: each object exists, is writable, and can hold the value."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _COMMANDED = "the master commands it by itself; a value here would move the moto
 _STORED = "this would store or reset the drive's parameters at every boot, and wear its memory out"
 _PDO = "PDO parameters need an order of their own"
 
-# Index or range -> why an objects table must not write it, and what to do instead.
+# Index or range -> why an objects table must not write it, and the alternative.
 _FORBIDDEN: tuple[tuple[range, str, str], ...] = (
     (range(objects.CONTROLWORD, objects.CONTROLWORD + 1), _COMMANDED, "delete this line"),
     (range(objects.MODES_OF_OPERATION, objects.MODES_OF_OPERATION + 1), _COMMANDED, "delete this line"),
@@ -37,7 +37,7 @@ _FORBIDDEN: tuple[tuple[range, str, str], ...] = (
     (range(cia301.RPDO_COMMUNICATION, 0x1C00), _PDO, "use [nodes.N.pdo.rpdo1] or [nodes.N.pdo.tpdo1] and the like"),
 )  # fmt: skip
 
-# Objects that the master sets by an entry of the cell file.
+# Objects that the master sets, with the entry of the cell file that defines the value.
 _OURS = {
     cia301.CONSUMER_HEARTBEAT: "heartbeat in [bus]",
     cia301.PRODUCER_HEARTBEAT: "heartbeat in [bus]",
@@ -46,14 +46,14 @@ _OURS = {
 
 
 def node_objects(case: CheckContext) -> Problems:
-    """Check what ``[nodes.N.objects]`` writes."""
+    """Check the writes of ``[nodes.N.objects]``."""
     for node, eds, dictionary in case.nodes:
         for setting in node.objects:
             yield from _setting(case, setting, dictionary, eds, 1)
 
 
 def axis_objects(case: CheckContext) -> Problems:
-    """Check what ``[axes.NAME.objects]`` writes, and that it stays within the axis."""
+    """Check the writes of ``[axes.NAME.objects]``, and that they stay within the axis's objects."""
     for drive in case.drives:
         own = indices_of(drive.axis.drive_axis)
         for setting in drive.axis.objects:
@@ -61,7 +61,7 @@ def axis_objects(case: CheckContext) -> Problems:
 
 
 def implied(case: CheckContext) -> Problems:
-    """Check what the other entries of an axis write: stop words, deceleration, home offset, polarity."""
+    """Check the writes of an axis's other keys: stop reactions, deceleration, home offset, polarity."""
     for drive in case.drives:
         explicit = {setting.line for setting in (*drive.node.objects, *drive.axis.objects)}
         for write in drive.written.values():
@@ -74,7 +74,7 @@ def implied(case: CheckContext) -> Problems:
 
 
 def _compared(case: CheckContext, write: CellWrite, drive: Drive) -> CellProblem:
-    """Report an entry that boot compares, because the EDS has it read-only; an error if the EDS has another value."""
+    """Report an entry that boot only compares, because it is read-only in the EDS; an error if the EDS has another value."""
     entry, variable = drive.dictionary.entry(*write.address), drive.eds.get(*write.address)
     assert variable is not None
     access = f"{drive.eds.source}:{variable.line}: its access is {variable.access}"
@@ -112,7 +112,7 @@ def written_twice(case: CheckContext) -> Problems:
 
 
 def _explicit(case: CheckContext, node_id: int, dictionary: Dictionary) -> Iterator[CellWrite]:
-    """All writes to a node, the axes' words included; in their order."""
+    """Return all writes to a node, including the keys of its axes, in their order."""
     node = case.cell.nodes[node_id]
     drives = [drive for drive in case.drives if drive.node is node]
     yield from known_writes(node.objects, dictionary)
@@ -192,7 +192,7 @@ def _write(case: CheckContext, write: CellWrite, dictionary: Dictionary, eds: Ed
 
 
 def _unfit(value: int | float | str, entry: DictionaryEntry) -> str:
-    """Return what an entry holds instead, empty where the value fits."""
+    """Return the type or range of an entry that cannot hold the value; empty if the value fits."""
     data_type = entry.data_type
     if data_type is None:
         return ""
@@ -219,7 +219,7 @@ def _beyond_limits(value: float, entry: DictionaryEntry) -> str:
 
 
 def commanded(case: CheckContext) -> Problems:
-    """Warn of entries that a command will set and cannot: the EDS has them read-only, with another value."""
+    """Warn of entries that a command has to set but cannot: they are read-only in the EDS, with another value."""
     for drive in case.drives:
         if not drive.axis.at.sound("scale", "velocity_scale", "acceleration_scale"):
             continue

@@ -1,4 +1,4 @@
-"""Whether the configured PDOs can be: their objects, sizes, directions, and how they travel."""
+"""Check the configured PDOs: their objects, sizes, directions, and transmission."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _ENTRIES = {
 
 
 def _tables(case: CheckContext) -> Iterator[tuple[NodeConfig, Eds, Dictionary, PdoConfig]]:
-    """The PDO tables whose PDO is in the EDS."""
+    """Yield the PDO tables whose PDO is in the EDS."""
     for node, eds, dictionary in case.nodes:
         for config in node.pdos:
             if pdo_tables.communication_index(config.receive, config.number) in eds:
@@ -57,7 +57,7 @@ def exists(case: CheckContext) -> Problems:
 
 
 def entries(case: CheckContext) -> Problems:
-    """Check that the communication parameters that a table sets are there and can be written."""
+    """Check that the communication parameters that a table sets exist and are writable."""
     for node, eds, _, config in _tables(case):
         index = pdo_tables.communication_index(config.receive, config.number)
         for key, subindex in _ENTRIES.items():
@@ -75,7 +75,7 @@ def entries(case: CheckContext) -> Problems:
 
 
 def mapping(case: CheckContext) -> Problems:
-    """Check each object of a map: that it exists, may travel in this direction, and has the size that is written."""
+    """Check each object of a map: it exists, may be mapped in this direction, and has the given size."""
     for node, eds, dictionary, config in _tables(case):
         yield from _fixed(case, node, eds, config)
         for key in config.map or ():
@@ -174,7 +174,7 @@ def _not_mappable(
 
 
 def size(case: CheckContext) -> Problems:
-    """Check that a map fits a CAN frame, and holds each object once."""
+    """Check that a map fits into a CAN frame, and holds each object once."""
     for node, _, dictionary, config in _tables(case):
         mapped = [entry for entry, _ in _known(config, dictionary)]
         bits = sum(entry.bits for entry in mapped)
@@ -194,7 +194,7 @@ def size(case: CheckContext) -> Problems:
 
 
 def controlword_last(case: CheckContext) -> Problems:
-    """Note a map with something behind the controlword: a drive that takes entry by entry acts before it has the rest."""
+    """Note a map with entries after the controlword: a drive that takes entry by entry acts before it has the rest."""
     for node, _, dictionary, config in _tables(case):
         words = {own_index(CONTROLWORD, axis.drive_axis) for axis in case.cell.axes_of(node.node_id)}
         mapped = [entry for entry, _ in _known(config, dictionary) if not entry.is_dummy]
@@ -278,7 +278,7 @@ def timers(case: CheckContext) -> Problems:
 
 
 def _transmission_type(node: NodeConfig, eds: Eds, config: PdoConfig) -> int | None:
-    """Return the type that a PDO is configured to have; None where boot chooses it."""
+    """Return the configured transmission type of a PDO; None if boot chooses it."""
     if config.transmission is not None:
         return config.transmission
     fixed = eds.get(pdo_tables.communication_index(config.receive, config.number), o.PDO_TRANSMISSION_TYPE)
@@ -289,7 +289,7 @@ def _transmission_type(node: NodeConfig, eds: Eds, config: PdoConfig) -> int | N
 
 
 def starts_and_requests(case: CheckContext) -> Problems:
-    """Check SYNC start values, which need a counter that reaches them, and the TPDOs that are to be asked for."""
+    """Check SYNC start values, which need a counter that reaches them, and TPDOs that the master requests by remote frames."""
     for node, _, _, config in _tables(case):
         where, bus = f"node {node.node_id}: {config.name}", case.cell.bus
         if config.sync_start and config.receive:

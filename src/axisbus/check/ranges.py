@@ -1,4 +1,4 @@
-"""Whether the numbers of an axis fit the drive: its objects, after scaling, and its own limits."""
+"""Check that the numbers of an axis fit the drive: its objects, after scaling, and its own limits."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class CheckedQuantity:
     scale: Scale
     index: int
     subindex: int = 0
-    zero_allowed: bool = False  # 0 increments mean what is written
+    zero_allowed: bool = False  # 0 increments are a valid value
 
     @property
     def what(self) -> str:
@@ -37,7 +37,7 @@ class CheckedQuantity:
 
 
 def quantities(axis: AxisConfig) -> Iterator[CheckedQuantity]:
-    """The numbers of an axis that are written into objects as they are or by a command."""
+    """The numbers of an axis that boot or a command writes into objects."""
     units, given = units_of(axis), axis.homing
     position, speed, ramp = units.position, units.velocity, units.acceleration
     candidates: tuple[tuple[str, SourceLocation, float | None, str, Scale, int, int, bool], ...] = (
@@ -67,7 +67,7 @@ _SCALES = ("scale", "velocity_scale", "acceleration_scale")
 
 
 def overflow(case: CheckContext) -> Problems:
-    """Check that each number fits its object after scaling: the type, then the EDS's own limits; and that it is not 0."""
+    """Check that each number fits its object after scaling: the type, then the limits of the EDS, and that it is not 0."""
     for drive in case.drives:
         if not drive.axis.at.sound(*_SCALES):
             continue
@@ -84,7 +84,7 @@ def _fits(case: CheckContext, drive: Drive, quantity: CheckedQuantity) -> Proble
     ):
         return
     raw = quantity.increments if quantity.index in _SIGNED else abs(quantity.increments)
-    # A maximum is no value to be written: only commands near it fail.
+    # A maximum is not written: only commands near it fail.
     report = case.warning if quantity.key.startswith("max_") else case.error
     line, name = quantity.at.of(quantity.key), f"axis {drive.axis.name}: {quantity.what}"
     low, high = entry.data_type.range
@@ -117,7 +117,7 @@ _SIGNED = frozenset({objects.TARGET_POSITION, objects.TARGET_VELOCITY, objects.H
 
 
 def drive_limits(case: CheckContext) -> Problems:
-    """Warn where the drive's own limits (607Dh, 607Fh, 60C5h, 60C6h) are narrower than what the cell asks for."""
+    """Warn if the drive's own limits (607Dh, 607Fh, 60C5h, 60C6h) are narrower than the values of the cell file."""
     for drive in case.drives:
         if drive.axis.at.sound(*_SCALES):
             yield from _software_limits(case, drive)
@@ -125,7 +125,7 @@ def drive_limits(case: CheckContext) -> Problems:
 
 
 def _software_limits(case: CheckContext, drive: Drive) -> Problems:
-    """607Dh: both 0, or the lower not below the upper, means none."""
+    """Check 607Dh; it is inactive if both limits are 0, or the lower one is not below the upper one."""
     axis, scale = drive.axis, units_of(drive.axis).position
     low = drive.number(objects.SOFTWARE_POSITION_LIMIT, 1)
     high = drive.number(objects.SOFTWARE_POSITION_LIMIT, 2)

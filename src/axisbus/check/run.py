@@ -1,4 +1,4 @@
-"""Everything that can be found wrong with a cell before the first frame, all at once."""
+"""Run all checks of a cell, before the first frame is sent."""
 
 from __future__ import annotations
 
@@ -64,18 +64,18 @@ CHECKS: tuple[Check, ...] = (
 
 
 def check(path: str | Path) -> list[CellProblem]:
-    """Return everything that is wrong, dangerous or worth knowing about a cell file, in the order of its lines.
+    """Return all errors, dangers and notes of a cell file, in the order of its lines.
 
-    Blocks for as long as its files take to read; sends nothing. Raises nothing: a file that cannot be read is a problem, too.
+    Blocks for as long as its files take to read; sends nothing. Raises nothing: an unreadable file is a problem, too.
     """
     cell, problems = reader.read(path)
     return problems if cell is None else check_cell(cell, problems)
 
 
 def promised(path: str | Path) -> dict[str, tuple[Promise, ...]]:
-    """Return what ``check`` promises of the limits of each axis with a drive, by its EDS; ``Axis.promises`` has it after boot.
+    """Return how the limits of each axis with a drive are kept, by its EDS; after boot, use ``Axis.promises``.
 
-    Blocks for its files. Raises ``ConfigError`` where the cell file cannot be read.
+    Blocks for its files. Raises ``ConfigError`` if the cell file cannot be read.
     """
     cell = reader.load(path)
     drives = CheckContext(cell, devices.load_all(cell)[0]).drives
@@ -83,7 +83,7 @@ def promised(path: str | Path) -> dict[str, tuple[Promise, ...]]:
 
 
 def check_cell(cell: CellConfig, problems: list[CellProblem] | None = None) -> list[CellProblem]:
-    """As ``check``, for a cell that was read already, with the problems of reading it."""
+    """Return the same as ``check``, for a cell that is already read; ``problems`` come from reading it."""
     eds, unreadable = devices.load_all(cell)
     case = CheckContext(cell, eds)
     found = [*(problems or ()), *unreadable]

@@ -1,4 +1,4 @@
-"""Whether the scales of an axis fit what the drive's objects will say of its encoder, gear and units."""
+"""Check that the scales of an axis fit the drive's objects for encoder, gear and units."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from axisbus.cia402 import objects
 
 
 def disagreement(case: CheckContext) -> Problems:
-    """Check each scale against 608Fh and 6091h, as ``boot`` does with the drive's own; 1 increment per turn says nothing."""
+    """Check each scale against 608Fh and 6091h of the EDS, as ``boot`` does with the drive's values.
+
+    A 608Fh of 1 increment per turn is no information and is skipped.
+    """
     for drive in case.drives:
         axis = drive.axis
         if axis.scale is None or not axis.at.sound("unit", "scale"):
@@ -29,7 +32,7 @@ def disagreement(case: CheckContext) -> Problems:
 
 
 def other_units(case: CheckContext) -> Problems:
-    """Check velocity and acceleration scales against the units that the drive counts in; an error where that is certain."""
+    """Check velocity and acceleration scales against the drive's units; an error if the conflict is certain."""
     for drive in case.drives:
         axis = drive.axis
         if not axis.at.sound("unit", "scale", "velocity_scale", "acceleration_scale"):

@@ -1,4 +1,4 @@
-"""What would let a cell have a shorter scan period: changes of the cell file, each tried on its timetable."""
+"""Find changes of the cell file that allow a shorter scan period; each change is tried on the cell's timetable."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from axisbus.check.cycle_schedule import shortest
 from axisbus.cia305.services import BIT_TIMINGS
 from axisbus.eds.model import Eds
 
-_BY_POSITION = ("pp", "hm", "csp")  # modes that need no other target
+_BY_POSITION = ("pp", "hm", "csp")  # modes that need no target other than the position
 _SELDOM = 1.0  # seconds between two heartbeats
 
 
 class PeriodReduction(NamedTuple):
-    """A change of a cell file, in words, and the shortest period (s) that the wire can hold with it."""
+    """A change of a cell file, in words, and the shortest period (s) for which the bus is fast enough with it."""
 
     what: str
     period: float
 
 
 def changes(cell: CellConfig, files: Mapping[int, Eds], bitrate: int) -> list[PeriodReduction]:
-    """Return what would shorten the shortest period, the best first."""
+    """Return the changes that reduce the shortest period, the best first."""
     now = shortest(cell, files, bitrate) or float("inf")
     found = []
     for what, changed, rate in _candidates(cell, bitrate):

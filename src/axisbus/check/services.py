@@ -1,4 +1,4 @@
-"""Whether what ``[bus]`` says of SYNC and TIME can be, and fits what the nodes know of them."""
+"""Check that the SYNC and TIME settings of ``[bus]`` are valid and fit the nodes' settings."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from axisbus.eds.model import Eds
 
 
 def listeners(case: CheckContext) -> Problems:
-    """Check that each node takes our SYNC, and sends none of its own (1005h)."""
+    """Check that each node receives the bus's SYNC, and sends none of its own (1005h)."""
     for node, eds, _ in case.nodes:
         value = case.node_number(node, o.COB_ID_SYNC)
         if value is None or not case.cell.bus.sync:
@@ -45,7 +45,7 @@ def _sync_trouble(value: int, bus: BusConfig) -> str:
 
 
 def producers(case: CheckContext) -> Problems:
-    """Check that not two nodes send SYNC where none of them is the master."""
+    """Check an external SYNC: only one node produces it, at the scan period."""
     if not case.cell.bus.hears_sync:
         return
     values = [(node, case.node_number(node, o.COB_ID_SYNC) or 0) for node, _, _ in case.nodes]
@@ -70,7 +70,7 @@ def producers(case: CheckContext) -> Problems:
 
 
 def identifiers(case: CheckContext) -> Problems:
-    """Check that SYNC and TIME keep off the identifiers of other services (CiA 301 table 40)."""
+    """Check that SYNC and TIME do not use identifiers of other services (CiA 301 table 40)."""
     bus = case.cell.bus
     wanted = (
         ("sync_cob_id", bus.sync_cob_id, cob.SYNC, bus.sync),
@@ -88,7 +88,7 @@ def identifiers(case: CheckContext) -> Problems:
 
 
 def without_effect(case: CheckContext) -> Problems:
-    """Warn of what ``[bus]`` says of SYNC in vain."""
+    """Warn of SYNC keys in ``[bus]`` that have no effect."""
     bus = case.cell.bus
     if not bus.sync:
         for key in ("sync_producer", "sync_cob_id", "sync_counter", "sync_timeout"):
@@ -105,7 +105,7 @@ def without_effect(case: CheckContext) -> Problems:
 
 
 def counter(case: CheckContext) -> Problems:
-    """Warn of nodes that may not take a SYNC with a counter (1019h)."""
+    """Warn of nodes that may not accept a SYNC with a counter (1019h)."""
     bus = case.cell.bus
     for node, eds, _ in case.nodes if bus.sync and bus.sync_counter else ():
         if eds.get(o.SYNC_COUNTER_OVERFLOW) is None and eds.get(o.COB_ID_SYNC) is not None:
@@ -118,7 +118,7 @@ def counter(case: CheckContext) -> Problems:
 
 
 def window(case: CheckContext) -> Problems:
-    """Warn of nodes whose synchronous window (1007h) closes before our RPDOs come."""
+    """Warn of nodes whose synchronous window (1007h) closes before the master's RPDOs arrive."""
     bus = case.cell.bus
     for node, eds, _ in case.nodes:
         length = case.node_number(node, o.SYNC_WINDOW)

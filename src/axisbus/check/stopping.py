@@ -1,4 +1,4 @@
-"""What each way of stopping will do on each axis, and whether that stops it and holds its load."""
+"""Check the stop reactions of each axis: whether they stop the axis and hold its load."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from axisbus.cia402 import objects, options
 from axisbus.cia402.options import OptionCode
 from axisbus.motion.parameters import StopTimes
 
-# Ways of stopping that matter while the axis moves, the values that leave it to itself, and the word to write instead.
+# Reactions that matter while the axis moves, the values with which it coasts, and the better setting.
 _REACTIONS: tuple[tuple[OptionCode, frozenset[int], str], ...] = (
     (options.HALT, frozenset({0}), "slow-ramp"),
     (options.QUICK_STOP, frozenset({0}), "ramp"),
@@ -16,7 +16,7 @@ _REACTIONS: tuple[tuple[OptionCode, frozenset[int], str], ...] = (
     (options.FAULT, frozenset({0}), "ramp"),
     (options.CONNECTION_LOSS, frozenset({0, 2}), "quick-stop"),
 )
-# A drive without 6007h is named by ``watchdog``.
+# ``watchdog`` reports a drive without 6007h.
 _SETTABLE = (options.HALT, options.QUICK_STOP, options.DISABLE, options.FAULT)
 # Values that brake on the quick-stop ramp, 6085h.
 _QUICK_STOPS_ON_IT = frozenset({2, 6})
@@ -28,7 +28,7 @@ _ON_QUICK_RAMP: tuple[tuple[OptionCode, frozenset[int]], ...] = (
 
 
 def coasting(case: CheckContext) -> Problems:
-    """Report every reaction that does not brake: an error where the axis holds a load, else a warning."""
+    """Report each reaction that does not brake: an error if the axis holds a load, else a warning."""
     for drive in case.drives:
         for option, values, better in _REACTIONS:
             value = drive.number(option.index, option.subindex)
@@ -52,7 +52,7 @@ def _hold(drive: Drive, option: OptionCode) -> str:
 
 
 def not_there(case: CheckContext) -> Problems:
-    """Note the reactions that the drive has no object for: what it does is in its manual only."""
+    """Note reactions without an object, or without a default in the EDS: only the manual or the drive has the answer."""
     for drive in case.drives:
         absent = [option for option in _SETTABLE if not drive.has(option.index)]
         unknown = [
@@ -82,7 +82,7 @@ def _named(found: list[OptionCode]) -> str:
 
 
 def ramp_of_quick_stop(case: CheckContext) -> Problems:
-    """Warn of a quick-stop ramp that is used and has no slope (6085h of 0)."""
+    """Warn of a quick-stop ramp that is used but has no slope (6085h is 0)."""
     for drive in case.drives:
         users = [option for option, values in _ON_QUICK_RAMP if drive.number(option.index) in values]
         if not users or not drive.has(objects.QUICK_STOP_DECELERATION):
@@ -114,7 +114,7 @@ def weak_quick_stop(case: CheckContext) -> Problems:
 
 
 def unused_ramp(case: CheckContext) -> Problems:
-    """Warn of a quick-stop deceleration that nothing uses."""
+    """Warn of a quick-stop deceleration that no reaction uses."""
     for drive in case.drives:
         stop = drive.axis.stop
         known = [drive.number(option.index) for option, _ in _ON_QUICK_RAMP]
@@ -154,7 +154,7 @@ def load_held(case: CheckContext) -> Problems:
 
 
 def ladder_times(case: CheckContext) -> Problems:
-    """Warn where braking from full speed takes longer than its rung of the stop ladder waits."""
+    """Warn if braking from full speed takes longer than the deadline of the step of the stop sequence."""
     for axis in case.cell.axes.values():
         stop, times = axis.stop, StopTimes()
         speed = axis.max_velocity or axis.defaults.velocity

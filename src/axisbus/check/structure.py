@@ -1,4 +1,4 @@
-"""Whether the parts of a cell refer to each other rightly: nodes, axes, groups."""
+"""Check the references between the parts of a cell: nodes, axes, groups."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from axisbus.errors import AdapterError
 
 
 def master_id(case: CheckContext) -> Problems:
-    """Check that our own node ID is nobody else's."""
+    """Check that no node has the master's node-ID."""
     bus = case.cell.bus
     if bus.at.sound("master_id") and bus.master_id in case.cell.nodes:
         line = case.cell.nodes[bus.master_id].at.line
@@ -27,7 +27,7 @@ def master_id(case: CheckContext) -> Problems:
 
 
 def lost_nodes(case: CheckContext) -> Problems:
-    """Check that what a node's own table says of its loss is what decides."""
+    """Warn of an ``on_lost`` of a node that has no effect, because other settings take precedence."""
     bus = case.cell.bus
     for node in case.cell.nodes.values():
         if not node.at.gives("on_lost") or not node.at.sound("on_lost"):
@@ -44,19 +44,19 @@ def lost_nodes(case: CheckContext) -> Problems:
             )
 
 
-# Interfaces whose names need no look into python-can, which takes a while to import.
+# Interfaces that need no look-up in python-can, whose import takes a while.
 _KNOWN = frozenset(
     {"sim", "modbus", "socketcan", "virtual", "pcan", "kvaser", "slcan", "gs_usb", "ixxat", "vector"}
 )
 
 
 def interface(case: CheckContext) -> Problems:
-    """Check that the interface is one that python-can knows, and that it has the channel that it needs."""
+    """Check that python-can knows the interface, and that the required channel is given."""
     bus = case.cell.bus
     if not bus.at.sound("interface", "channel"):
         return
     if bus.interface not in _KNOWN:
-        from axisbus.bus.link.adapter import check_interface  # only now: see above
+        from axisbus.bus.link.adapter import check_interface  # imported only here: see above
 
         try:
             check_interface(bus.interface)
@@ -72,7 +72,7 @@ def interface(case: CheckContext) -> Problems:
 
 
 def process(case: CheckContext) -> Problems:
-    """Check that the core can run in a process of its own, where it is to."""
+    """Check that the core can run in a process of its own, if the cell file asks for it."""
     bus = case.cell.bus
     if bus.process != "own" or not bus.at.sound("process", "interface"):
         return
@@ -91,7 +91,7 @@ def process(case: CheckContext) -> Problems:
 
 
 def axes_have_nodes(case: CheckContext) -> Problems:
-    """Check that the node of each axis is there."""
+    """Check that the node of each axis exists."""
     for axis in case.cell.driven.values():
         if axis.at.sound("node") and axis.node not in case.cell.nodes:
             known = ", ".join(str(node) for node in case.cell.nodes) or "none"
@@ -104,7 +104,7 @@ def axes_have_nodes(case: CheckContext) -> Problems:
 
 
 def nodes_have_axes(case: CheckContext) -> Problems:
-    """Note nodes that no axis uses: right for I/O, a slip for a drive."""
+    """Note nodes that no axis uses: correct for I/O, a mistake for a drive."""
     for node in case.cell.nodes.values():
         if not any(case.cell.axes_of(node.node_id)) and not any(case.cell.io_of(node.node_id)):
             yield case.note(
@@ -131,7 +131,7 @@ def one_axis_each(case: CheckContext) -> Problems:
 
 
 def groups_have_axes(case: CheckContext) -> Problems:
-    """Check that each group's axes are there, each once."""
+    """Check that the axes of each group exist, each once."""
     for group in case.cell.groups.values():
         yield from _group(case, group)
 
@@ -155,7 +155,7 @@ def _group(case: CheckContext, group: GroupConfig) -> Problems:
 
 
 def axes_outside_groups(case: CheckContext) -> Problems:
-    """Note axes in no group, because a fault of theirs stops everything."""
+    """Note axes in no group, because their faults stop the whole cell."""
     if not case.cell.groups:
         return
     for axis in case.cell.axes.values():

@@ -1,4 +1,4 @@
-"""The traffic that a cell file means: which frames travel how often after boot, by node and by service."""
+"""The expected traffic of a cell: the rate of each frame after boot, by node and by service."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from axisbus.eds.model import Eds
 
 @dataclass(frozen=True, slots=True)
 class TrafficStream:
-    """Frames of one kind: ``node`` None for those of no node, ``rate`` in frames per second."""
+    """Frames of one kind: ``node`` is None for frames of no node, ``rate`` in frames per second."""
 
     node: int | None
     kind: str
@@ -33,14 +33,14 @@ class TrafficStream:
 
     @property
     def worst(self) -> float:
-        """Bits per second with as many stuff bits as there can be."""
+        """Bits per second with the maximum number of stuff bits."""
         return self.rate * worst_bits(self.data_bytes, self.extended)
 
 
 def streams(cell: CellConfig, files: Mapping[int, Eds]) -> list[TrafficStream]:
-    """Return what travels while the cell runs: SYNC, PDOs, heartbeats, and what modules are asked and told.
+    """Return the traffic while the cell runs: SYNC, PDOs, heartbeats, and the requests and targets of CAN Simple modules.
 
-    SDO and EMCY come when they come and are not in it.
+    SDO and EMCY come irregularly and are not included.
     """
     return [stream for stream in _all(cell, files) if stream.rate > 0]
 

@@ -1,4 +1,4 @@
-"""Whether something on each drive notices a dead master."""
+"""Check that each drive can notice a dead master."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _MILLISECOND = 0.001
 
 
 def _whole(seconds: float) -> int:
-    """Return the next whole number of milliseconds, which is not shorter."""
+    """Return the time in milliseconds, rounded up to a whole number."""
     return math.ceil(seconds / _MILLISECOND - 1e-6)
 
 
 def heartbeat(case: CheckContext) -> Problems:
-    """Check that the heartbeat can be said in whole milliseconds, and be sent by the scan."""
+    """Check that the heartbeat is a whole number of milliseconds, and that the scan can send it."""
     bus = case.cell.bus
     if not bus.at.sound("heartbeat", "scan_period"):
         return
@@ -48,7 +48,7 @@ def heartbeat(case: CheckContext) -> Problems:
 
 
 def watched(case: CheckContext) -> Problems:
-    """Warn of drives that cannot notice a dead master, and name those whose reaction is unknown."""
+    """Warn of drives that cannot notice a dead master, and note drives with an unknown reaction."""
     if case.cell.bus.heartbeat is None:
         return
     for node, eds, _ in case.nodes:
@@ -76,7 +76,7 @@ def _can_be_guarded(eds: Eds) -> bool:
 
 
 def _reaction(case: CheckContext, node: NodeConfig, eds: Eds) -> Problems:
-    """A value of 6007h that lets the drive go on is named by ``stopping.coasting``."""
+    """Note a missing 6007h; ``stopping.coasting`` reports values with which the drive continues to move."""
     for drive in case.drives:
         if drive.node is node and not drive.has(options.CONNECTION_LOSS.index):
             yield case.note(
@@ -88,7 +88,7 @@ def _reaction(case: CheckContext, node: NodeConfig, eds: Eds) -> Problems:
 
 
 def watchable(case: CheckContext) -> Problems:
-    """Note nodes that send no heartbeat, so that we notice later that they are gone."""
+    """Note nodes without a heartbeat, whose loss the master notices later."""
     for node, eds, _ in case.nodes:
         if cia301.PRODUCER_HEARTBEAT not in eds:
             guards = case.cell.bus.heartbeat is not None and _can_be_guarded(eds)

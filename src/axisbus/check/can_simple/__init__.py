@@ -1,1 +1,1 @@
-"""What can be found wrong with modules that speak CAN Simple before the first frame."""
+"""The checks of modules that speak CAN Simple, before the first frame is sent."""

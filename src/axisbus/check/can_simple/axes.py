@@ -1,4 +1,4 @@
-"""Whether the axis of a module is asked only for what its port can do, and what of it is dangerous."""
+"""Check that the axis of a module uses only the functions of its port, and warn of its dangers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _NO_WIRE = frozenset({SIMULATED, "virtual"})
 
 
 def _described(case: CheckContext) -> Mapping[int, Eds]:
-    """What the ports of those modules make of them whose tables can be used."""
+    """Return the descriptions (EDS) that the ports make of the modules, for modules with usable tables."""
     found: dict[int, Eds] = {}
     for node_id in modules_of(case.cell):
         module = case.cell.nodes[node_id].module
@@ -44,7 +44,7 @@ def _drives(case: CheckContext) -> Iterator[Drive]:
 
 
 def as_drives(case: CheckContext) -> Problems:
-    """Check what is checked of any drive and does not ask how its values travel."""
+    """Apply the checks of any drive that do not depend on PDOs."""
     inner = CheckContext(case.cell, _described(case))
     for check in (*limits.CHECKS, *modes.CHECKS, *ranges.CHECKS, *monitoring_windows.CHECKS):
         if inner.drives:
@@ -52,7 +52,7 @@ def as_drives(case: CheckContext) -> Problems:
 
 
 def writes(case: CheckContext) -> Problems:
-    """Check that a module can do what is to be written into its drive: its reactions and its own ramp are what they are."""
+    """Check that a module can take the values for its drive objects: its reactions and its own ramp are constant."""
     for drive in _drives(case):
         objects = ModulePort(settings_of(case.cell, drive.axis.node)).objects
         for write in drive.written.values():
@@ -74,7 +74,7 @@ def _words(index: int, value: int | None) -> str:
 
 
 def no_more(case: CheckContext) -> Problems:
-    """Check that nothing is asked of a module that its port has no place for: inputs, outputs, and values to be fed forward."""
+    """Check that a module is not asked for functions that it lacks: inputs, outputs, and feed-forward."""
     for node_id in modules_of(case.cell):
         for point in case.cell.io_of(node_id):
             yield case.error(
@@ -94,7 +94,7 @@ def no_more(case: CheckContext) -> Problems:
 
 
 def in_place(case: CheckContext) -> Problems:
-    """Check that it is homed where it stands: nothing else is known of a module."""
+    """Check that the axis is homed at its present position: a module has no other homing methods."""
     for drive in _drives(case):
         given = drive.axis.homing
         if given.method is not None and given.method not in homing.IN_PLACE:
@@ -107,7 +107,7 @@ def in_place(case: CheckContext) -> Problems:
 
 
 def dangers(case: CheckContext) -> Problems:
-    """Say what lets a motor coast, and that nothing on a module notices a dead master."""
+    """Warn that the motor coasts without power, and that nothing on a module notices a dead master."""
     bus = case.cell.bus
     for drive in _drives(case):
         name, line = drive.axis.name, drive.node.at.line

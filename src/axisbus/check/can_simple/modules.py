@@ -1,4 +1,4 @@
-"""Whether a module that speaks CAN Simple can stand beside the nodes of a cell, and serve its axis."""
+"""Check that a module that speaks CAN Simple can share the bus with the other nodes, and can serve its axis."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
 from axisbus.drives.gim6010.modbus.registers import RATES
 from axisbus.errors import ArgumentError, LimitError
 
-_FOREIGN = Firmware(0, 6, 8)  # from here on another protocol was seen, of 29 bits
+_FOREIGN = Firmware(0, 6, 8)  # from here on another protocol was seen, with identifiers of 29 bits
 _SHOWN = 3
 _ON_LINE = range(1, 64)
 _NOT_ON_LINE = (*TORQUE[1:], "filter_bandwidth")
@@ -28,7 +28,7 @@ def _modules(case: CheckContext) -> Iterator[tuple[NodeConfig, ModuleConfig]]:
 
 
 def identifiers(case: CheckContext) -> Problems:
-    """Check that no identifier has two owners (manual v2.2, 4.1.4)."""
+    """Check that no identifier is used by a module and a CANopen node (manual v2.2, 4.1.4)."""
     canopen = [node.node_id for node in case.cell.nodes.values() if node.protocol == CANOPEN]
     if case.cell.bus.master_id:
         canopen.append(case.cell.bus.master_id)
@@ -51,7 +51,7 @@ def identifiers(case: CheckContext) -> Problems:
 
 
 def firmware(case: CheckContext) -> Problems:
-    """Check that its firmware is one that speaks CAN Simple."""
+    """Check that the module's firmware speaks CAN Simple."""
     for node, _ in _modules(case):
         try:
             version = None if node.firmware is None else Firmware.parse(node.firmware)
@@ -68,7 +68,7 @@ def firmware(case: CheckContext) -> Problems:
 
 
 def settings(case: CheckContext) -> Problems:
-    """Check that its port can be made of what the cell file says, and that torques have all that they need."""
+    """Check that the cell file is complete for the module's port, and complete for torques."""
     for node, module in _modules(case):
         axes = list(case.cell.axes_of(node.node_id))
         if len(axes) > 1 or any(axis.drive_axis != 1 for axis in axes):
@@ -108,7 +108,7 @@ def _of_axis(case: CheckContext, node: NodeConfig, module: ModuleConfig, axis: A
 
 
 def endpoints(case: CheckContext) -> Problems:
-    """Check that the list of endpoints that it names is one, and for its firmware."""
+    """Check that the named list of endpoints is valid and belongs to the module's firmware."""
     for node, module in _modules(case):
         try:
             list_of(node, case.cell.folder)
@@ -122,7 +122,7 @@ def endpoints(case: CheckContext) -> Problems:
 
 
 def line(case: CheckContext) -> Problems:
-    """Check that a serial line has modules that speak Modbus alone, and these what they need there."""
+    """Check that a serial line has only modules that speak Modbus, and that these have the settings that they need."""
     bus = case.cell.bus
     on_line = is_line(bus)
     if on_line and bus.bitrate is not None and bus.bitrate not in RATES:

@@ -1,1 +1,1 @@
-"""What is wrong with what a cell file asks of the cyclic modes."""
+"""The checks of the cyclic modes in a cell file."""

@@ -1,4 +1,4 @@
-"""Whether the feed-forward that a cell file asks for can be sent, and computed."""
+"""Check that the feed-forward of a cell file can be calculated and sent."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ def _asking(case: CheckContext) -> list[tuple[Drive, FeedForward]]:
 
 
 def _line(drive: Drive, name: str) -> int:
-    """The line that asks for an offset."""
+    """Return the line that asks for an offset."""
     at = drive.axis.feed_forward.at
     keys = ("velocity",) if name == "velocity_offset" else ("inertia", "torque_offset")
     return next((at.of(key) for key in keys if at.gives(key)), at.line)
 
 
 def nothing(case: CheckContext) -> Problems:
-    """Tell of a table that asks for nothing."""
+    """Warn of a feed-forward table without an effect."""
     for axis in case.cell.driven.values():
         at = axis.feed_forward.at
         if axis.at.gives("feed_forward") and at.sound(*at.keys) and feed_forward(axis, None) is None:
@@ -92,7 +92,7 @@ def _sources(case: CheckContext, drive: Drive) -> dict[str, ValueTransport]:
 
 
 def used(case: CheckContext) -> Problems:
-    """Tell of an offset that no mode of the axis adds."""
+    """Warn of an offset that no mode of the axis adds."""
     for drive, asked in _asking(case):
         named = drive.axis.modes
         for name in asked.outputs:
@@ -109,7 +109,7 @@ def used(case: CheckContext) -> Problems:
 
 
 def computed(case: CheckContext) -> Problems:
-    """Check that velocities and torques can be turned into what the drive counts, and stay below the highest torque."""
+    """Check that velocities and torques can be converted to the drive's units, and stay below the highest torque."""
     for drive, asked in _asking(case):
         axis, at = drive.axis, drive.axis.feed_forward.at
         if asked.velocity and not units_of(axis).ratio_known and axis.at.sound("unit", "velocity_scale"):

@@ -1,4 +1,4 @@
-"""Which axes are led in ip, because their drive has no csp."""
+"""Report the axes that the master commands in ip, because their drive has no csp."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from axisbus.cia402.port import ValueTransport
 
 
 def by_interpolation(case: CheckContext) -> Problems:
-    """Tell which axes are led in ip, and where no PDO carries their set-points."""
+    """Note each axis commanded in ip; an error if no synchronous PDO carries its set-points."""
     for drive in case.drives:
         axis = drive.axis
         if not case.cell.bus.sync or not interpolates(drive):

@@ -1,1 +1,1 @@
-"""What is wrong with pairs of axes that carry one beam, before the first frame."""
+"""The checks of pairs of axes that carry one beam, before the first frame is sent."""

@@ -1,4 +1,4 @@
-"""Whether two axes of ``[gantries.NAME]`` can carry one beam: what they are, what they share, and what their drives have."""
+"""Check that the two axes of ``[gantries.NAME]`` can carry one beam: their kind, their common settings, and their drives."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from axisbus.check.modes import no_csp
 from axisbus.cia402 import objects
 from axisbus.cia402.touch_probe import POSITIONS, Edge
 
-_CYCLES = 2.0  # by which the feedback of one drive may be older than that of the other
+_CYCLES = 2.0  # cycles by which the feedback of the two drives may differ in age
 _SYNCHRONOUS = range(241)
 
 Pair = tuple[GantryConfig, AxisConfig, AxisConfig]
 
 
 def _pairs(case: CheckContext) -> Iterator[Pair]:
-    """Yield the pairs of which both axes are there."""
+    """Yield the pairs of which both axes exist."""
     for gantry in case.cell.gantries.values():
         if (
             gantry.at.sound("axes")
@@ -30,12 +30,12 @@ def _pairs(case: CheckContext) -> Iterator[Pair]:
 
 
 def _driven(case: CheckContext) -> Iterator[Pair]:
-    """The same, of which both have a drive."""
+    """Yield the pairs of which both axes have a drive."""
     return (pair for pair in _pairs(case) if not (pair[1].virtual or pair[2].virtual))
 
 
 def axes_are_there(case: CheckContext) -> Problems:
-    """Check that each pair has two axes of the cell, and that none carries two beams."""
+    """Check that each pair has two axes of the cell, and that no axis is in two pairs."""
     owners: dict[str, str] = {}
     for gantry in case.cell.gantries.values():
         line = gantry.at.of("axes")
@@ -56,7 +56,7 @@ def axes_are_there(case: CheckContext) -> Problems:
 
 
 def can_carry(case: CheckContext) -> Problems:
-    """Check that both are axes with a drive and an end, in one unit."""
+    """Check that both axes have a drive, are not endless, and have one unit."""
     for gantry, *axes in _pairs(case):
         line = gantry.at.of("axes")
         for axis in axes:
@@ -77,7 +77,7 @@ def can_carry(case: CheckContext) -> Problems:
             )
 
 
-# What should be the same for both: the key, where it stands, what follows where it is not.
+# Settings that should be equal for both: the key, the consequence of a difference, the value.
 _SAME: tuple[tuple[str, str, Callable[[AxisConfig], Any]], ...] = (
     ("scale", "is that so, by two different gears? Else every move bends the beam", lambda axis: axis.scale),
     (
@@ -101,7 +101,7 @@ _SMALLER: tuple[tuple[str, Callable[[AxisConfig], Any]], ...] = (
 
 
 def alike(case: CheckContext) -> Problems:
-    """Warn of what makes the axes of a pair behave differently; note limits of which the smaller counts."""
+    """Warn of settings that make the axes of a pair behave differently; note limits of which the smaller one applies."""
     for gantry, first, second in _driven(case):
         for key, why, value in _SAME:
             a, b = value(first), value(second)
@@ -122,7 +122,7 @@ def _told(value: Any) -> str:
 
 
 def in_groups(case: CheckContext) -> Problems:
-    """Warn of groups that hold one axis of a pair and not the other: what stops it stops both, and nothing moves it there."""
+    """Warn of groups with only one axis of a pair: the group's motions are refused, and its stop stops both axes."""
     for gantry, first, second in _driven(case):
         for group in case.cell.groups.values():
             if (first.name in group.axes) != (second.name in group.axes):
@@ -135,7 +135,7 @@ def in_groups(case: CheckContext) -> Problems:
 
 
 def in_step(case: CheckContext) -> Problems:
-    """Check that both can be led in each cycle, and warn where their feedback comes at different paces, or too seldom."""
+    """Check that both axes can be commanded in each cycle; warn if their feedback comes at different rates or too seldom."""
     period = case.cell.bus.scan_period
     drives = {drive.axis.name: drive for drive in case.drives}
     for gantry, *axes in _driven(case):
@@ -181,7 +181,7 @@ def _paces(case: CheckContext, axis: AxisConfig) -> list[int]:
 
 
 def homing(case: CheckContext) -> Problems:
-    """Check that the drives of a pair that is homed by switches have touch probes, and that it is not too fast for them."""
+    """Check that the drives of a pair that is homed by switches have touch probes, and that the homing velocity is allowed."""
     drives = {drive.axis.name: drive for drive in case.drives}
     for gantry, *axes in _driven(case):
         plan = gantry.homing

@@ -1,4 +1,4 @@
-"""Every check of a cell file by its id, as one table: the finding, its severity, the remedy, and the reason."""
+"""The table of all checks of a cell file by id: the finding, its severity, the remedy, and the reason."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from axisbus.check.context import Check
 from axisbus.eds.rules.table import Rule, rows_of, table
 
 UNREADABLE = "C010"  # an EDS or DCF
-READER = "reader"  # what reading the file itself finds has its id from where it is found
+READER = "reader"  # findings of reading the file itself, which have their ids from the reader
 _PACKAGE = "axisbus.check."
 
 
@@ -26,7 +26,7 @@ def ids() -> Mapping[str, str]:
 
 
 def id_of(check: Check) -> str:
-    """Return the id of a check; empty where the check only makes others, which have theirs."""
+    """Return the id of a check; empty if the check only runs other checks, which have ids of their own."""
     return ids().get(f"{check.__module__.removeprefix(_PACKAGE)}.{check.__name__}", "")
 
 

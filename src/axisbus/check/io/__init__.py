@@ -1,1 +1,1 @@
-"""What can be wrong with named inputs and outputs."""
+"""The checks of named inputs and outputs."""

@@ -1,4 +1,4 @@
-"""Whether named inputs and outputs can be what their tables say: object, bit, safe state, PDO, and what the module does alone."""
+"""Check the tables of named inputs and outputs: object, bit, safe state, PDO, and the module's behaviour without the master."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _FIXED = "what [nodes.N.pdo] gives a PDO stays, and nobody asks for an input (rt
 
 
 def have_nodes(case: CheckContext) -> Problems:
-    """Check that the node of each is there."""
+    """Check that the node of each input and output exists."""
     for config in case.cell.io.values():
         if config.at.sound("node") and config.node not in case.cell.nodes:
             known = ", ".join(map(str, case.cell.nodes)) or "none"
@@ -38,7 +38,7 @@ def have_nodes(case: CheckContext) -> Problems:
 
 
 def objects(case: CheckContext) -> Problems:
-    """Check object, bit, and what an output must say."""
+    """Check the object, the bit, and the required keys of an output."""
     for config, node, dictionary in _all(case):
         entry = io_points.entry_of(config, dictionary)
         if entry is None:
@@ -57,7 +57,7 @@ def objects(case: CheckContext) -> Problems:
 
 
 def encoders(case: CheckContext) -> Problems:
-    """Check that the input of each encoder is one that counts."""
+    """Check that the input of each encoder is a number, not a bit or an output."""
     for axis in case.cell.axes.values():
         if axis.encoder is None:
             continue
@@ -74,7 +74,7 @@ def encoders(case: CheckContext) -> Problems:
 
 
 def _no_count(case: CheckContext, config: IoConfig | None) -> tuple[str, str]:
-    """Return why an input does not count, and what to do; empty texts where it does."""
+    """Return why an input cannot be an encoder, and the remedy; empty texts if it can."""
     if config is None:
         return (
             "names no [io] of the cell",
@@ -88,7 +88,7 @@ def _no_count(case: CheckContext, config: IoConfig | None) -> tuple[str, str]:
 
 
 def apart(case: CheckContext) -> Problems:
-    """Check that no two outputs are the same bits."""
+    """Check that no two outputs use the same bits."""
     points = [point for _, _, point in _points(case) if point.output]
     for one, other in combinations(points, 2):
         if (one.node, one.address) == (other.node, other.address) and one.mask & other.mask:
@@ -100,7 +100,7 @@ def apart(case: CheckContext) -> Problems:
 
 
 def travel(case: CheckContext) -> Problems:
-    """Check that every object finds a PDO that no axis has."""
+    """Check that each object fits into a PDO that no axis uses."""
     for node, eds, dictionary in case.nodes:
         if not any(case.cell.io_of(node.node_id)):
             continue
@@ -117,7 +117,7 @@ def travel(case: CheckContext) -> Problems:
 
 
 def alone(case: CheckContext) -> Problems:
-    """Tell which outputs nobody takes to their safe state when we are gone all at once."""
+    """Warn of outputs that the module does not set to their safe state when the master fails suddenly."""
     for config, node, point in _points(case):
         if not point.output or not case.cell.bus.at.sound("heartbeat"):
             continue
@@ -132,7 +132,7 @@ def alone(case: CheckContext) -> Problems:
 
 
 def numbers_alone(case: CheckContext) -> Problems:
-    """Warn of a safe number that modules of different makers understand differently (6444h has 32 bits for outputs of 16)."""
+    """Warn of a safe number that modules of different makers interpret differently (6444h has 32 bits for outputs of 16)."""
     for config, node, point in _points(case):
         row, eds = ERROR_OBJECTS.get(point.index), case.eds[node.node_id]
         if not point.output or point.safe == 0 or row is None or row.by_bit:
@@ -238,7 +238,7 @@ def _safe(case: CheckContext, config: IoConfig, entry: MapEntry) -> Problems:
 
 
 def _ours(case: CheckContext, config: IoConfig, entry: MapEntry) -> Problems:
-    """An output must be one: no parameter of the communication, and nothing that an axis lives on."""
+    """Check that an output is not a communication parameter, and not an object that its axis needs."""
     if not entry.receive:
         return
     why = ""
