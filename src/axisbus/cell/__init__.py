@@ -1,1 +1,1 @@
-"""cell.toml as frozen values, with the line of each."""
+"""cell.toml as frozen values, with the line of each value."""

@@ -1,4 +1,4 @@
-"""One axis of a device as its EDS and the cell file describe it together: what it has, and what it will hold after boot."""
+"""One axis of a device as its EDS and the cell file describe it: its objects, and their values after boot."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Drive:
 
     @classmethod
     def of(cls, axis: AxisConfig, node: NodeConfig, eds: Eds) -> Drive:
-        """Put an axis, its node and the node's EDS together."""
+        """Combine an axis, its node and the node's EDS."""
         dictionary = Dictionary(eds, node.node_id)
         writes = [
             *known_writes(node.objects, dictionary, 1),
@@ -46,11 +46,11 @@ class Drive:
         return own_index(index, self.axis.drive_axis)
 
     def variable(self, index: int, subindex: int = 0) -> Variable | None:
-        """Return an entry of the EDS, None where it has none."""
+        """Return an entry of the EDS, None if the EDS does not have it."""
         return self.eds.get(self.index(index), subindex)
 
     def entry(self, index: int, subindex: int = 0) -> DictionaryEntry:
-        """Return the entry with the type that it is written with."""
+        """Return the entry with the data type for writing it."""
         return self.dictionary.entry(self.index(index), subindex)
 
     def has(self, index: int) -> bool:
@@ -58,22 +58,22 @@ class Drive:
         return self.index(index) in self.eds
 
     def missing(self, indices: tuple[int, ...]) -> tuple[int, ...]:
-        """Return those of ``indices`` that the EDS does not have."""
+        """Return the ``indices`` that the EDS does not have."""
         return tuple(index for index in indices if not self.has(index))
 
     def write(self, index: int, subindex: int = 0) -> CellWrite | None:
-        """Return what the cell file writes into an object, None where it leaves it alone."""
+        """Return the cell file's write to an object, None if there is none."""
         return self.written.get((self.index(index), subindex))
 
     def value(self, index: int, subindex: int = 0) -> Value | None:
-        """Return what an object will hold after boot: what the cell file writes, else what the EDS says, else None."""
+        """Return the value of an object after boot: the cell file's, else the EDS's, else None."""
         write = self.write(index, subindex)
         if write is not None:
             return write.value
         return initial(self.dictionary, self.node.node_id, self.index(index), subindex)
 
     def number(self, index: int, subindex: int = 0) -> int | None:
-        """As ``value``, None also where it is no integer."""
+        """Return the same as ``value``, or None if it is not an integer."""
         value = self.value(index, subindex)
         return value if isinstance(value, int) else None
 
@@ -87,7 +87,7 @@ class Drive:
 
     @property
     def read_only(self) -> frozenset[tuple[int, int]]:
-        """The profile entries of this axis that the EDS does not let be written; indices as those of a single-axis drive."""
+        """The profile entries of this axis that are read-only in the EDS; indices as those of a single-axis drive."""
         own = indices_of(self.axis.drive_axis)
         return frozenset(
             (first_axis(entry.index), subindex)
@@ -99,11 +99,11 @@ class Drive:
 
     @property
     def runnable(self) -> frozenset[ModeOfOperation]:
-        """The modes that have all the objects that a master needs for them."""
+        """The modes for which all the objects exist that a master needs."""
         return frozenset(mode for mode in FACTS if not self.missing(needed(mode)))
 
     @property
     def claimed(self) -> frozenset[ModeOfOperation] | None:
-        """The modes that the EDS's 6502h claims, None where it does not say."""
+        """The modes that the EDS's 6502h lists, None if the EDS has no value for it."""
         value = initial(self.dictionary, self.node.node_id, self.index(objects.SUPPORTED_DRIVE_MODES), 0)
         return frozenset(supported(value)) if isinstance(value, int) else None

@@ -1,4 +1,4 @@
-"""Entries that commands set although their EDS has them read-only: the values that commands need, and the commands that fail."""
+"""Entries that commands must set although they are read-only in the EDS: the required values, and the commands that fail."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Read = Callable[[int, int], int | None]
 
 @dataclass(frozen=True, slots=True)
 class EntryContradiction:
-    """One such entry that holds another value; ``line`` of the cell file asks for the wanted one."""
+    """A read-only entry with another value; ``line`` of the cell file asks for the required value."""
 
     line: int
     message: str
@@ -47,7 +47,7 @@ def contradictions(
 ) -> Iterator[EntryContradiction]:
     """Yield the read-only entries with which commands will fail; ``read`` returns the value of an entry (None: unknown).
 
-    ``modes``: those that the axis is used in; ``scan_period`` in seconds. Pure, but for ``read``.
+    ``modes``: the modes in which the axis is used; ``scan_period`` in seconds. Pure, except for ``read``.
     """
     fixed = drive.read_only
     for each in _settings(drive):
@@ -107,7 +107,7 @@ def _period(drive: Drive, scan_period: float, read: Read) -> Iterator[EntryContr
 
 
 def _misfit(scan_period: float, value: int | None, exponent: int | None) -> bool:
-    """Whether no 60C2h with these fixed entries (None: free, or not known) is the scan period."""
+    """Whether no 60C2h with these fixed entries (None: writable, or unknown) equals the scan period."""
     if exponent is None:
         return (
             False

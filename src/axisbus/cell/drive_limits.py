@@ -1,7 +1,7 @@
-"""What ``limits_in_drive`` leaves in a drive: the axis's own limits, which then hold without a master too.
+"""The limits that ``limits_in_drive`` writes into a drive, where they also apply without a master.
 
-Limits are rounded inwards, so that the drive allows no more than the master does. The highest speed of the motor (6080h, in whole
-revolutions per minute) is rounded up: it is the coarse one behind 607Fh, and must not slow an axis down that runs at its limit.
+Limits are rounded inwards, so that the drive allows no more than the master does. The maximum motor speed (6080h, in whole
+revolutions per minute) is rounded up: it is a coarse limit in addition to 607Fh, and must not slow down an axis at its limit.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ KEY = "limits_in_drive"
 
 
 class Limit(NamedTuple):
-    """One limit of the cell file (``key``) and the drive's object for it; ``value`` None: it cannot be said in the drive's unit."""
+    """One limit of the cell file (``key``) and its object in the drive; ``value`` None: not expressible in the drive's unit."""
 
     key: str
     number: int
@@ -34,7 +34,7 @@ class Limit(NamedTuple):
 
 
 def wanted(axis: AxisConfig, dictionary: Dictionary, writes: Sequence[CellWrite] = ()) -> Iterator[Limit]:
-    """Return the limits that are to stand in the drive; ``writes``: what else the cell file writes into it."""
+    """Yield the limits that the drive should hold; ``writes``: the other writes of the cell file to the drive."""
     if not axis.limits_in_drive:
         return
     units = units_of(axis)
@@ -54,7 +54,7 @@ def wanted(axis: AxisConfig, dictionary: Dictionary, writes: Sequence[CellWrite]
 def limit_writes(
     axis: AxisConfig, dictionary: Dictionary, writes: Sequence[CellWrite] = ()
 ) -> list[CellWrite]:
-    """Return what ``limits_in_drive`` writes: what the drive has objects for, and no other entry writes."""
+    """Return the writes of ``limits_in_drive``: limits for which the drive has objects, and that no other entry writes."""
     given = {write.address for write in writes}
     return [
         CellWrite(
@@ -68,7 +68,7 @@ def limit_writes(
 
 
 def left_out(axis: AxisConfig, dictionary: Dictionary, writes: Sequence[CellWrite] = ()) -> Iterator[Limit]:
-    """Return the limits that the drive cannot be given."""
+    """Yield the limits that cannot be written into the drive."""
     addresses = {write.address for write in writes}
     for limit in wanted(axis, dictionary, writes):
         if (own_index(limit.number, axis.drive_axis), limit.subindex) not in addresses:
@@ -78,7 +78,7 @@ def left_out(axis: AxisConfig, dictionary: Dictionary, writes: Sequence[CellWrit
 def _motor_speed(
     axis: AxisConfig, units: Units, dictionary: Dictionary, writes: Sequence[CellWrite]
 ) -> int | None:
-    """Return 6080h in revolutions per minute, where 608Fh and the scale agree on how many increments one has."""
+    """Return 6080h in revolutions per minute; None unless 608Fh and the scale agree on the increments of a revolution."""
     written = {write.address: write.value for write in writes}
 
     def value(index: int, subindex: int) -> int | None:

@@ -1,7 +1,7 @@
-"""A JSON Schema of cell files, for editors' completion: made of the tables that ``config`` reads them by.
+"""A JSON Schema of cell files, for completion in editors, made from the tables that ``reader`` uses.
 
-It refuses no file that ``config`` takes. What it cannot know (the order of two numbers, the bounds of a time, whether an axis has
-its node) is left to ``check``.
+It refuses no file that ``reader`` accepts. It cannot check everything (the order of two numbers, the bounds of a time, whether the
+node of an axis exists); ``check`` does that.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from axisbus.units import INCREMENTS
 
 Json = dict[str, Any]
 
-_DRAFT = "http://json-schema.org/draft-07/schema#"  # which all editors know
+_DRAFT = "http://json-schema.org/draft-07/schema#"  # all editors support it
 _NODE_ID = "^(?:[1-9]|[1-9][0-9]|1[01][0-9]|12[0-7])$"
 _PDO = "^[rtRT][pP][dD][oO](?:[1-9]|[1-9][0-9]|[1-4][0-9][0-9]|50[0-9]|51[0-2])$"
-# Letters of any language, digits, _ and -: everything but white space and the other signs of ASCII.
+# Letters of any language, digits, _ and -: everything but white space and the other characters of ASCII.
 _NAME = r"^[^\s!-,./:-@\[-^`{-~]{1,64}$"
 
 
@@ -92,13 +92,13 @@ def _axis() -> Json:
 
 
 def _encoder(scaled: list[Json]) -> Json:
-    """What an axis cannot have that an input tells the place of."""
+    """Return the keys that an axis with an encoder may have."""
     own: Json = dict.fromkeys(allowed_keys.KEYS_OF_ENCODER, True)
     return {"properties": own, "additionalProperties": False, "anyOf": scaled}
 
 
 def _virtual() -> Json:
-    """What a virtual axis cannot have: a key of it, or of its tables, is refused whatever it says."""
+    """Return the keys that a virtual axis may have; any other key of it, or of its tables, is refused whatever its value."""
     own: Json = dict.fromkeys(allowed_keys.KEYS, True)
     for name, keys in allowed_keys.TABLES.items():
         own[name] = {"propertyNames": {"enum": sorted(keys)}}
@@ -110,7 +110,7 @@ def _gantry_homing() -> Json:
 
 
 def _kinematics() -> Json:
-    """Each kind with what it needs, and nothing of another."""
+    """Return the table of kinematics: each kind with its own keys, without those of other kinds."""
     table = _table(schema.KINEMATICS, key_descriptions.KINEMATICS, "groups.kinematics")
     each = [
         {
@@ -126,7 +126,7 @@ def _kinematics() -> Json:
 
 
 def _table(keys: Keys, about: Mapping[str, str], name: str = "", **tables: Json) -> Json:
-    """A table with these keys and sub-tables, and no others."""
+    """Return a table with these keys and sub-tables, and no others."""
     found: Json = {
         "type": "object",
         "properties": {
@@ -140,7 +140,7 @@ def _table(keys: Keys, about: Mapping[str, str], name: str = "", **tables: Json)
 
 
 def _many(name: str, pattern: str, each: Json, **more: Any) -> Json:
-    """A table of tables, whose names are of one pattern."""
+    """Return a table of tables whose names match a pattern."""
     found = {"type": "object", "patternProperties": {pattern: each}, "additionalProperties": False, **more}
     return _described(name, found)
 

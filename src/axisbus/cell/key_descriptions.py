@@ -1,4 +1,4 @@
-"""What each key of a cell file means, in one line: what an editor shows beside it."""
+"""The meaning of each key of a cell file in one line, for display in editors."""
 
 from __future__ import annotations
 

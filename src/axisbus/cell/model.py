@@ -1,4 +1,4 @@
-"""What a cell file says, as frozen values: as written, with times in seconds and the line of every entry."""
+"""The contents of a cell file as frozen values: as written, with times in seconds and the line of each entry."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from axisbus.cia301.cob import SYNC, TIME
 from axisbus.errors import StateError, UnknownNameError
 from axisbus.units import INCREMENTS as INCREMENTS
 
-SIMULATED = "sim"  # the interface of a cell whose drives are stand-ins
+SIMULATED = "sim"  # the interface of a cell with simulated drives
 
 
 @dataclass(frozen=True, slots=True)
 class SourceLocation:
-    """Where a table stands: its ``line`` (from 1), the line of each of its keys, and the keys that are missing or wrong.
+    """The location of a table: its ``line`` (from 1), the line of each of its keys, and the keys that are missing or wrong.
 
-    A key in ``faulty`` was reported already; what stands in the value then is a placeholder.
+    A key in ``faulty`` has already been reported; its value is a placeholder.
     """
 
     name: str = ""
@@ -29,7 +29,7 @@ class SourceLocation:
     faulty: frozenset[str] = frozenset()
 
     def of(self, key: str) -> int:
-        """Return the line of ``key``, of the table where it is left out."""
+        """Return the line of ``key``, or of the table if the key is left out."""
         return self.keys.get(key, self.line)
 
     def gives(self, key: str) -> bool:
@@ -53,7 +53,7 @@ class ObjectSetting:
 
 @dataclass(frozen=True, slots=True)
 class PdoConfig:
-    """One configured PDO; ``number`` from 1, times in seconds, None where the drive's own value stays.
+    """One configured PDO; ``number`` from 1, times in seconds, None to keep the drive's own value.
 
     ``rtr`` is the period in seconds in which the master asks for a TPDO by remote frames, None to ask never.
     """
@@ -79,9 +79,9 @@ class PdoConfig:
 class ProgramConfig:
     """``[nodes.N.program]``: the program that a node must have.
 
-    It is known by its ``date_time`` (1F52h: days and milliseconds), its ``identification`` (1F56h:01), or both. With ``download``
-    another one is replaced by ``file``, a path relative to the cell file; without it never. ``deadline`` is in seconds and for each
-    part of that (None: by the size of the file).
+    The program is identified by its ``date_time`` (1F52h: days and milliseconds), its ``identification`` (1F56h:01), or both. Only
+    with ``download`` does boot replace another program by ``file``, a path relative to the cell file. ``deadline`` is in seconds
+    and applies to each part of the download (None: by the size of the file).
     """
 
     date_time: tuple[int, int] | None = None
@@ -98,8 +98,9 @@ class BusConfig:
 
     ``sync_producer`` is "master" or "external": then another device's SYNC starts each scan, and is missing after ``sync_timeout``
     (None: 1.5 scan periods). ``sync_counter`` is 1019h, 0 for SYNC without counter. ``on_lost_node`` says what else stops when a
-    node is lost: its ``group``, the ``cell``, or nothing (``report``). ``beside``: open it even where another master is heard.
-    ``process`` is where the core of the machine runs: in a ``thread`` of the program, or in its ``own`` process ("": where it can).
+    node is lost: its ``group``, the ``cell``, or nothing (``report``). ``beside``: open the bus even if another master is heard on
+    it. ``process``: the core of the machine runs in a ``thread`` of the program, or in its ``own`` process ("": if that is
+    possible).
     """
 
     interface: str = ""
@@ -131,10 +132,10 @@ class BusConfig:
 class NodeConfig:
     """``[nodes.N]``: a device; ``eds`` or ``dcf`` is a path relative to the cell file, or ``builtin:name``.
 
-    ``optional``: the cell is opened without it too. ``on_lost``: whether the loss of a node without axes is a "stop" of the cell,
-    or is only told ("tell"). ``serial`` and ``revision`` are what 1018h must say. ``configuration_date``
-    (days since 1984-01-01) and ``configuration_time`` (ms after midnight) are those of 1020h. ``module``: what a node that speaks
-    CAN Simple needs instead of an EDS; ``firmware`` is its version.
+    ``optional``: the cell also opens without the node. ``on_lost``: the loss of a node without axes is a "stop" of the cell, or is
+    only reported ("tell"). ``serial`` and ``revision`` must match 1018h. ``configuration_date`` (days since 1984-01-01) and
+    ``configuration_time`` (ms after midnight) are those of 1020h. ``module``: the settings that a node that speaks CAN Simple needs
+    instead of an EDS; ``firmware`` is its version.
     """
 
     node_id: int
@@ -158,17 +159,17 @@ class NodeConfig:
 
     @property
     def file(self) -> str | None:
-        """The EDS or DCF, None where neither is given."""
+        """The EDS or DCF, None if neither is given."""
         return self.eds if self.eds is not None else self.dcf
 
     @property
     def file_key(self) -> str:
-        """The key that names it."""
+        """The key that names the EDS or DCF."""
         return "dcf" if self.eds is None and self.dcf is not None else "eds"
 
     @property
     def version(self) -> tuple[int, int] | None:
-        """Date and time of its configuration as 1020h has them, None where the cell file gives none."""
+        """Date and time of the node's configuration in the format of 1020h, None if the cell file gives none."""
         if self.configuration_date is None or self.configuration_time is None:
             return None
         return self.configuration_date, self.configuration_time
@@ -195,7 +196,7 @@ class DefaultsConfig:
 class HomingConfig:
     """``[axes.NAME.homing]``: method of 6098h, speeds in unit/s, ``timeout`` in seconds, ``offset`` (607Ch) in units.
 
-    ``required`` None: as the rule says, true where position limits are set.
+    ``required`` None: the default, which is true if position limits are set.
     """
 
     method: int | None = None
@@ -210,7 +211,7 @@ class HomingConfig:
 
 @dataclass(frozen=True, slots=True)
 class StopConfig:
-    """``[axes.NAME.stop]``: words of ``cia402.options`` (None: the drive's own), ``deceleration`` (6085h) in unit/s², seconds."""
+    """``[axes.NAME.stop]``: words of ``cia402.options`` (None: the drive's); ``deceleration`` (6085h) in unit/s², times in s."""
 
     quick_stop: str | None = None
     shutdown: str | None = None
@@ -245,10 +246,10 @@ class FeedForwardConfig:
 class AxisConfig:
     """``[axes.NAME]``; scales in increments per unit (None: by the rule of ``parameters``), limits in units, times in seconds.
 
-    ``limits_in_drive``: they are written into the drive as well. ``handshake`` "on-change": bit 12 of the statusword proves nothing
-    on this drive; that it has taken a set-point is seen by what the axis does. ``virtual``: it has no drive, and the core leads it
-    alone; then its node is 0, which no device has. ``encoder``: the input of ``[io]`` that tells where it is. ``following_error``
-    "off" is infinite. ``demand``: "use" or "ignore" 6062h; None where the cell file leaves that to what the drive does.
+    ``limits_in_drive``: boot writes the limits into the drive as well. ``handshake`` "on-change": bit 12 of the statusword proves
+    nothing on this drive; the axis's behaviour shows that the drive has taken a set-point. ``virtual``: the axis has no drive, and
+    the core alone generates its motion; its node is 0, which no device has. ``encoder``: the input of ``[io]`` that reports its
+    position. ``following_error`` "off" is infinite. ``demand``: "use" or "ignore" 6062h; None if the drive's behaviour decides.
     """
 
     name: str
@@ -287,7 +288,7 @@ class AxisConfig:
     at: SourceLocation = SourceLocation()
 
     def no_drive(self, what: str) -> StateError:
-        """Return that the axis is virtual, and has not ``what`` was asked for."""
+        """Return the error that the axis has no drive; ``what`` continues the sentence "it has ..."."""
         if self.encoder is not None:
             return StateError(
                 f"axis {self.name} is an encoder: it has {what}",
@@ -319,8 +320,8 @@ class KinematicsConfig:
 class GroupConfig:
     """``[groups.NAME]``: its axes, in the order in which ``move_linear`` takes their positions.
 
-    ``on_fault`` says how the failure of one stops the others: on their ``path``, ``each`` by its own ramp, or by ``quick`` stop.
-    ``kinematics``: how the axes make a place, where it is one of a workspace that ``move_linear`` takes.
+    ``on_fault`` says how the failure of one axis stops the others: on their ``path``, ``each`` by its own ramp, or by ``quick``
+    stop. ``kinematics``: the relation of the axes to a workspace, if ``move_linear`` takes positions in a workspace.
     """
 
     name: str
@@ -334,7 +335,7 @@ class GroupConfig:
 class GantryHomingConfig:
     """``[gantries.NAME.homing]``: by touch probe ``input`` and ``edge``; unit/s, units; ``skew`` None: as ``max_skew``.
 
-    ``switches``: "each" axis has one, or only the "first". ``positions``: what the place of each is called at its own.
+    ``switches``: "each" axis has a switch, or only the "first". ``positions``: the position of each axis at its own switch.
     """
 
     switches: str = "each"
@@ -349,9 +350,10 @@ class GantryHomingConfig:
 
 @dataclass(frozen=True, slots=True)
 class GantryConfig:
-    """``[gantries.NAME]``: two axes that carry one beam, the first of which tells its place.
+    """``[gantries.NAME]``: two axes that carry one beam; the position of the first is the beam's.
 
-    The beam is square where the second axis is ``offset`` units farther; ``max_skew`` (units): how far from that it may be.
+    The beam is square when the second axis is ``offset`` units farther than the first. ``max_skew`` (units) is the allowed
+    deviation.
     """
 
     name: str
@@ -364,10 +366,10 @@ class GantryConfig:
 
 @dataclass(frozen=True, slots=True)
 class IoConfig:
-    """``[io.NAME]``: an input or output of a node, which of both its ``object`` tells (a key as in ``[nodes.N.objects]``).
+    """``[io.NAME]``: an input or an output of a node, depending on its ``object`` (a key as in ``[nodes.N.objects]``).
 
-    ``bit`` of it, or (None) all of it as a number: ``raw / scale + offset`` in ``unit``. ``safe``: what an output becomes when the
-    node, the program or we are lost; None for an input.
+    ``bit`` selects one bit; if it is None, the whole object is a number: ``raw / scale + offset`` in ``unit``. ``safe``: the state
+    of an output after the node, the program or the master is lost; None for an input.
     """
 
     name: str
@@ -405,11 +407,11 @@ class CellConfig:
         return {name: axis for name, axis in self.axes.items() if not axis.virtual}
 
     def beside(self, another: bool) -> CellConfig:
-        """Return the cell as if its file said ``beside = true``, where ``another`` master is expected on its bus."""
+        """Return the cell with ``beside = true`` if ``another`` master is expected on its bus, else unchanged."""
         return replace(self, bus=replace(self.bus, beside=True)) if another else self
 
     def no_axis(self, name: str, *, groups: bool = False, pairs: bool = False) -> StateError:
-        """Return that the cell has no axis of this name; ``groups``, ``pairs``: one of these could have been named as well."""
+        """Return the error that the cell has no axis of this name; ``groups``, ``pairs``: the name could also be one of these."""
         others = f"; its groups are {', '.join(self.groups)}" if groups and self.groups else ""
         others += f"; its pairs are {', '.join(self.gantries)}" if pairs and self.gantries else ""
         return UnknownNameError(
@@ -425,5 +427,5 @@ class CellConfig:
         return (each for each in self.io.values() if each.node == node_id)
 
     def groups_of(self, axis: str) -> Iterator[GroupConfig]:
-        """The groups that hold an axis."""
+        """The groups that contain an axis."""
         return (group for group in self.groups.values() if axis in group.axes)

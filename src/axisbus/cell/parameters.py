@@ -1,4 +1,4 @@
-"""From a cell file's axis and its EDS to what motion must know of the axis."""
+"""Convert a cell file's axis and its EDS to the parameters that motion needs of the axis."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from axisbus.motion.parameters import (
     Units,
 )
 
-# Without standstill_velocity, an axis slower than this part of its default velocity counts as standing.
+# Without standstill_velocity, an axis is at standstill below this part of its default velocity.
 STANDSTILL_PART = 0.01
 
 _BY_SHORT_NAME = {facts.short: mode for mode, facts in FACTS.items()}
@@ -41,8 +41,8 @@ _HOLDS = {None: HoldsLoad.NO, "brake": HoldsLoad.BRAKE, "torque": HoldsLoad.TORQ
 def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = None) -> AxisParameters:
     """Return the parameters of the axis ``name``.
 
-    ``eds`` is that of the axis's node; ``make`` None: the one that the EDS's identity names. Blocks for nothing, raises nothing for
-    a cell that ``reader.load`` returned.
+    ``eds`` is that of the axis's node; ``make`` None: the one that matches the EDS's identity. Does not block, and raises nothing
+    for a cell that ``reader.load`` returned.
     """
     axis = cell.axes[name]
     drive = Drive.of(axis, cell.nodes[axis.node], eds)
@@ -88,7 +88,7 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
 
 
 def known_units(axis: AxisConfig, values: scale_proposal.Values) -> Units:
-    """Return the units of an axis; one in increments knows its ratios where its drive says that it counts in them, too."""
+    """Return the units of an axis; for an axis in increments, the ratios are known if the drive's own units are increments, too."""
     units = units_of(axis)
     if units.ratio_known or not scale_proposal.counts_increments(axis, values):
         return units
@@ -96,10 +96,10 @@ def known_units(axis: AxisConfig, values: scale_proposal.Values) -> Units:
 
 
 def modes(drive: Drive, claimed: Collection[ModeOfOperation] | None = None) -> frozenset[ModeOfOperation]:
-    """Return the modes of use of an axis: those of the cell file, else those that 6502h claims, else those that have their objects.
+    """Return the modes that an axis uses: those of the cell file, else those that 6502h lists, else those with all their objects.
 
-    ``claimed``: by the drive's own 6502h (None: by that of its EDS). One that claims no mode says nothing; if the 6502h of a make
-    is known to be wrong, the modes that have their objects count too.
+    ``claimed``: the modes of the drive's own 6502h (None: of its EDS's). A 6502h that lists no mode is ignored. If the 6502h of a
+    make is known to be wrong, the modes with all their objects are added.
     """
     if drive.axis.modes is not None:
         return frozenset(_BY_SHORT_NAME[short] for short in drive.axis.modes)
@@ -111,14 +111,14 @@ def modes(drive: Drive, claimed: Collection[ModeOfOperation] | None = None) -> f
 
 @dataclass(frozen=True, slots=True)
 class ShownModes:
-    """The modes that both show (the objects alone, where 6502h says nothing), and in sentences what only one of them does."""
+    """The modes that objects and 6502h agree on (the objects alone, if 6502h has no value), and their differences in sentences."""
 
     modes: tuple[ModeOfOperation, ...]
     doubts: tuple[str, ...]
 
 
 def mode_list(drive: Drive, claimed: Set[ModeOfOperation] | None = None) -> ShownModes:
-    """Return the modes of an axis as its objects and 6502h show them; ``claimed``: by the drive's own (None: by its EDS's)."""
+    """Return an axis's modes by its objects and 6502h; ``claimed``: the modes of the drive's own 6502h (None: of its EDS's)."""
     if claimed is None:
         claimed = drive.claimed
     runnable = drive.runnable
@@ -140,7 +140,7 @@ def _lacks(drive: Drive, mode: ModeOfOperation) -> str:
 
 
 def standstill_speed(axis: AxisConfig, units: Units) -> float | None:
-    """Return the speed below which the axis counts as standing, in position increments per second; None where it is not known."""
+    """Return the standstill limit of the speed in position increments per second; None if it is unknown."""
     if axis.standstill_velocity is not None:
         return axis.standstill_velocity * abs(units.position.factor)
     if axis.defaults.velocity is None or not units.ratio_known:
@@ -149,7 +149,7 @@ def standstill_speed(axis: AxisConfig, units: Units) -> float | None:
 
 
 def homing_required(axis: AxisConfig) -> bool:
-    """Whether absolute moves wait for homing: as written, else where position limits are set; a virtual axis knows where it is."""
+    """Whether absolute moves need homing: as written, else if position limits are set; never on a virtual axis."""
     if axis.virtual:
         return False
     return axis.position_limits is not None if axis.homing.required is None else axis.homing.required
@@ -174,7 +174,7 @@ def _homing(axis: AxisConfig) -> HomingParameters:
 
 
 def stop_times(axis: AxisConfig) -> StopTimes:
-    """Return the deadlines of the stop ladder: as written, else the usual ones."""
+    """Return the deadlines of the stop sequence: those of the cell file, else the defaults."""
     stop = axis.stop
     given = {"halt": stop.halt_time, "quick_stop": stop.quick_stop_time, "disable": stop.disable_time}
     return replace(StopTimes(), **{name: value for name, value in given.items() if value is not None})
@@ -190,5 +190,5 @@ def _timing(axis: AxisConfig) -> DriveTimeouts:
 
 
 def _increments(way: float | None, units: Units) -> int | None:
-    """Return a way of cell.toml in position increments, at least 1."""
+    """Return a distance of cell.toml in position increments, at least 1."""
     return None if way is None else max(1, round(way * abs(units.position.factor)))

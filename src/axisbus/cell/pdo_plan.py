@@ -1,4 +1,4 @@
-"""The PDOs that will travel after boot, worked out from the cell file and the EDS files alone."""
+"""Plan the PDOs that will be sent after boot, from the cell file and the EDS files alone."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from axisbus.cia401.signal import IoPoint, addresses
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 
-_FULL = 0.5  # of the wire: beyond it stand heartbeats, SDO and a reserve
+_FULL = 0.5  # of the bus capacity; the rest is for heartbeats, SDO and a reserve
 _MOST_SYNCS = 240  # transmission type 240 (CiA 301 table 72)
-_OLDEST = 0.25  # seconds, as old as what is polled by SDO
-_LEAST_SHARE = 0.05  # of the wire
+_OLDEST = 0.25  # seconds, the age of values that are polled by SDO
+_LEAST_SHARE = 0.05  # of the bus capacity
 # Bits: SYNC; RPDO and TPDO of 7 bytes; TPDOs of velocity with torque, and of the demand; the RPDO of feed-forward.
 _SYNC_BITS, _FAST_BITS, _SLOW_BITS = worst_bits(0), 2 * worst_bits(7), worst_bits(6) + worst_bits(4)
 _OFFSET_BITS = worst_bits(6)
@@ -31,9 +31,9 @@ _OFFSET_BITS = worst_bits(6)
 def travelling(
     cell: CellConfig, node: NodeConfig, eds: Eds, dictionary: Dictionary
 ) -> Iterator[tuple[bool, PdoConfiguration]]:
-    """Yield (whether the node receives it, PDO): those of the plan, and TPDOs that are on and that no plan touches.
+    """Yield (whether the node receives it, PDO): the PDOs of the plan, and enabled TPDOs that are not in any plan.
 
-    It is what boot does when the drive takes what its EDS says it takes.
+    This is the result of boot if the drive accepts all that its EDS allows.
     """
     device = pdo_tables.device_pdos(node, eds)
     seen: set[tuple[bool, int]] = set()
@@ -48,7 +48,7 @@ def travelling(
         seen.add((planned.receive, planned.target.number))
     for receive, pdos in ((True, device.rpdos), (False, device.tpdos)):
         for pdo in pdos:
-            # An RPDO outside the plan is sent by nobody.
+            # An RPDO outside the plan is not sent.
             if not receive and pdo.valid and pdo.mapping and (receive, pdo.number) not in seen:
                 yield receive, pdo
 
@@ -62,19 +62,19 @@ def io_plan(
 
 
 def io_objects(points: Sequence[IoPoint], dictionary: Dictionary) -> IoObjects:
-    """Return the objects that these points live in."""
+    """Return the objects of these points."""
     sides = (addresses(points, output=output) for output in (False, True))
     return IoObjects.of(dictionary, *sides)
 
 
 def used_by_axes(cell: CellConfig, node: NodeConfig, dictionary: Dictionary, device: DevicePdos) -> Used:
-    """Return the PDOs that the axes of a node have, by their plans."""
+    """Return the PDOs that the plans of a node's axes use."""
     plans = _plans(cell, node, dictionary, device)
     return {(planned.receive, planned.target.number) for plan in plans for planned in plan.active}
 
 
 def beside_pdos(cell: CellConfig, node: NodeConfig, eds: Eds, dictionary: Dictionary) -> tuple[str, ...]:
-    """Say of each value of the node's axes that no PDO carries how it travels, and why."""
+    """Return a note for each value of the node's axes that no PDO carries: how it is transferred, and why."""
     plans = _plans(cell, node, dictionary, pdo_tables.device_pdos(node, eds))
     return tuple(note for plan in plans for note in plan.notes)
 
@@ -92,7 +92,7 @@ def _plans(
 
 
 def policy_of(cell: CellConfig, node: NodeConfig) -> Policy:
-    """Return how the PDOs of a node may be planned, by the cell file."""
+    """Return the rules for planning a node's PDOs, from the cell file."""
     others = set(cell.nodes) - {node.node_id}
     return Policy(
         sync=cell.bus.sync,
@@ -111,10 +111,11 @@ def _feeding_forward(cell: CellConfig) -> int:
 
 
 def slow_pace(bus: BusConfig, axes: int, feeding_forward: int = 0) -> int:
-    """Return with how many SYNCs velocity, torque and demand come: each, where the wire has room for it, else fewer.
+    """Return the number of SYNCs between two PDOs of velocity, torque and demand: 1 if the bus has room for it, else more.
 
-    By what our own layout needs of the wire at worst. Then they take a twentieth of it, or what is left below half of it, and come
-    every ``_OLDEST`` seconds at least. ``feeding_forward``: how many of the ``axes`` have feed-forward.
+    The calculation uses the worst-case frames of the master's own layout. With more than 1, these PDOs get the part of the bus that
+    is left below one half, but at least a twentieth. They are sent at least every ``_OLDEST`` seconds. ``feeding_forward``: the
+    number of ``axes`` with feed-forward.
     """
     if not bus.at.sound("bitrate", "scan_period", "sync") or bus.bitrate is None or not bus.sync:
         return 1

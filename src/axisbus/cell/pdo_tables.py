@@ -1,4 +1,4 @@
-"""The PDOs of a node as its EDS and the cell file's PDO tables describe them together."""
+"""The PDOs of a node, from its EDS and the cell file's PDO tables."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ _SIZED = re.compile(r"(.+?)\s*/\s*(\d{1,2})", re.ASCII)
 
 @dataclass(frozen=True, slots=True)
 class NodePdo:
-    """One PDO of a node: by its EDS, with what the cell file configures (None: nothing).
+    """One PDO of a node: its description in the EDS, with the configuration in the cell file (None: none).
 
-    ``own_id`` tells whether its COB-ID is made for this node: configured, or with ``$NODEID`` in the EDS.
+    ``own_id`` says whether its COB-ID is specific to this node: configured, or with ``$NODEID`` in the EDS.
     """
 
     receive: bool
@@ -50,7 +50,7 @@ def mapping_index(receive: bool, number: int) -> int:
 
 
 def node_pdos(node: NodeConfig, eds: Eds) -> tuple[NodePdo, ...]:
-    """Return the PDOs that the EDS has; entries of a map that name no object are left out."""
+    """Return the PDOs of the EDS; entries of a map that name no object are left out."""
     dictionary = Dictionary(eds, node.node_id)
     configs = {(config.receive, config.number): config for config in node.pdos}
     return tuple(
@@ -62,19 +62,19 @@ def node_pdos(node: NodeConfig, eds: Eds) -> tuple[NodePdo, ...]:
 
 
 def fixed_pdos(configs: Iterable[PdoConfig]) -> frozenset[tuple[bool, int]]:
-    """Return the PDOs (whether receive, number) whose transmission type the cell file gives: the plan leaves it alone."""
+    """Return the PDOs (whether receive, number) whose transmission type the cell file gives: the plan does not change it."""
     return frozenset((config.receive, config.number) for config in configs if config.transmission is not None)
 
 
 def timed_pdos(configs: Iterable[PdoConfig]) -> frozenset[int]:
-    """Return the TPDOs, by number, whose event timer the cell file gives: the plan leaves it alone."""
+    """Return the TPDOs, by number, whose event timer the cell file gives: the plan does not change it."""
     return frozenset(
         config.number for config in configs if config.event_timer is not None and not config.receive
     )
 
 
 def requested_pdos(configs: Iterable[PdoConfig]) -> dict[int, float]:
-    """Return the TPDOs, by number, that the cell file has asked for by remote frames, with the period in seconds."""
+    """Return the TPDOs, by number, that the master requests by remote frames, with the period in seconds."""
     return {config.number: config.rtr for config in configs if config.rtr is not None and not config.receive}
 
 
@@ -88,7 +88,7 @@ def device_pdos(node: NodeConfig, eds: Eds) -> DevicePdos:
 
 
 def map_entry(key: str, dictionary: Dictionary) -> tuple[MappedObject, int | None]:
-    """Return the object that an element of ``map`` means (0 bits: of no fixed size), and the size written after ``/``.
+    """Return the object of an element of ``map`` (0 bits: no fixed size), and the size written after ``/``.
 
     Raises:
         ArgumentError: it names no object.
@@ -131,7 +131,7 @@ def _node_pdo(
 
 
 def _configured(pdo: PdoConfiguration, config: PdoConfig, dictionary: Dictionary) -> PdoConfiguration:
-    """Return a PDO with what its table sets; a table switches the PDO on, an empty map switches it off."""
+    """Return a PDO with the settings of its table; a table enables the PDO, an empty map disables it."""
     if config.cob_id is not None:
         pdo = replace(pdo, cob_id=config.cob_id)
     if config.transmission is not None:
@@ -152,7 +152,7 @@ def _known(keys: tuple[str, ...], dictionary: Dictionary) -> Iterator[MappedObje
         try:
             yield map_entry(key, dictionary)[0]
         except ArgumentError:
-            continue  # ``checks.pdos`` names it
+            continue  # ``check.pdos`` reports it
 
 
 def _mapping(dictionary: Dictionary, node: NodeConfig, index: int) -> Iterator[MappedObject]:
@@ -174,7 +174,7 @@ def _identifier(cob_id: int) -> int:
 
 
 def _formula(eds: Eds, index: int) -> bool:
-    """Whether the COB-ID has the node ID in it: by ``$NODEID``, or because the file is a DCF, made for one node."""
+    """Whether the COB-ID contains the node-ID: by ``$NODEID``, or because the file is a DCF, made for one node."""
     variable = eds.get(index, o.PDO_COB_ID)
     if variable is None:
         return False

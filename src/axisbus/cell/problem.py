@@ -1,4 +1,4 @@
-"""One thing found wrong, odd or worth knowing in a cell file, with its place and what to do about it."""
+"""One error, danger or note about a cell file, with its location and its remedy."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from axisbus.wording import listed
 class CellProblem:
     """A finding about a cell: ``line`` counts from 1 (0: the whole file).
 
-    An error keeps the cell from being opened; a warning is dangerous or will surprise; a note is only worth knowing.
-    ``page`` is that of its symptom; ``rule`` the id of the check that found it, such as C017.
+    An error prevents the cell from being opened; a warning is dangerous or may surprise; a note is only information. ``page`` is
+    the page of its symptom; ``rule`` is the id of the check that found it, such as C017.
     """
 
     severity: Severity
@@ -32,7 +32,7 @@ class CellProblem:
 
     @property
     def with_rule(self) -> str:
-        """The same text with the id of the check behind its message."""
+        """The same text with the id of the check after its message."""
         return self._text(f"{self.message} [{self.rule}]")
 
     def _text(self, message: str) -> str:
@@ -51,7 +51,7 @@ class CellProblem:
 
 
 def errors(problems: list[CellProblem]) -> list[CellProblem]:
-    """Return those that keep a cell from being opened."""
+    """Return the problems that prevent a cell from being opened."""
     return [problem for problem in problems if problem.severity is Severity.ERROR]
 
 
@@ -62,7 +62,7 @@ def errors(problems: list[CellProblem]) -> list[CellProblem]:
 class SharedProblem:
     """A finding that several axes, nodes, groups or inputs share: ``subjects`` are their names, ``lines`` the line of each.
 
-    ``problem`` says it of all of them, at the first line. Where it is of one or of none, ``subjects`` is empty.
+    ``problem`` is the common finding, at the first line. If the finding has only one subject or none, ``subjects`` is empty.
     """
 
     problem: CellProblem
@@ -81,7 +81,7 @@ _Parts = tuple[str, str, str, str]  # the kind of thing, its name, a colon or no
 
 
 def shared(problems: Iterable[CellProblem]) -> list[SharedProblem]:
-    """Return findings with those put together that say the same of several axes, nodes, groups or inputs; else in their order."""
+    """Combine findings that are the same for several axes, nodes, groups or inputs; the order of the findings is kept."""
     found: dict[tuple[object, ...], list[tuple[CellProblem, _Parts | None]]] = {}
     for problem in problems:
         parts = _parts(problem.message)
@@ -99,7 +99,7 @@ def _parts(message: str) -> _Parts | None:
 
 
 def _without_name(problem: CellProblem, parts: _Parts | None) -> tuple[object, ...]:
-    """Return what two findings have in common that say the same of two things."""
+    """Return the key that is equal for two findings with the same statement about two subjects."""
     texts = (problem.message, problem.observed, problem.remedy)
     key = (problem.rule, problem.severity, problem.file, problem.page)
     if parts is None:

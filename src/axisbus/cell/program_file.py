@@ -1,4 +1,4 @@
-"""The file of a node's program: where it is, what is in it, and how long its download may take."""
+"""The file of a node's program: its path, its contents, and the deadline of its download."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from axisbus.cell.model import CellConfig, NodeConfig, ProgramConfig
 from axisbus.cia302.program import NodeProgram, ProgramVersion, Version
 from axisbus.errors import ConfigError
 
-LEAST_DEADLINE = 60.0  # seconds; clearing a large flash memory takes some tens of them
-_SLOWEST = 10_000  # bytes/s that a node is expected to write to its memory at least
+LEAST_DEADLINE = 60.0  # seconds; clearing a large flash memory takes several tens of them
+_SLOWEST = 10_000  # bytes/s, the lowest expected rate at which a node writes its memory
 
 
 def path_of(cell: CellConfig, program: ProgramConfig) -> Path | None:
-    """Return where the file is, None where none is named."""
+    """Return the path of the file, None if no file is named."""
     return None if program.file is None else cell.folder / program.file
 
 
 def read_file(cell: CellConfig, program: ProgramConfig) -> bytes | None:
-    """Return what is to be transferred, None where no file is named; blocks for as long as reading takes.
+    """Return the bytes to transfer, None if no file is named; blocks while the file is read.
 
     Raises:
         ConfigError: the file cannot be read, or is empty.
@@ -36,14 +36,14 @@ def read_file(cell: CellConfig, program: ProgramConfig) -> bytes | None:
 
 
 def deadline_of(program: ProgramConfig, size: int) -> float:
-    """Return the seconds that each part of a download may take: as the cell file says, else by the size in bytes."""
+    """Return the seconds that each part of a download may take: from the cell file, else by the size in bytes."""
     return program.deadline if program.deadline is not None else max(LEAST_DEADLINE, size / _SLOWEST)
 
 
 def wanted_program(cell: CellConfig, node: NodeConfig, late: bool = False) -> NodeProgram | None:
-    """Return the program that a node is to have; the file is read only where it may be downloaded.
+    """Return the program that a node must have; the file is read only if the download is allowed.
 
-    Not while the machine runs (``late``): whoever closes it would leave half a program in the node.
+    No download is allowed while the machine runs (``late``): closing the machine would leave half a program in the node.
 
     Raises:
         ConfigError: as ``read_file``.
@@ -57,7 +57,7 @@ def wanted_program(cell: CellConfig, node: NodeConfig, late: bool = False) -> No
 
 
 def mark_of(program: ProgramConfig) -> ProgramVersion:
-    """Return by what the program is known."""
+    """Return the properties that identify the program."""
     version = None if program.date_time is None else Version(*program.date_time)
     return ProgramVersion(version, program.identification)
 

@@ -1,4 +1,4 @@
-"""Which objects of an axis are positions, speeds, accelerations and torques, and their values in the axis's units."""
+"""The dimensions of an axis's objects (position, velocity, acceleration, torque), and their conversion to the axis's units."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from axisbus.motion.parameters import Units
 
 
 class Dimension(Enum):
-    """What an object of CiA 402 measures."""
+    """The dimension of an object of CiA 402."""
 
     POSITION = "position"
     VELOCITY = "velocity"
@@ -55,7 +55,7 @@ DIMENSIONS: Mapping[int, Dimension] = {
 }
 _ARRAYS = frozenset({o.POSITION_RANGE_LIMIT, o.SOFTWARE_POSITION_LIMIT, o.HOMING_SPEEDS})
 _PER_MILLE = 1000  # torque objects count thousandths of the rated torque (CiA 402-2, 6071h and others)
-# Magnitudes have no direction, so that an inverted axis does not turn them.
+# Magnitudes have no direction: inverting an axis does not change their sign.
 _MAGNITUDES = frozenset(
     {
         *(o.FOLLOWING_ERROR_WINDOW, o.POSITION_WINDOW, o.VELOCITY_WINDOW, o.VELOCITY_THRESHOLD),
@@ -65,7 +65,7 @@ _MAGNITUDES = frozenset(
 
 
 class UnitConversion(NamedTuple):
-    """How an object's integer is turned into a unit: ``value / factor``."""
+    """The conversion of an object's integer to a unit: ``value / factor``."""
 
     factor: float
     unit: str
@@ -75,7 +75,7 @@ class UnitConversion(NamedTuple):
         return value / self.factor
 
     def to_increments(self, value: float) -> int:
-        """Return the nearest integer that the object takes."""
+        """Return the nearest integer for the object."""
         return round(value * self.factor)
 
 
@@ -88,7 +88,7 @@ class Quantities:
             self._axes[axis.node, axis.drive_axis] = axis, units_of(axis)
 
     def of(self, node_id: int, index: int, subindex: int = 0) -> UnitConversion | None:
-        """Return how an object is turned into the axis's unit; None where no unit is known for it."""
+        """Return the conversion of an object to the axis's unit; None if the object has no known unit."""
         first = first_axis(index)
         dimension = DIMENSIONS.get(first)
         found = self._axes.get((node_id, axis_of(index)))
@@ -112,10 +112,10 @@ def _quantity(dimension: Dimension, axis: AxisConfig, units: Units) -> UnitConve
 
 
 def parse_quantity(text: str, quantity: UnitConversion | None) -> int | None:
-    """Return the increments of a value with its unit, such as ``90 deg``; None where the text names no unit.
+    """Return the increments of a value with its unit, such as ``90 deg``; None if the text has no unit.
 
     Raises:
-        ArgumentError: it names a unit that is not the object's.
+        ArgumentError: the unit is not the object's.
     """
     number, unit = _split(text.strip())
     if number is None or not unit:
@@ -140,7 +140,7 @@ def _spellings(unit: str) -> frozenset[str]:
 
 
 def _split(text: str) -> tuple[float | None, str]:
-    """Split at the end of the longest number that the text begins with; a hexadecimal number has no unit."""
+    """Split after the longest number at the beginning of the text; a hexadecimal number has no unit."""
     if text.lower().startswith(("0x", "-0x")):
         return None, ""
     for end in range(len(text), 0, -1):

@@ -1,8 +1,8 @@
-"""Reading a cell file: TOML to frozen values, with everything that is wrong with what is written.
+"""Read a cell file: convert TOML to frozen values, and collect all errors in its text.
 
-Theory of operation. ``schema`` says what each table may hold; ``_Reading`` walks the file by it and never stops at a problem: what
-cannot be used is reported, named in the ``faulty`` keys of its table, and replaced by a placeholder, so that the rest can still be
-checked. Whether the parts fit each other and the drives is the matter of ``checks``.
+Theory of operation. ``schema`` defines the keys of each table; ``_Reading`` walks the file by it and never stops at a problem. It
+reports an unusable value, adds its key to the ``faulty`` keys of its table, and replaces the value by a placeholder, so that the
+rest can still be checked. ``check`` finds out whether the parts fit each other and the drives.
 """
 
 from __future__ import annotations
@@ -67,14 +67,14 @@ __all__ = [
 ]
 
 _ALONE = "the core leads it alone: it has no node and no drive"
-_SHOWN = 10  # further errors that the text of an exception lists
+_SHOWN = 10  # maximum number of further errors in the text of an exception
 
 
 def load(path: str | Path) -> CellConfig:
-    """Read a cell file; blocks for as long as that takes.
+    """Read a cell file; blocks while the file is read.
 
     Raises:
-        ConfigError: the file cannot be read, is no TOML, or something in it is wrong; the first error, with the others listed.
+        ConfigError: the file cannot be read, is not TOML, or contains an error; the first error, with the others listed.
     """
     cell, problems = read(path)
     wrong = errors(problems)
@@ -84,10 +84,10 @@ def load(path: str | Path) -> CellConfig:
 
 
 def read(path: str | Path) -> tuple[CellConfig | None, list[CellProblem]]:
-    """Read a cell file and return it with everything that is wrong with what is written, in the order of the lines.
+    """Read a cell file and return it with all errors in its text, in the order of the lines.
 
-    The cell is None where the file cannot be read or is no TOML. With errors it holds placeholders and is only good for further
-    checks. Raises nothing.
+    The cell is None if the file cannot be read or is not TOML. A cell with errors contains placeholders and is only useful for
+    further checks. Raises nothing.
     """
     try:
         return interpret(toml.load(path))
@@ -96,7 +96,7 @@ def read(path: str | Path) -> tuple[CellConfig | None, list[CellProblem]]:
 
 
 def loads(text: str, file: str = "cell.toml") -> tuple[CellConfig | None, list[CellProblem]]:
-    """As ``read``, from a text; ``file`` is the name that messages show and the place that paths are relative to."""
+    """Do the same as ``read`` with a text; ``file`` is the name in messages, and its folder is the base of relative paths."""
     try:
         return interpret(toml.loads(text, file))
     except ConfigError as error:
@@ -104,7 +104,7 @@ def loads(text: str, file: str = "cell.toml") -> tuple[CellConfig | None, list[C
 
 
 def interpret(document: TomlDocument) -> tuple[CellConfig, list[CellProblem]]:
-    """Turn a TOML document into a cell, with everything that is wrong with it."""
+    """Convert a TOML document to a cell, and return it with all errors in it."""
     reading = _Reading(document)
     cell = reading.cell()
     return cell, sorted(reading.problems, key=lambda problem: problem.rank)
@@ -205,7 +205,7 @@ class _Reading(Tables):
         return NodeConfig(node_id, **fields, program=program, objects=self._objects(path, table), pdos=pdos)
 
     def _module(self, node_id: int, path: KeyPath, table: Fields, fields: Fields, spoken: str) -> NodeConfig:
-        """Read a node that speaks no CANopen: what belongs to that is refused, whatever it says."""
+        """Read a node that does not speak CANopen; all keys of CANopen nodes are refused, whatever their values."""
         name, words = name_of(path), SPOKEN[spoken]
         for key in table:
             if key not in ("protocol", "firmware", spoken):
@@ -292,7 +292,7 @@ class _Reading(Tables):
         )
 
     def _virtual_axis(self, name: str, path: KeyPath, table: Fields) -> AxisConfig:
-        """Read an axis without a drive: what belongs to one is refused, whatever it says."""
+        """Read an axis without a drive; all keys that need a drive are refused, whatever their values."""
         found = list(allowed_keys.foreign(table))
         for below, remedy in found:
             what, of = name_of(below), name_of(path)
@@ -323,7 +323,7 @@ class _Reading(Tables):
         return axis
 
     def _encoder(self, name: str, path: KeyPath, table: Fields, keys: schema.Keys) -> AxisConfig:
-        """Read an axis that is where an input says: how many counts make a unit is never guessed."""
+        """Read an axis whose position comes from an input; the number of counts per unit is never guessed."""
         if table.get("unit") != INCREMENTS:
             remedy = f"scale = counts per {table.get('unit', 'unit')}; it is never guessed"
             keys = {**keys, "scale": schema.CellKey(value_readers.scale, remedy)}
@@ -373,7 +373,7 @@ class _Reading(Tables):
         return found
 
     def _own_name(self, path: KeyPath, name: str) -> None:
-        """Report a pair that has the name of an axis or a group: all three are commanded by it."""
+        """Report a gantry with the name of an axis or a group, because commands use the names of all three."""
         for kind in ("axes", "groups"):
             others = self._document.data.get(kind)
             if isinstance(others, dict) and name in others:

@@ -1,4 +1,4 @@
-"""What a drive's objects suggest as scale, put beside what cell.toml says; it is a proposal, never taken."""
+"""Compare the scales of cell.toml with those that a drive's objects suggest; a suggestion is never used automatically."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from axisbus.units import TURNS, Scale
 
 _TOLERANCE = 1e-3
 _ONE = (Fraction(1),)
-_ROUNDED = 0.01  # what velocity_scale and acceleration_scale may be off: they are often rounded
+_ROUNDED = 0.01  # allowed deviation of velocity_scale and acceleration_scale: they are often rounded
 
 OBJECTS = (
     (o.ENCODER_RESOLUTION, 1),
@@ -37,7 +37,7 @@ Values = Mapping[tuple[int, int], int | None]
 
 @dataclass(frozen=True, slots=True)
 class ScaleReport:
-    """The configured scale (or rated torque) beside what the drive's objects suggest; ``agrees`` None: nothing is suggested."""
+    """The configured scale (or rated torque) and the one that the drive's objects suggest; ``agrees`` None: no suggestion."""
 
     configured: str
     proposed: str
@@ -45,9 +45,9 @@ class ScaleReport:
 
 
 def compare(scale: Scale, values: Values) -> ScaleReport:
-    """Compare a configured position scale with what 608Fh, 6091h and 6092h suggest.
+    """Compare a configured position scale with the suggestion of 608Fh, 6091h and 6092h.
 
-    Which side of the gear 6064h counts cannot be seen from the objects, so each side is a candidate.
+    The objects do not say on which side of the gear 6064h counts, so each side is a candidate.
     """
     configured = f"{abs(scale.factor):g} increments per {scale.unit}"
     found = candidates(scale.unit, values)
@@ -61,7 +61,7 @@ def compare(scale: Scale, values: Values) -> ScaleReport:
 
 
 def candidates(unit: str, values: Values) -> list[tuple[str, Fraction]]:
-    """Return the position scales that 608Fh and 6091h suggest, in increments per unit, each with the side that it counts at."""
+    """Return the position scales that 608Fh and 6091h suggest, in increments per unit, each with its side of the gear."""
     part = TURNS.get(unit.lower())
     motor = _ratio(values, o.ENCODER_RESOLUTION)
     if part is None or motor is None:
@@ -75,11 +75,11 @@ def candidates(unit: str, values: Values) -> list[tuple[str, Fraction]]:
 
 @dataclass(frozen=True, slots=True)
 class Rate:
-    """What one velocity (or acceleration) increment is by a drive's objects.
+    """The size of one velocity (or acceleration) increment by a drive's objects.
 
-    ``ratios``: position increments per s (or s²) in it, one for each side of the gear that it may be of; empty: not known.
-    ``is_certain``: they follow from the units alone, and not from 608Fh or 6091h. ``needs_turn``: it counts turns, and 608Fh does
-    not say how many increments one has.
+    ``ratios``: its size in position increments per s (or s²), one for each possible side of the gear; empty: unknown.
+    ``is_certain``: the ratios follow from the units alone, and not from 608Fh or 6091h. ``needs_turn``: the unit is turns, and
+    608Fh does not say how many increments a turn has.
     """
 
     key: str
@@ -93,7 +93,7 @@ class Rate:
 
 @dataclass(frozen=True, slots=True)
 class ScaleContradiction:
-    """A scale of the cell file that the drive's objects contradict; ``is_certain``: whatever 608Fh and the gear are."""
+    """A scale of the cell file that the drive's objects contradict; ``is_certain``: it does not depend on 608Fh and the gear."""
 
     key: str
     message: str
@@ -103,7 +103,7 @@ class ScaleContradiction:
 
 
 def rates(values: Values) -> tuple[Rate, ...]:
-    """Return what the drive's objects say of its velocities and accelerations; nothing where they say nothing."""
+    """Return the increments of velocity and acceleration by the drive's objects; empty if the objects have no information."""
     position = decoded(values.get((o.SI_UNIT_POSITION, 0))) or IncrementSize(INCREMENT, Fraction(1), "inc")
     velocity = decoded(values.get((o.SI_UNIT_VELOCITY, 0)))
     acceleration = decoded(values.get((o.SI_UNIT_ACCELERATION, 0)))
@@ -138,22 +138,22 @@ def _rate(key: str, source: str, count: IncrementSize, position: IncrementSize, 
 
 
 def _turn(values: Values) -> Fraction | None:
-    """Return the increments of a motor turn by 608Fh; 1 for 1 turn says nothing."""
+    """Return the increments of a motor turn by 608Fh; None for 1 increment per turn, which is no information."""
     turn = _ratio(values, o.ENCODER_RESOLUTION)
     return None if turn == 1 else turn
 
 
 def counts_increments(axis: AxisConfig, values: Values) -> bool:
-    """Whether the drive says that it counts velocities in position increments per s, and accelerations not otherwise."""
+    """Whether the drive's velocities are certainly in position increments per s, and its accelerations are not known to differ."""
     known = {rate.key: rate.ratios == _ONE and rate.is_certain for rate in rates(values)}
     counted = known.get("velocity_scale", False)
     return counted and (axis.acceleration_scale is not None or known.get("acceleration_scale", True))
 
 
 def contradictions(axis: AxisConfig, values: Values) -> list[ScaleContradiction]:
-    """Return where ``velocity_scale`` and ``acceleration_scale``, or what they are when left out, are not what the drive counts.
+    """Return the contradictions of ``velocity_scale`` and ``acceleration_scale``, or of their defaults, to the drive's units.
 
-    An axis in increments without ``velocity_scale`` gives the drive its own increments, and contradicts nothing.
+    An axis in increments without ``velocity_scale`` uses the drive's own increments, and has no contradiction.
     """
     if axis.virtual or (axis.unit == INCREMENTS and axis.velocity_scale is None):
         return []
@@ -176,7 +176,7 @@ def contradictions(axis: AxisConfig, values: Values) -> list[ScaleContradiction]
 
 def _agrees(ratio: Fraction, rate: Rate, *, given: bool) -> bool:
     if not rate.ratios:
-        return given  # what is assumed when the key is left out is another unit
+        return given  # the default of a key that is left out is another unit
     return any(abs(ratio - one) <= _ROUNDED * one for one in rate.ratios)
 
 

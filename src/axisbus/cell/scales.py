@@ -1,4 +1,4 @@
-"""From the scales of a cell file to those that motion uses."""
+"""Convert the scales of a cell file to the units that motion uses."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ MASTER, DRIVE = "master", "drive"
 def units_of(axis: AxisConfig) -> Units:
     """Return the units of an axis.
 
-    Velocity and acceleration scales default to the position's, for an axis in increments to 1. With ``invert = "master"`` the
-    position and velocity scales and the rated torque are negative, which turns every signed value both ways; magnitudes
+    Velocity and acceleration scales default to the position's; for an axis in increments, to 1. With ``invert = "master"`` the
+    position and velocity scales and the rated torque are negative, which inverts every signed value in both directions; magnitudes
     (accelerations, slopes) have no direction.
     """
     sign = -1 if axis.invert == MASTER else 1

@@ -1,4 +1,4 @@
-"""What each table of a cell file may hold: each key with its reader, and what to write where a required one is missing."""
+"""The tables of a cell file: each key with its reader, and the remedy if a required key is missing."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from axisbus.cia402.modes import FACTS
 
 @dataclass(frozen=True, slots=True)
 class CellKey:
-    """One key; ``missing`` is the remedy where a required one is left out (empty: it is not required)."""
+    """One key; ``missing`` is the remedy if a required key is left out (empty: the key is not required)."""
 
     read: v.ValueReader
     missing: str = ""
@@ -46,7 +46,7 @@ BUS: Keys = {
     "sync_timeout": CellKey(v.duration("1ms", "10s")),
     "time": CellKey(v.or_word("off", None, v.duration("10ms", "60min"))),
     "time_cob_id": CellKey(v.integer(1, ID_MASK_11)),
-    # A drive waits for three heartbeats, and 1016h counts 65535 ms at most.
+    # A drive waits for three heartbeats, and 1016h holds at most 65535 ms.
     "heartbeat": CellKey(v.or_word("off", None, v.duration("1ms", "20s"))),
     "on_lost_node": CellKey(v.words("group", "cell", "report")),
     "process": CellKey(v.words("thread", "own")),
@@ -200,7 +200,7 @@ IO: Keys = {
 }
 
 TOP = ("bus", "nodes", "axes", "groups", "gantries", "io")
-# Tables inside a table; ``None``: any key may stand in it.
+# Tables inside a table; ``None``: the table may have any key.
 BUS_TABLES: Mapping[str, Keys | None] = {"options": None}
 NODE_TABLES: Mapping[str, Keys | None] = {
     "objects": None,

@@ -1,4 +1,4 @@
-"""What brakes an axis, by its option codes, its quick-stop deceleration, its own limits, and ramps that cannot be written."""
+"""The decelerations of an axis, from its option codes, quick-stop deceleration, own limits, and read-only ramps."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Read = Callable[[int], int | None]
 
 
 def braking_of(units: Units, read: Read) -> Braking:
-    """Return what halt and quick stop brake with; ``read`` gives the value of an object of the axis, None where it is not known."""
+    """Return the ramps of halt and quick stop; ``read`` returns the value of an object of the axis, None if it is unknown."""
     most_up, most_down = read(objects.MAX_ACCELERATION), read(objects.MAX_DECELERATION)
     return Braking(
         _ramp(options.HALT_RAMPS, read(objects.HALT_OPTION)),
@@ -26,7 +26,7 @@ def braking_of(units: Units, read: Read) -> Braking:
 
 
 def fixed_ramps(drive: Drive, read: Read) -> tuple[tuple[int, int | None], ...]:
-    """Return the profile ramps (6083h, 6084h) that the EDS does not let be written, each with what the drive has there."""
+    """Return the profile ramps (6083h, 6084h) that are read-only in the EDS, each with the drive's value."""
     found = []
     for index in (objects.PROFILE_ACCELERATION, objects.PROFILE_DECELERATION):
         variable = drive.variable(index)
@@ -40,7 +40,7 @@ def _ramp(table: dict[int, Ramp], value: int | None) -> Ramp:
 
 
 def _increments(units: Units, raw: int | None) -> float | None:
-    """Return an acceleration of the drive in position increments per s²."""
+    """Return an acceleration of the drive in position increments per s²; None if it is 0 or unknown."""
     if not raw or not units.ratio_known:
         return None
     return abs(units.acceleration.to_units(raw) * units.position.factor)

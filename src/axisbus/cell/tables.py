@@ -1,4 +1,4 @@
-"""Reading the tables of a cell file by what ``schema`` knows of each: values fitted, and everything wrong with them collected."""
+"""Read the tables of a cell file by ``schema``: convert the values, and collect all errors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from axisbus.eds.model import Severity
 
 Fields = dict[str, Any]
 
-# The ids of what reading finds; ``axisbus.check`` has the table of all ids.
+# The ids of the reader's findings; ``axisbus.check`` has the table of all ids.
 UNREADABLE, UNKNOWN, MISSING, UNFIT, NO_TABLE = "C001", "C002", "C003", "C004", "C005"
 NO_NAME, TWO_OF_A_NAME, TOGETHER, NO_AXIS = "C006", "C007", "C008", "C009"
 
@@ -25,7 +25,7 @@ _NAME = re.compile(r"[\w-]{1,64}")
 
 
 class Tables:
-    """A walk through a document; holds the problems found so far. It never stops at one."""
+    """A walk through a document; holds the problems found so far. It never stops at a problem."""
 
     def __init__(self, document: TomlDocument) -> None:
         self._document = document
@@ -38,7 +38,7 @@ class Tables:
     def _fields(
         self, path: KeyPath, table: Fields, keys: Keys, tables: Mapping[str, Keys | None] | None = None
     ) -> Fields:
-        """Read the keys of one table; what is missing or wrong is reported and left out, so that the default stands."""
+        """Read the keys of one table; a missing or wrong key is reported and left out, so that its default applies."""
         tables = tables or {}
         self._unknown(path, table, (*keys, *tables), "key", tables)
         fields: Fields = {}
@@ -121,7 +121,7 @@ def name_of(path: KeyPath) -> str:
     return ".".join(str(part) for part in path)
 
 
-# Keys of other files and former habits -> what is meant here.
+# Keys of other files and other programs -> the keys of a cell file.
 _ELSEWHERE = {
     "period": "scan_period",
     "cycle_time": "scan_period",
@@ -136,7 +136,7 @@ _ELSEWHERE = {
 
 
 def _advice(key: str, path: KeyPath, known: tuple[str, ...], tables: Mapping[str, Keys | None]) -> str:
-    """Return where an unknown key belongs, or the known one that it resembles, or all known ones."""
+    """Return the right table of an unknown key, or a similar known key, or all known keys."""
     for name, keys in tables.items():
         if keys and key in keys:
             return f"it belongs in [{name_of((*path, name))}]"

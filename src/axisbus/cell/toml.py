@@ -1,4 +1,4 @@
-"""Reading a TOML file: the values by ``tomllib``, with the line of every table and key for the messages."""
+"""Read a TOML file: the values by ``tomllib``, and the line of each table and key for the messages."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from axisbus.eds.io.file_suggestions import files_near
 from axisbus.errors import ConfigError
 from axisbus.wording import counted
 
-MAX_BYTES = 1 << 20  # a cell of 127 nodes takes some 100 kB
-_OF_PYTHON = "pyproject.toml"  # no cell file, and often beside one
+MAX_BYTES = 1 << 20  # a cell of 127 nodes takes about 100 kB
+_OF_PYTHON = "pyproject.toml"  # not a cell file, and often in the same folder
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ class TomlDocument:
     lines: Mapping[KeyPath, int]
 
     def line(self, path: KeyPath) -> int:
-        """Return the line of ``path``, or of the nearest thing around it that has one; 1 where nothing has."""
+        """Return the line of ``path``, or of the nearest enclosing table that has one; 1 if none has."""
         while path:
             if path in self.lines:
                 return self.lines[path]
@@ -37,20 +37,20 @@ class TomlDocument:
 
 
 def load(path: str | Path) -> TomlDocument:
-    """Read a file; blocks for as long as that takes.
+    """Read a file; blocks while the file is read.
 
     Raises:
-        ConfigError: it is missing, cannot be read, is too large, is not UTF-8, or is no TOML; with the line where there is one.
+        ConfigError: it is missing, cannot be read, is too large, is not UTF-8, or is not TOML; with the line if there is one.
     """
     path = Path(path)
     return loads(_decoded(_bytes(path), str(path)), str(path))
 
 
 def loads(text: str, file: str) -> TomlDocument:
-    """Read ``text``; ``file`` is the name that messages show.
+    """Read ``text``; ``file`` is the name in messages.
 
     Raises:
-        ConfigError: it is no TOML.
+        ConfigError: it is not TOML.
     """
     text = text.replace("\r\n", "\n")
     try:
@@ -60,7 +60,7 @@ def loads(text: str, file: str) -> TomlDocument:
         raise ConfigError(
             "brackets are nested too deeply", file=file, remedy="a cell file needs no more than three levels"
         ) from None
-    except ValueError as error:  # tomllib's own error is one, and so is a number of thousands of digits
+    except ValueError as error:  # tomllib's own error is a ValueError, and so is the error of a number with thousands of digits
         raise _syntax(str(error), text, file) from None
     document = TomlDocument(file, text, data, lines)
     _require_printable(document, data)
@@ -76,7 +76,7 @@ _QUOTED = re.compile(r'"([^"\']*\\[^"\']*)"')
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 _AT = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 
-# What tomllib says -> what is usually behind it.
+# A message of tomllib -> the usual remedy.
 _REMEDIES = (
     ("Cannot overwrite a value", "this key is given twice in its table: delete one"),
     ("Cannot declare", "this table is opened twice: put all of its keys under one header"),
@@ -102,7 +102,7 @@ _REMEDIES = (
 
 
 def _require_printable(document: TomlDocument, value: Any, path: KeyPath = ()) -> None:
-    """Check that no backslash of a path was read as an escape: "C:\\new" has a line feed in it.
+    """Check that no backslash of a path was read as an escape: "C:\\new" contains a line feed.
 
     Raises:
         ConfigError: one was.
@@ -118,7 +118,7 @@ def _require_printable(document: TomlDocument, value: Any, path: KeyPath = ()) -
         written = document.text.split("\n")[line - 1].strip()
         if (
             "\\" in written and '"""' not in written and "'''" not in written
-        ):  # a text of several lines is meant
+        ):  # a text of several lines may contain control characters
             raise ConfigError(
                 f"{'.'.join(map(str, path))}: TOML reads a backslash in double quotes as the beginning of a control character",
                 file=document.file,
@@ -129,7 +129,7 @@ def _require_printable(document: TomlDocument, value: Any, path: KeyPath = ()) -
 
 
 def _in_single_quotes(line: str) -> str:
-    """Return what to do with a line whose backslashes are those of a path."""
+    """Return the remedy for a line whose backslashes belong to a path."""
     found = _QUOTED.search(line)
     return f"{_BACKSLASHES}: '{found[1] if found else _EXAMPLE}'"
 

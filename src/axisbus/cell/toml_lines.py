@@ -1,8 +1,8 @@
-"""The line of every table, key and array element of a TOML text.
+"""The line of each table, key and array element of a TOML text.
 
-Theory of operation. ``tomllib`` gives values without places. So the same text is walked once more by ``_Locator``, which knows only
-as much TOML as it takes to tell keys from values: headers, dotted and quoted keys, strings, comments, brackets. It runs only on a
-text that ``tomllib`` has accepted, so it need not find any error itself.
+Theory of operation. ``tomllib`` returns values without their locations. Therefore ``_Locator`` walks the same text once more. It
+knows only the TOML syntax that separates keys from values: headers, dotted and quoted keys, strings, comments, brackets. It runs
+only on a text that ``tomllib`` has accepted, so it does not need to find errors.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ KeyPath = tuple[str | int, ...]
 
 
 def locate(text: str) -> dict[KeyPath, int]:
-    """Return the line (from 1) of each path in ``text``, which is valid TOML with line feeds only.
+    """Return the line (from 1) of each path in ``text``, which must be valid TOML with line feeds only.
 
     The elements of arrays have their number (from 0) in the path; those of an array of tables likewise.
     """
@@ -26,7 +26,7 @@ _SPACE = re.compile(r"[ \t]*")
 _BLANK = re.compile(r"(?:[ \t\n]|#[^\n]*)*")
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _STRING = re.compile(
-    r'"""(?:[^\\]|\\.)*?"{3,5}'  # up to two quotation marks may stand before the closing three
+    r'"""(?:[^\\]|\\.)*?"{3,5}'  # up to two quotation marks may precede the closing three
     r"|'''.*?'{3,5}"
     r'|"(?:[^"\\\n]|\\.)*"'
     r"|'[^'\n]*'",
@@ -36,17 +36,17 @@ _SCALAR = re.compile(r"[^,\]}\n#]+")
 
 
 class _Locator:
-    """Walks a valid TOML text; holds where it is, and the lines found so far."""
+    """Walk a valid TOML text; holds the present offset, and the lines found so far."""
 
     def __init__(self, text: str) -> None:
         self._text = text
         self._at = 0
         self._newlines = [at for at, char in enumerate(text) if char == "\n"]
         self._lines: dict[KeyPath, int] = {}
-        self._counts: dict[KeyPath, int] = {}  # elements of each array of tables
+        self._counts: dict[KeyPath, int] = {}  # index of the last element of each array of tables
 
     def run(self) -> dict[KeyPath, int]:
-        """Return the line of every path."""
+        """Return the line of each path."""
         table: KeyPath = ()
         while self._skip(_BLANK):
             before = self._at
@@ -54,7 +54,7 @@ class _Locator:
                 table = self._header()
             else:
                 self._pair(table)
-            if self._at == before:  # not met in valid TOML; never loop on a text that is not
+            if self._at == before:  # never happens in valid TOML; prevents an endless loop on invalid text
                 break
         return self._lines
 
@@ -146,7 +146,7 @@ class _Locator:
         self._at += 1
 
     def _skip(self, pattern: re.Pattern[str]) -> bool:
-        """Skip what ``pattern`` matches, which may be nothing; return whether there is any text left."""
+        """Skip the match of ``pattern``, which may be empty; return whether any text is left."""
         found = pattern.match(self._text, self._at)
         self._at = found.end() if found else self._at
         return self._at < len(self._text)

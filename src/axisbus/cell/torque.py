@@ -1,4 +1,4 @@
-"""What a drive's objects say of its torque: the rated one beside that of cell.toml, and the most that may be asked for."""
+"""The torque of a drive by its objects: the rated torque compared with cell.toml, and the highest allowed torque."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ Read = Callable[[int], int | None]
 
 
 def compare(rated: float | None, drive: int | None) -> ScaleReport | None:
-    """Compare ``rated_torque`` (N·m, with or without a sign) with what 6076h says; None where neither says anything.
+    """Compare ``rated_torque`` (N·m, with or without a sign) with 6076h; None if the cell file does not give it.
 
-    Torques travel in parts of the rated torque: where the two differ, the motor gives another torque than was asked for.
+    Torques are sent as parts of the rated torque: if the two differ, the motor's torque differs from the commanded torque.
     """
     if rated is None:
         return None
@@ -34,7 +34,7 @@ def compare(rated: float | None, drive: int | None) -> ScaleReport | None:
 
 
 def limited(limits: AxisLimits, rated: float | None, read: Read) -> AxisLimits:
-    """Return ``limits`` with the drive's own highest torque (6072h) where the cell file gives none; ``rated`` in N·m."""
+    """Return ``limits`` with the drive's own highest torque (6072h) if the cell file gives none; ``rated`` in N·m."""
     most = read(o.MAX_TORQUE)
     if limits.torque is not None or rated is None or not most:
         return limits

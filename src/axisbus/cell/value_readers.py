@@ -1,7 +1,7 @@
-"""Readers of single values of a cell file: each returns what was meant, or says what it expects instead.
+"""Readers of single values of a cell file: each returns the converted value, or raises an error with the expected format.
 
-Each also tells what it takes as a JSON Schema, which is for editors: it never refuses what the reader takes, but it cannot know
-everything that the reader refuses (the order of two numbers, the bounds of a time).
+Each also describes its values as a JSON Schema for editors. The schema never refuses a value that the reader accepts, but it cannot
+express everything that the reader refuses (the order of two numbers, the bounds of a time).
 """
 
 from __future__ import annotations
@@ -17,30 +17,30 @@ from typing import Any
 
 from axisbus.units import AXIS_UNITS
 
-LARGEST = 1e15  # of any number in engineering units; floats are whole numbers up to there
+LARGEST = 1e15  # of any number in engineering units; up to this limit a float can hold each whole number
 
 JsonSchema = Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
 class ValueReader:
-    """Turns a TOML value into what was meant, or raises ``InvalidValue``; ``json`` is what it takes, as a JSON Schema."""
+    """Converts a TOML value, or raises ``InvalidValue``; ``json`` describes the accepted values as a JSON Schema."""
 
     read: Callable[[Any], Any]
     json: JsonSchema
 
     def __call__(self, value: Any) -> Any:
-        """Return what was meant."""
+        """Return the converted value."""
         return self.read(value)
 
 
 def _takes(**json: Any) -> Callable[[Callable[[Any], Any]], ValueReader]:
-    """Make a function a reader that takes what ``json`` says."""
+    """Make a function a reader; ``json`` is its JSON Schema."""
     return lambda read: ValueReader(read, json)
 
 
 class InvalidValue(Exception):
-    """A value that cannot be used; ``expected`` completes "expected ...", ``remedy`` says what to write."""
+    """A value that cannot be used; ``expected`` completes "expected ...", ``remedy`` says what to write instead."""
 
     def __init__(self, expected: str, remedy: str = "") -> None:
         super().__init__(expected)
@@ -106,7 +106,7 @@ def words(*known: str) -> ValueReader:
 
 
 def list_of(read: ValueReader, what: str, empty: bool = False) -> ValueReader:
-    """Return a reader of a list, a tuple of what ``read`` makes of each element; ``what`` is its plural."""
+    """Return a reader of a list; the result is a tuple of the values from ``read``; ``what`` is the plural of an element."""
 
     def read_list(value: Any) -> tuple[Any, ...]:
         if not isinstance(value, list):
@@ -185,7 +185,7 @@ def finite(value: Any) -> float:
 
 @_takes(type=["number", "boolean"])
 def safe(value: Any) -> float:
-    """Read what an output becomes: a number, or true and false for 1 and 0."""
+    """Read the safe state of an output: a number, or true and false for 1 and 0."""
     return float(value) if isinstance(value, bool) else _finite(value, "a number, true or false")
 
 
@@ -193,7 +193,7 @@ def safe(value: Any) -> float:
     type="array", items={"type": "number", "minimum": -LARGEST, "maximum": LARGEST}, minItems=2, maxItems=2
 )
 def interval(value: Any) -> tuple[float, float]:
-    """Read [lowest, highest], the first below the second."""
+    """Read [lowest, highest]; the first must be below the second."""
     expected = "a list of two numbers, [lowest, highest]"
     if not isinstance(value, list) or len(value) != 2:
         raise InvalidValue(expected)
@@ -222,7 +222,7 @@ _SMALLEST_SCALE, _LARGEST_SCALE = Fraction(1, 10**12), Fraction(10**15)
 
 
 def _whole(pattern: re.Pattern[str]) -> str:
-    """Return a pattern for a whole text as JSON Schema (ECMA 262) writes it; ``\\d`` is only 0 to 9 there."""
+    """Return a pattern for a whole text in the syntax of JSON Schema (ECMA 262), where ``\\d`` matches only 0 to 9."""
     return f"^(?:{pattern.pattern})$"
 
 
@@ -236,7 +236,7 @@ _SCALE = 'increments per unit as a number above 0, or as a ratio such as "131072
     ]
 )
 def scale(value: Any) -> Fraction:
-    """Read increments per unit: a number above 0, or a ratio of two as a text; exact."""
+    """Read increments per unit: a number above 0, or a ratio of two as a text; the result is exact."""
     if isinstance(value, str):
         found = _RATIO.fullmatch(value)
         divisor = Fraction(found[2] or "1") if found else Fraction(0)
@@ -339,12 +339,12 @@ def _seconds(value: str) -> Fraction | None:
 
 
 def or_word(word: str, meaning: Any, read: ValueReader) -> ValueReader:
-    """Return a reader that takes ``word`` for ``meaning``, and else what ``read`` takes."""
+    """Return a reader that converts ``word`` to ``meaning``, and any other value by ``read``."""
     return _or(word, f'"{word}"', meaning, read)
 
 
 def never_true(meaning: Any, read: ValueReader) -> ValueReader:
-    """Return a reader that takes false for ``meaning``, and else what ``read`` takes."""
+    """Return a reader that converts false to ``meaning``, and any other value by ``read``."""
     return _or(False, "false", meaning, read)
 
 
@@ -361,7 +361,7 @@ def _or(constant: str | bool, said: str, meaning: Any, read: ValueReader) -> Val
 
 
 def names(known: Sequence[str], what: str) -> ValueReader:
-    """Return a reader of a list of words of ``known``, each once."""
+    """Return a reader of a list of words of ``known``, without duplicates."""
     read = list_of(words(*known), what)
 
     def read_once(value: Any) -> tuple[str, ...]:
@@ -378,7 +378,7 @@ def names(known: Sequence[str], what: str) -> ValueReader:
 
 @_takes(enum=list(AXIS_UNITS))
 def unit(value: Any) -> str:
-    """Read an engineering unit of ``UNITS``."""
+    """Read an engineering unit of ``AXIS_UNITS``."""
     if isinstance(value, str) and value in AXIS_UNITS:
         return value
     known: str = text(value)

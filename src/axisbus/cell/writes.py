@@ -1,4 +1,4 @@
-"""What a cell file has written into a drive's objects at boot, resolved by its dictionary."""
+"""The writes of a cell file to a drive's objects at boot, resolved by the drive's dictionary."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ POLARITY_TURNED = 0xC0
 
 @dataclass(frozen=True, slots=True)
 class CellWrite:
-    """One value to be written; the index is the device's own. ``source`` says which entry of the cell file asks for it."""
+    """One value to write; the index is the device's own. ``source`` names the entry of the cell file that asks for it."""
 
     index: int
     subindex: int
@@ -44,7 +44,7 @@ def node_writes(node: NodeConfig, dictionary: Dictionary) -> tuple[CellWrite, ..
 
 
 def axis_writes(axis: AxisConfig, dictionary: Dictionary) -> tuple[CellWrite, ...]:
-    """Return the writes of an axis: its objects in the file's order, then those that its other entries mean.
+    """Return the writes of an axis: its objects in the file's order, then those that its other entries imply.
 
     In ``[axes.NAME.objects]`` the indices 6000h to 67FFh are those of a single-axis drive, shifted to the axis's own.
 
@@ -57,7 +57,7 @@ def axis_writes(axis: AxisConfig, dictionary: Dictionary) -> tuple[CellWrite, ..
 
 
 def setting_write(setting: ObjectSetting, dictionary: Dictionary, drive_axis: int = 1) -> CellWrite:
-    """Return what a line of an ``objects`` table writes.
+    """Return the write of one line of an ``objects`` table.
 
     Raises:
         ArgumentError: its key names no object.
@@ -71,18 +71,18 @@ def setting_write(setting: ObjectSetting, dictionary: Dictionary, drive_axis: in
 def known_writes(
     settings: tuple[ObjectSetting, ...], dictionary: Dictionary, drive_axis: int = 1
 ) -> list[CellWrite]:
-    """Return what an ``objects`` table writes; lines whose key names no object are left out."""
+    """Return the writes of an ``objects`` table; lines whose key names no object are left out."""
     found = []
     for setting in settings:
         try:
             found.append(setting_write(setting, dictionary, drive_axis))
         except ArgumentError:
-            continue  # ``checks.objects`` names it
+            continue  # ``check.objects`` reports it
     return found
 
 
 def resolve(key: str, dictionary: Dictionary, drive_axis: int = 1) -> DictionaryEntry:
-    """Return the entry that ``key`` means, such as ``6065``, ``607Dh:01`` (both hexadecimal) or a name of the EDS.
+    """Return the entry of ``key``, such as ``6065``, ``607Dh:01`` (both hexadecimal) or a name of the EDS.
 
     Raises:
         ArgumentError: it names no object.
@@ -93,9 +93,9 @@ def resolve(key: str, dictionary: Dictionary, drive_axis: int = 1) -> Dictionary
 
 
 def implied_writes(axis: AxisConfig, given: frozenset[tuple[int, int]] = frozenset()) -> Iterator[CellWrite]:
-    """Return the writes that ``[axes.NAME.stop]``, ``[axes.NAME.homing] offset`` and ``invert = "drive"`` mean.
+    """Yield the writes that ``[axes.NAME.stop]``, ``[axes.NAME.homing] offset`` and ``invert = "drive"`` imply.
 
-    ``given`` holds what ``[axes.NAME.objects]`` writes: an explicit polarity is left alone.
+    ``given`` contains the addresses that ``[axes.NAME.objects]`` writes: an explicit polarity is not changed.
     """
     units, stop = units_of(axis), axis.stop
     for option in options.ALL:
@@ -128,12 +128,12 @@ def _write(axis: AxisConfig, index: int, subindex: int, value: int, line: int, s
 
 
 def is_fixed(write: CellWrite, eds: Eds) -> bool:
-    """Whether the EDS has the object of a write, and does not let it be written: then it is compared at boot."""
+    """Whether the EDS has the object of a write as read-only: then boot compares it instead."""
     variable = eds.get(*write.address)
     return variable is not None and not variable.writable
 
 
 def initial(dictionary: Dictionary, node_id: int, index: int, subindex: int) -> Value | None:
-    """Return the value that the EDS or DCF gives an object at power-up; None where it gives none."""
+    """Return the value of an object at power-up by the EDS or DCF; None if they have none."""
     variable = dictionary.eds.get(index, subindex) if dictionary.eds is not None else None
     return None if variable is None else variable.initial(node_id)

@@ -1,1 +1,1 @@
-"""What a cell file says of a module that speaks CAN Simple."""
+"""The part of a cell file about modules that speak CAN Simple."""

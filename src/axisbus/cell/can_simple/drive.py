@@ -1,4 +1,4 @@
-"""The axis of a module as motion must know it, by the drive that its port makes of it."""
+"""The axis of a module as a CiA 402 drive, from the description that its port provides."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from axisbus.drives.gim6010.can_simple.port.synthetic_eds import MAKE, descripti
 from axisbus.eds.model import Eds
 from axisbus.motion.parameters import AxisParameters
 
-_WHOLE = 1000  # ‰ of the rated torque: what a port allows
+_WHOLE = 1000  # ‰ of the rated torque: the highest that a port allows
 
 
 def descriptions(cell: CellConfig) -> dict[int, Eds]:
-    """Return what the port of each module makes of it, by node; raises as ``settings_of``."""
+    """Return the description (EDS) that each module's port provides, by node; raises as ``settings_of``."""
     return {node_id: description(settings_of(cell, node_id)) for node_id in modules_of(cell)}
 
 
 def described(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> dict[int, Eds]:
-    """Return ``dictionaries``, and those of the modules beside them; raises as ``settings_of``."""
+    """Return ``dictionaries`` together with the descriptions of the modules; raises as ``settings_of``."""
     return {**dictionaries, **descriptions(cell)}
 
 
@@ -40,7 +40,7 @@ def module_parameters(cell: CellConfig, name: str) -> AxisParameters:
     turning = settings_of(cell, axis.node).torque
     return replace(
         found,
-        # what its port has objects for it does not lead by itself: 6502h is the whole truth of it
+        # a port has objects of modes that it cannot run: only 6502h lists the modes reliably
         modes=found.modes if axis.modes is not None else found.modes & (drive.claimed or frozenset()),
         limits=torque.limited(found.limits, axis.rated_torque, lambda _: None if turning is None else _WHOLE),
         torque_slope=None if turning is None else round(turning.ramp / turning.rated * 1000),

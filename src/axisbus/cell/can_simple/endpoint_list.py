@@ -1,4 +1,4 @@
-"""The list of endpoints that a cell file names for a module, and for which firmware it was made."""
+"""The list of endpoints that a cell file names for a module, and the firmware that the list belongs to."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from axisbus.errors import ArgumentError
 
 
 def list_of(node: NodeConfig, folder: Path) -> tuple[EndpointList, Firmware] | None:
-    """Return the list of a module and its firmware, by the file's name or else ``firmware`` of the node; None where it names none.
+    """Return the list of a module and its firmware, by the file's name or else the node's ``firmware``; None if none is named.
 
     Raises:
-        ArgumentError: it cannot be read, is no such list, or nothing says for which firmware it is, or two things do.
+        ArgumentError: the file cannot be read, or is no such list; its firmware is unknown, or file name and ``firmware`` differ.
     """
     if node.module is None or node.module.endpoints is None:
         return None
     path = folder / node.module.endpoints
     try:
-        path = folder / Path(node.module.endpoints).expanduser()  # RuntimeError: no such home is known
+        path = folder / Path(node.module.endpoints).expanduser()  # RuntimeError: unknown home folder
         text = path.read_bytes()
     except (OSError, RuntimeError) as error:
         raise ArgumentError(

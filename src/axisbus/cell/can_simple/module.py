@@ -1,4 +1,4 @@
-"""``[nodes.N.can_simple]`` and ``[nodes.N.modbus]``: what no message of a module tells, and what its port makes of that."""
+"""``[nodes.N.can_simple]`` and ``[nodes.N.modbus]``: settings that no message of a module reports, for its port."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from axisbus.drives.gim6010.can_simple.port.settings import (
 )
 
 CAN_SIMPLE, CANOPEN, MODBUS = "can_simple", "canopen", "modbus"
-SPOKEN = {CAN_SIMPLE: "CAN Simple", MODBUS: "Modbus"}  # by a module; each has a table of its name
+SPOKEN = {CAN_SIMPLE: "CAN Simple", MODBUS: "Modbus"}  # protocols of a module; each has a table of its name
 _HOLDING = "-hold"
 
-# Each key with its reader, and what to write where a needed one is missing.
+# Each key with its reader, and the remedy if a required key is missing.
 READERS: Mapping[str, tuple[v.ValueReader, str]] = {
     "velocity_limit": (
         v.positive,
@@ -52,7 +52,7 @@ TORQUE = ("gear_ratio", "torque_constant", "torque_ramp")
 
 @dataclass(frozen=True, slots=True)
 class ModuleConfig:
-    """The values of ``[nodes.N.can_simple]`` or ``[nodes.N.modbus]``, on the rotor's side of the gear; None: it is left out."""
+    """The values of ``[nodes.N.can_simple]`` or ``[nodes.N.modbus]``, on the rotor's side of the gear; None: left out."""
 
     velocity_limit: float = 0.0
     current_limit: float = 0.0
@@ -75,14 +75,14 @@ class ModuleConfig:
         remote: bool = True,
         relayed: bool = False,
     ) -> ModuleSettings:
-        """Return what the port of the module must be told.
+        """Return the settings of the module's port.
 
-        ``rated_torque`` (N·m, of the axis, at the output) None, or a missing key of ``TORQUE``: there are no torques.
-        ``period`` (s) is that of the scan, ``quick_stop`` the word of ``[axes.NAME.stop]``. ``remote``: whether the bus carries
-        remote frames. ``relayed``: it is on a serial line.
+        If ``rated_torque`` (N·m, of the axis, at the output) is None, or a key of ``TORQUE`` is missing, the port has no torques.
+        ``period`` (s) is the scan period, ``quick_stop`` the word of ``[axes.NAME.stop]``. ``remote``: whether the bus carries
+        remote frames. ``relayed``: the module is on a serial line.
 
         Raises:
-            ArgumentError, LimitError: a value is none that a module takes.
+            ArgumentError, LimitError: a value is not valid for a module.
         """
         return ModuleSettings(
             node_id,

@@ -1,4 +1,4 @@
-"""The modules of a cell: which of its nodes they are, and what the port of each has to be told."""
+"""The modules among a cell's nodes, and the settings of their ports."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ NO_REMOTE = ("socketcand",)  # interfaces whose protocol has no remote frames
 
 
 def carries_remote(bus: BusConfig) -> bool:
-    """Whether remote frames pass the adapter of a bus."""
+    """Whether the adapter of a bus can send remote frames."""
     return bus.interface not in NO_REMOTE
 
 
 def is_line(bus: BusConfig) -> bool:
-    """Whether a bus is a serial line, of which the modules are asked one after the other."""
+    """Whether a bus is a serial line, on which the master polls the modules one after the other."""
     return bus.interface == MODBUS
 
 
 def modules_of(cell: CellConfig) -> list[int]:
-    """Return the node IDs of the modules of a cell."""
+    """Return the node-IDs of a cell's modules."""
     return sorted(node.node_id for node in cell.nodes.values() if node.module is not None)
 
 
 def canopen_nodes(cell: CellConfig) -> list[int]:
-    """Return the node IDs of all others."""
+    """Return the node-IDs of all other nodes."""
     return [node.node_id for node in cell.nodes.values() if node.module is None]
 
 
 def no_objects(node_id: int, what: str = "it has no object dictionary") -> StateError:
-    """Return the refusal of what only a CANopen node has."""
+    """Return the error for using a module as a CANopen node."""
     return StateError(
         f"node {node_id} speaks CAN Simple or Modbus, and not CANopen: {what}",
         remedy="use its axis; its own parameters are read and written by axisbus gim6010 params",
@@ -41,20 +41,20 @@ def no_objects(node_id: int, what: str = "it has no object dictionary") -> State
 
 
 def require_objects(cell: CellConfig | None, node_id: int) -> None:
-    """Refuse a node of the cell that is a module, for what has to do with objects or NMT.
+    """Refuse a node of the cell that is a module, before an access to objects or NMT.
 
     Raises:
-        StateError: it is one.
+        StateError: the node is a module.
     """
     if cell is not None and node_id in cell.nodes and cell.nodes[node_id].module is not None:
         raise no_objects(node_id)
 
 
 def settings_of(cell: CellConfig, node_id: int) -> ModuleSettings:
-    """Return what the port of a module has to be told; its axis is the only one of its node.
+    """Return the settings of a module's port; a module has only one axis.
 
     Raises:
-        ArgumentError, LimitError: a value is none that a module takes, which ``axisbus check`` tells with its line.
+        ArgumentError, LimitError: a value is not valid for a module; ``axisbus check`` reports it with its line.
     """
     module = cell.nodes[node_id].module
     assert module is not None
@@ -70,7 +70,7 @@ def settings_of(cell: CellConfig, node_id: int) -> ModuleSettings:
 
 
 def settings_by_axis(cell: CellConfig, names: Collection[str]) -> dict[str, ModuleSettings]:
-    """Return the settings of those modules whose axes are among ``names``, by axis."""
+    """Return the settings of the modules whose axes are among ``names``, by axis."""
     return {
         axis.name: settings_of(cell, node_id)
         for node_id in modules_of(cell)

@@ -1,4 +1,4 @@
-"""Modules on a serial line (``[bus] interface = "modbus"``): what its relay has to be told of them."""
+"""Modules on a serial line (``[bus] interface = "modbus"``): the options of their relay."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from axisbus.cell.model import CellConfig
 
 
 def line_options(cell: CellConfig) -> Mapping[str, object]:
-    """Return what the adapter of a cell needs beside ``[bus.options]``: on a serial line, the list of endpoints of each module.
+    """Return the adapter's options beside ``[bus.options]``: on a serial line, the list of endpoints of each module.
 
     Raises:
-        ArgumentError: a list cannot be used, which ``axisbus check`` tells with its line.
+        ArgumentError: a list is unusable; ``axisbus check`` reports it with its line.
     """
     if not is_line(cell.bus):
         return {}

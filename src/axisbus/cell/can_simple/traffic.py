@@ -1,4 +1,4 @@
-"""The frames of a cell's modules while it runs: what they send by themselves, what they are asked for, and their targets."""
+"""The frames of a cell's modules while it runs: cyclic messages, requests with their answers, and targets."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ESTIMATES, _COUNT, _CURRENT, _TARGET = (
 
 
 class ModuleFrame(NamedTuple):
-    """Frames of one kind: ``rate`` in a second at worst, in closed loop; ``to_module``: whether the master sends them."""
+    """Frames of one kind: ``rate`` per second at worst, in closed loop; ``to_module``: whether the master sends them."""
 
     node: int
     can_id: int
@@ -42,7 +42,7 @@ def _of_module(cell: CellConfig, node: int) -> Iterator[ModuleFrame]:
     settings = settings_of(cell, node)
     period = settings.period
     yield _frame(node, "heartbeat", "Heartbeat", 1 / settings.heartbeat, LENGTH, to_module=False)
-    # One that sends its estimates by itself is not asked for them; one that does not is asked in every cycle.
+    # The master requests the estimates in every cycle from a module that does not send them automatically; the worst case counts.
     by_itself = 1000 / FACTORY[_ESTIMATES]
     asked = {_ESTIMATES: 1 / period, _COUNT: 1 / SELDOM}
     if settings.torque is not None:

@@ -1,1 +1,1 @@
-"""What the cyclic modes of an axis need of its PDOs: offsets of feed-forward, and the target of ip."""
+"""The needs of an axis's cyclic modes in its PDOs: offsets of feed-forward, and the target of ip."""

@@ -1,4 +1,4 @@
-"""From ``[axes.NAME.feed_forward]`` to what motion computes and what the PDOs have to carry."""
+"""Convert ``[axes.NAME.feed_forward]`` to the settings of motion and the outputs of the PDOs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _POSITION_TURNED, _VELOCITY_TURNED = 0x80, 0x40  # 607Eh (CiA 402-2, polarity)
 
 
 def feed_forward(axis: AxisConfig, polarity: int | None) -> FeedForward | None:
-    """Return what the axis asks for, None where that is nothing; ``polarity``: the drive's 607Eh after boot (None: it has none)."""
+    """Return the feed-forward of the axis, None if it has none; ``polarity``: the drive's 607Eh after boot (None: missing)."""
     given = axis.feed_forward
     bits = polarity or 0
     turned = bool(bits & _POSITION_TURNED) != bool(bits & _VELOCITY_TURNED)
@@ -27,9 +27,9 @@ def feed_forward(axis: AxisConfig, polarity: int | None) -> FeedForward | None:
 
 
 def more_outputs(axis: AxisConfig, node: NodeConfig, eds: Eds | None, sync: bool = True) -> tuple[str, ...]:
-    """Return what an axis is sent beside the usual: offsets where they are asked for, the target of ip where it is led in that.
+    """Return the additional outputs of an axis: its feed-forward offsets, and the target of ip if the master commands it in ip.
 
-    ``sync``: whether the bus has it; without, no mode takes a target in each cycle.
+    ``sync``: whether the bus has SYNC; without SYNC, no mode takes a target in each cycle.
     """
     asked = feed_forward(axis, None)
     offsets = () if asked is None else asked.outputs
@@ -38,7 +38,7 @@ def more_outputs(axis: AxisConfig, node: NodeConfig, eds: Eds | None, sync: bool
 
 
 def wanted_of(axis: AxisConfig, node: NodeConfig, eds: Eds | None, sync: bool = True) -> PdoRequirements:
-    """Return the values that an axis's PDOs are to carry."""
+    """Return the values that an axis's PDOs must carry."""
     more = more_outputs(axis, node, eds, sync)
     return (
         PdoRequirements(outputs=(*OUTPUT_OBJECTS, *more), synchronous_outputs=frozenset(more))
@@ -48,7 +48,7 @@ def wanted_of(axis: AxisConfig, node: NodeConfig, eds: Eds | None, sync: bool = 
 
 
 def carried(parameters: AxisParameters, outputs: Mapping[str, ValueTransport]) -> AxisParameters:
-    """Return the parameters without what no PDO carries: in a drive that was found enabled, no mapping is changed."""
+    """Return the parameters without the feed-forward that no PDO carries: a drive found enabled keeps its mapping."""
     asked = parameters.feed_forward
     if asked is not None and not all(outputs.get(name) is ValueTransport.SYNC_PDO for name in asked.outputs):
         return replace(parameters, feed_forward=None)

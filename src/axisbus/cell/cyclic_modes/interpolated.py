@@ -1,4 +1,4 @@
-"""Which axes are led in interpolated position mode (ip), because their drive has no csp."""
+"""Select the axes that the master commands in interpolated position mode (ip), because their drive has no csp."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ _IP, _CSP = _M.INTERPOLATED_POSITION, _M.CYCLIC_SYNC_POSITION
 
 
 def interpolates(drive: Drive) -> bool:
-    """Whether what is csp to the master is the drive's ip.
+    """Whether the master uses the drive's ip as csp.
 
-    So it is where 6502h claims ip and not csp, unless ``modes`` in the cell file leaves both out; and where ``modes`` has ip alone.
+    It does if 6502h lists ip and not csp, unless ``modes`` in the cell file lists neither; and if ``modes`` lists only ip of the
+    two.
     """
     if not _can(drive):
         return False
@@ -26,11 +27,11 @@ def interpolates(drive: Drive) -> bool:
 
 
 def led_modes(drive: Drive, modes: Set[ModeOfOperation]) -> frozenset[ModeOfOperation]:
-    """Return the modes of an axis as motion knows them: ip, where it is led in that, is called csp."""
+    """Return the modes of an axis as motion uses them: ip is replaced by csp if the master uses ip as csp."""
     return frozenset(modes - {_IP} | {_CSP}) if interpolates(drive) else frozenset(modes)
 
 
 def _can(drive: Drive) -> bool:
-    """Whether it has the objects: the first set-point of 60C1h, and 607Ah, which keeps the newest place for the other modes."""
+    """Whether the objects exist: the first set-point of 60C1h, and 607Ah, which stores the newest position for the other modes."""
     found = drive.variable(objects.INTERPOLATION_DATA, 1) is not None
     return found and not drive.missing((objects.TARGET_POSITION, objects.POSITION_ACTUAL))

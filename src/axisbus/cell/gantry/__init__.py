@@ -1,1 +1,1 @@
-"""Pairs of axes that carry one beam, as a cell file names them."""
+"""The pairs of axes that carry one beam, as a cell file names them."""

@@ -1,4 +1,4 @@
-"""From ``[gantries.NAME]`` to what motion must know of a pair."""
+"""Convert ``[gantries.NAME]`` to the parameters that motion needs of a pair."""
 
 from __future__ import annotations
 

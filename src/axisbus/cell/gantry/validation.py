@@ -1,4 +1,4 @@
-"""What is wrong with ``[gantries.NAME]`` by itself."""
+"""Find the errors inside one ``[gantries.NAME]`` table."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 from axisbus.cell.model import GantryConfig
 
-Wrong = tuple[tuple[str, ...], str, str]  # below the table: which key, what is wrong, what to do
+Wrong = tuple[tuple[str, ...], str, str]  # the key below the table, the error, the remedy
 
 
 def wrong(config: GantryConfig) -> Iterator[Wrong]:
-    """Yield what its own keys contradict."""
+    """Yield the contradictions between the table's own keys."""
     name = config.name
     if config.at.sound("axes") and len(config.axes) != 2:
         message = f"[gantries.{name}] must name two axes, not {len(config.axes)}"

@@ -1,1 +1,1 @@
-"""What a cell file may say of the axes of a group together."""
+"""The common settings of a group's axes in a cell file."""

@@ -1,4 +1,4 @@
-"""How the axes of a group make a place, as a cell file says it: what each kind needs, and what it becomes."""
+"""The kinematics of a group in a cell file: the keys that each kind needs, and its conversion."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from axisbus.wording import counted
 
 
 class KinematicsKind(NamedTuple):
-    """One kind: the keys that it ``needs`` and those that it ``may`` have, how many ``axes`` it takes, and what is made."""
+    """One kind: the keys that it ``needs``, the optional keys (``may``), the number of ``axes``, and the class to ``make``."""
 
     needs: tuple[str, ...]
     may: tuple[str, ...]
@@ -28,7 +28,7 @@ KINDS: Mapping[str, KinematicsKind] = {
 
 
 class Wrong(NamedTuple):
-    """What is wrong: at which key (empty: of the table), why, and what to do."""
+    """An error: its key (empty: the table), the reason, and the remedy."""
 
     key: str
     message: str
@@ -36,7 +36,7 @@ class Wrong(NamedTuple):
 
 
 def wrong(config: KinematicsConfig, axes: int) -> Iterator[Wrong]:
-    """Yield what is wrong with a sound table of a group of so many axes."""
+    """Yield the errors of a table whose values are valid, for a group of ``axes`` axes."""
     kind = KINDS[config.kind]
     for key in kind.needs:
         if not config.at.gives(key):
@@ -55,7 +55,7 @@ def wrong(config: KinematicsConfig, axes: int) -> Iterator[Wrong]:
 
 
 def kinematics_of(config: KinematicsConfig | None) -> Kinematics | None:
-    """Return the kinematics of a group whose table is sound; None where it has none."""
+    """Return the kinematics of a group whose table is free of errors; None if it has no table."""
     if config is None:
         return None
     kind = KINDS[config.kind]

@@ -1,4 +1,4 @@
-"""The named inputs and outputs of a node, as its file and the cell's tables describe them together."""
+"""The named inputs and outputs of a node, from its EDS and the cell file's tables."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from axisbus.errors import ArgumentError
 
 
 def all_points(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> dict[str, IoPoint]:
-    """Return the points of these nodes by name, node by node; those that ``points_of`` leaves out are not there."""
+    """Return the points of these nodes by name, node by node, without the points that ``points_of`` leaves out."""
     return {
         point.name: point
         for node_id, eds in dictionaries.items()
@@ -22,13 +22,13 @@ def all_points(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> dict[str, I
 
 
 def points_of(cell: CellConfig, node_id: int, dictionary: Dictionary) -> tuple[IoPoint, ...]:
-    """Return the points of a node, in the file's order; one whose table is not sound is left out (``check.io.points`` names it)."""
+    """Return the points of a node, in the file's order; a point with an error is left out (``check.io.points`` reports it)."""
     found = (point_of(each, dictionary) for each in cell.io_of(node_id))
     return tuple(point for point in found if point is not None)
 
 
 def point_of(config: IoConfig, dictionary: Dictionary) -> IoPoint | None:
-    """Return a point, None where its table is not sound or its object cannot travel in a PDO."""
+    """Return a point, None if its table has an error or its object cannot be mapped into a PDO."""
     entry = entry_of(config, dictionary)
     if entry is None or not (entry.receive or entry.transmit) or not config.at.sound("node", "object", "bit"):
         return None
@@ -44,14 +44,14 @@ def point_of(config: IoConfig, dictionary: Dictionary) -> IoPoint | None:
 
 
 def safe_of(config: IoConfig, point: IoPoint) -> int:
-    """Return the raw value of its ``safe``; raises ArgumentError where the object cannot hold it."""
+    """Return the raw value of the point's ``safe``; raises ArgumentError if the object cannot hold it."""
     assert config.safe is not None
     whole = config.safe == int(config.safe)
     return point.raw(int(config.safe) if whole else config.safe)
 
 
 def unsafe_point(config: IoConfig, entry: MapEntry, safe: int = 0) -> IoPoint:
-    """Return a point without a look at what it says of a safe state; an object of one bit is that bit."""
+    """Return a point without evaluating its ``safe`` key; if the object has one bit, the point is that bit."""
     return IoPoint(
         config.name,
         config.node,
@@ -69,7 +69,7 @@ def unsafe_point(config: IoConfig, entry: MapEntry, safe: int = 0) -> IoPoint:
 
 
 def entry_of(config: IoConfig, dictionary: Dictionary) -> MapEntry | None:
-    """Return the object of a point; None where there is no such integer."""
+    """Return the object of a point; None if there is no such integer."""
     try:
         entry = dictionary.resolve(config.object)
     except ArgumentError:

@@ -1,1 +1,1 @@
-"""What a cell file may say of an axis without a drive, and what that means for motion."""
+"""The settings of an axis without a drive in a cell file, and its parameters for motion."""

@@ -1,4 +1,4 @@
-"""What a virtual axis may say in a cell file: what is the axis's own, and nothing that a node or a drive would have to do."""
+"""The keys that a virtual axis may have in a cell file: those that need neither a node nor a drive."""
 
 from __future__ import annotations
 
@@ -22,31 +22,31 @@ TABLES: Mapping[str, frozenset[str]] = {
     "defaults": frozenset({"velocity", "acceleration", "deceleration", "jerk"}),
     "stop": frozenset({"deceleration", "halt_time", "quick_stop_time", "disable_time"}),
 }
-# Of an encoder's: it is where its input says, and nothing leads it.
+# The keys of an encoder axis: its position comes from an input, and no command moves it.
 KEYS_OF_ENCODER = frozenset({VIRTUAL, ENCODER, "unit", "scale", "modulo"})
 
-# Increments per unit, where the file gives none. That is no guess about a drive: it is only how finely the core counts. It must be
-# finer than what follows it, and coarse enough for 607Ah and 60FFh, which hold 2³¹ increments to either side: ten thousand leave
-# 214 748 units for a move, and as many per second; a million 2147 of those of which one is large.
+# Increments per unit, if the file gives none. They are no guess about a drive, but only the resolution of the core. It must
+# be finer than that of the axes that follow it, and coarse enough for 607Ah and 60FFh, which hold 2³¹ increments in each direction.
+# Ten thousand allow 214 748 units for a move, and as many per second; a million, for large units, allow 2147.
 _FINE = Fraction(10_000)
 _FINEST = Fraction(1_000_000)
 _LARGE_UNITS = frozenset({"m", "dm", "ft", "rev", "turn", "turns", "rad", "l"})
 
 
 class ForbiddenKey(NamedTuple):
-    """A key or table that a virtual axis cannot have: where it stands, below the axis's own table, and what to do."""
+    """A key or table that a virtual axis cannot have: its path, below the axis's own table, and the remedy."""
 
     path: tuple[str, ...]
     remedy: str
 
 
 def is_virtual(table: Mapping[str, Any]) -> bool:
-    """Whether the table of an axis is that of one without a drive."""
+    """Whether the table of an axis describes an axis without a drive."""
     return table.get(VIRTUAL) is True or ENCODER in table
 
 
 def keys_of(table: Mapping[str, Any]) -> tuple[frozenset[str], Mapping[str, frozenset[str]]]:
-    """Return the keys that the table of an axis without a drive may have, and those of its tables."""
+    """Return the allowed keys in the table of an axis without a drive, and those in its sub-tables."""
     return (KEYS_OF_ENCODER, {}) if ENCODER in table else (KEYS, TABLES)
 
 
@@ -58,13 +58,13 @@ def resolution(unit: object) -> Fraction:
 
 
 def quick_deceleration(axis: AxisConfig) -> float | None:
-    """Return what the quick stop of a virtual axis brakes with, in unit/s²; None where the file gives nothing to do it with."""
+    """Return the quick-stop deceleration of a virtual axis, in unit/s²; None if the file gives no value for it."""
     given = axis.defaults
     return axis.stop.deceleration or given.deceleration or given.acceleration or axis.max_acceleration
 
 
 def foreign(table: Mapping[str, Any]) -> Iterator[ForbiddenKey]:
-    """Yield what stands in the table of a virtual axis and belongs to a drive."""
+    """Yield the keys and tables of a virtual axis that need a drive."""
     keys, tables = keys_of(table)
     for key in table:
         if key in schema.AXIS and key not in keys:
@@ -79,7 +79,7 @@ def foreign(table: Mapping[str, Any]) -> Iterator[ForbiddenKey]:
 
 
 def without(table: Mapping[str, Any], found: Iterator[ForbiddenKey] | list[ForbiddenKey]) -> dict[str, Any]:
-    """Return the table of an axis without what was ``found`` in it."""
+    """Return the table of an axis without the keys in ``found``."""
     left = dict(table)
     for path, _ in found:
         if len(path) == 1:

@@ -1,4 +1,4 @@
-"""From a virtual axis of a cell file to what motion must know of it."""
+"""Convert a virtual axis of a cell file to the parameters that motion needs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from axisbus.motion.parameters import AxisLimits, AxisParameters, HomingParamete
 from axisbus.motion.stop_deceleration import Braking
 from axisbus.units import INT32_HALF
 
-# What a drive would have: what is written before a move, and what the axis is led by and seen by.
+# The objects that a drive would have for it: the settings of a move, and its commands and actual values.
 SETTINGS = frozenset({objects.PROFILE_VELOCITY, objects.PROFILE_ACCELERATION, objects.PROFILE_DECELERATION})
 OBJECTS = SETTINGS | {
     objects.CONTROLWORD,
@@ -51,7 +51,7 @@ def virtual_parameters(cell: CellConfig, name: str) -> AxisParameters:
         objects=OBJECTS,
         modes=MODES,
         braking=Braking(Ramp.SLOW, Ramp.QUICK, quick),
-        following_error=INT32_HALF,  # nothing holds it: what it may be behind is the scan's own lateness, of which others tell
+        following_error=INT32_HALF,  # no monitoring: its lag is only the scan's own lateness, which is reported elsewhere
         standstill_speed=standstill_speed(axis, units),
         scan_period=cell.bus.scan_period,
         virtual=True,
@@ -59,7 +59,7 @@ def virtual_parameters(cell: CellConfig, name: str) -> AxisParameters:
 
 
 def encoder_parameters(cell: CellConfig, name: str) -> AxisParameters:
-    """Return the parameters of an axis that an input tells the place of: nothing leads it, and no mode is its."""
+    """Return the parameters of an axis whose position comes from an input: no command moves it, and it has no modes."""
     axis = cell.axes[name]
     source = cell.io.get(axis.encoder or "")
     return AxisParameters(
@@ -76,7 +76,7 @@ def encoder_parameters(cell: CellConfig, name: str) -> AxisParameters:
 
 
 def all_virtual(cell: CellConfig) -> dict[str, AxisParameters]:
-    """Return the parameters of every axis without a drive, by name."""
+    """Return the parameters of each axis without a drive, by name."""
     made = {
         name: (encoder_parameters if axis.encoder is not None else virtual_parameters)
         for name, axis in cell.axes.items()
