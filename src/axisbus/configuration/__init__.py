@@ -1,1 +1,1 @@
-"""The configuration of a node as a file: taken from the device, compared, and brought back with every object read again."""
+"""The configuration of a node as a file: backup, comparison, and restore with a read-back of each object."""

@@ -1,4 +1,4 @@
-"""What differs between two configurations: of two files, of a file and a device, of a device and its EDS; pure."""
+"""Compare two configurations: two files, a file and a device, or a device and its EDS; pure."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _REFUSES_SCAN = 2  # bit 1 of ObjFlags (DS 306 4.6.3.3)
 
 @dataclass(frozen=True, slots=True)
 class ConfigurationSide:
-    """One configuration: its name, what it says of each entry, and why it says nothing of others (device: an SDO abort)."""
+    """One configuration: its name, its values, and the reasons for missing values (of a device: an SDO abort)."""
 
     name: str
     values: Mapping[Key, Value]
@@ -26,7 +26,7 @@ class ConfigurationSide:
 
 @dataclass(frozen=True, slots=True)
 class ConfigurationDifference:
-    """One entry that differs; a value is None where that side has none, ``note`` then says why."""
+    """One entry that differs; a value is None if that side has none, and ``note`` gives the reason."""
 
     variable: Variable
     left: Value | None
@@ -36,16 +36,17 @@ class ConfigurationDifference:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """How many entries were compared, and which differ."""
+    """The number of compared entries, and their differences."""
 
     compared: int
     differences: tuple[ConfigurationDifference, ...]
 
 
 def entries(eds: Eds, *, everything: bool = False) -> Iterator[Variable]:
-    """Yield what makes a configuration: identity and all that can be set; with ``everything`` all that can be read.
+    """Yield the entries of a configuration: the identity and all settings; with ``everything``, all readable entries.
 
-    Orders (controlword, targets, storing), DOMAINs and what must not be read on a scan are left out.
+    DOMAINs and entries that must not be read in a scan are left out. Without ``everything``, commands (controlword, targets,
+    storing) are left out, too.
     """
     for entry in eds:
         for variable in entry.subs.values():
@@ -59,9 +60,9 @@ def entries(eds: Eds, *, everything: bool = False) -> Iterator[Variable]:
 
 
 def of_file(eds: Eds, node_id: int | None) -> ConfigurationSide:
-    """Return what a DCF or EDS says: parameter values, else defaults.
+    """Return the values of a DCF or EDS: parameter values, else defaults.
 
-    The DCF of a backup has a parameter value for each object that could be read: its defaults say nothing of the device.
+    The DCF of a backup has a parameter value for each object that was readable; its defaults are not values of the device.
     """
     found = {}
     recorded = _is_backup(eds)
@@ -74,19 +75,19 @@ def of_file(eds: Eds, node_id: int | None) -> ConfigurationSide:
 
 
 def _is_backup(eds: Eds) -> bool:
-    """Whether a file records a device: it has a parameter value for 1000h, a read-only object."""
+    """Whether a file is a backup of a device: it has a parameter value for 1000h, a read-only object."""
     device_type = eds.get(o.DEVICE_TYPE, 0)
     return device_type is not None and device_type.parameter_value is not None
 
 
 def typed(variable: Variable, data: bytes) -> Value:
-    """Return what a device sent as a value; of another length than the type's as the bytes that it is."""
+    """Return the bytes from a device as a value; if their number does not match the type, return the bytes."""
     size = size_in_bytes(variable.data_type)
     return data if size is not None and size != len(data) else decode(data, variable.data_type)
 
 
 def compare(variables: list[Variable], left: ConfigurationSide, right: ConfigurationSide) -> Comparison:
-    """Compare entry by entry; where either side says nothing and is not a device that refuses, there is nothing to compare."""
+    """Compare entry by entry; an entry is skipped if a side has no value for it, unless a device refused to read it."""
     found: list[ConfigurationDifference] = []
     compared = 0
     for variable in variables:
@@ -113,7 +114,7 @@ def only_in(one: Eds, other: Eds) -> list[Variable]:
 
 def _equal(one: Value | None, other: Value | None) -> bool:
     if isinstance(one, float) and isinstance(other, (int, float)):
-        return abs(one - other) <= 1e-6 * max(1.0, abs(other))  # REAL32 comes back rounded
+        return abs(one - other) <= 1e-6 * max(1.0, abs(other))  # a REAL32 is rounded
     if isinstance(one, str) and isinstance(other, str):
         return one.strip("\0 ") == other.strip("\0 ")
     return one == other

@@ -1,4 +1,4 @@
-"""Taking the configuration of a device into a DCF: every object that may be read, with identity and serial number."""
+"""Back up the configuration of a device as a DCF: each readable object, with identity and serial number."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Tell = Callable[[int, int], None]
 
 @dataclass(frozen=True, slots=True)
 class DcfBackup:
-    """A DCF of a device: how many values are in it, and which entries of the EDS are not."""
+    """A DCF of a device: the number of values in it, and the entries of the EDS without a value."""
 
     reading: EdsParseResult
     values: int
@@ -28,13 +28,13 @@ class DcfBackup:
 def backup(
     device: SdoUploads, reading: EdsParseResult, settings: dcf.Settings, tell: Tell | None = None
 ) -> DcfBackup:
-    """Read every object of ``reading`` (an EDS or DCF, whose own values are dropped) and return the DCF; blocks, writes nothing.
+    """Read each object of ``reading`` (an EDS or DCF, whose own values are dropped) and return the DCF; blocks, writes nothing.
 
-    An object that cannot be read is left out; ``tell(done, all)`` is called after each.
+    An object that cannot be read is left out; ``tell(done, all)`` is called after each object.
 
     Raises:
         SdoTimeout, AdapterError: the node does not answer, or the channel failed.
-        ArgumentError, EdsError: the EDS cannot be made a DCF with these settings.
+        ArgumentError, EdsError: the EDS cannot be converted to a DCF with these settings.
     """
     reading = dcf.to_eds(reading)
     wanted, left_out = readable(reading)
@@ -48,7 +48,7 @@ def backup(
         elif text:
             texts[variable.index, variable.subindex] = text
         if isinstance(found, bytes) and (variable.index, variable.subindex) == (o.IDENTITY, o.SERIAL_NUMBER):
-            serial = int.from_bytes(found, "little") or None  # 0 is none
+            serial = int.from_bytes(found, "little") or None  # 0 means no serial number
         if tell is not None:
             tell(number, len(wanted))
     made = dcf.record(reading, replace(settings, serial=serial), texts)
@@ -56,12 +56,12 @@ def backup(
 
 
 def file_name(node_id: int, serial: int | None) -> str:
-    """Return the usual name of the DCF of a device."""
+    """Return the usual name of a device's DCF."""
     return f"node-{node_id}.dcf" if not serial else f"node-{node_id}-serial-{serial:X}.dcf"
 
 
 def known_rate(reading: EdsParseResult, bitrate: int | None) -> int | None:
-    """Return a bus's bit rate (bit/s) in kbit/s for a DCF; None where nobody knows it, or the EDS does not have it."""
+    """Return a bus's bit rate (bit/s) in kbit/s for a DCF; None if it is unknown, or if the EDS does not support it."""
     rate = (bitrate or 0) // 1000
     known = reading.eds.info.get("deviceinfo", {}).get(f"baudrate_{rate}", "1")
     return rate if rate in dcf.BAUD_RATES and known.strip() not in ("0", "0x0") else None

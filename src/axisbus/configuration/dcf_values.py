@@ -1,4 +1,4 @@
-"""Which values of a DCF are for a device, as the bytes that SDO sends, and why the others are not; pure."""
+"""Select the values of a DCF for a device, as the bytes that SDO sends, and the reasons for skipping the others; pure."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from axisbus.wording import counted
 Key = tuple[int, int]
 
 _REFUSES_DOWNLOAD = 1  # bit 0 of ObjFlags (DS 306 4.6.3.3)
-_OWN_SDO_SERVER = 0x1200  # the channel that we talk by
+_OWN_SDO_SERVER = 0x1200  # the SDO channel that the master uses
 _PDO_MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
-# Limits that many files have wrong: the standard's own UNSIGNED32 coding is the limit.
+# Limits that are wrong in many files: only the range of UNSIGNED32 limits these objects.
 _UNLIMITED = frozenset((o.CONSUMER_HEARTBEAT,))
 _SHOWN = 5
-_MULTIPLEXED = (0xFE, 0xFF)  # of an MPDO, instead of a number of objects
+_MULTIPLEXED = (0xFE, 0xFF)  # marks an MPDO, instead of the number of objects
 
 
 class SkipReason(Enum):
-    """Why a value of the file is not brought to the device."""
+    """The reason why a value of the file is not written to the device."""
 
     READ_ONLY = "it can only be read"
     ORDER = "writing it is an order, not a setting"
@@ -45,13 +45,13 @@ class SkipReason(Enum):
 
     @property
     def told(self) -> bool:
-        """Whether a person wants to hear of it object by object."""
+        """Whether reports list these values object by object."""
         return self not in (SkipReason.READ_ONLY, SkipReason.UNUSED)
 
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """One value for the device: ``data`` as SDO sends it; ``line`` is that of the file."""
+    """One value for the device: ``data`` as SDO sends it; the line of the file is in ``variable``."""
 
     variable: Variable
     data: bytes
@@ -64,7 +64,7 @@ class Item:
 
 @dataclass(frozen=True, slots=True)
 class SkippedValue:
-    """One value that stays in the file; ``more`` says it in detail."""
+    """One value that is not written; ``more`` adds details to the reason."""
 
     variable: Variable
     why: SkipReason
@@ -78,7 +78,7 @@ class SkippedValue:
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """What of a file is for the device, in the file's order, and what is not."""
+    """The values of a file for the device, in the file's order, and the skipped values."""
 
     items: tuple[Item, ...]
     skipped: tuple[SkippedValue, ...]
@@ -91,12 +91,12 @@ def select(
     include: Collection[Key] = (),
     exclude: Collection[Key] = (),
 ) -> Selection:
-    """Return what a DCF configures on node ``node_id`` (1 to 127); ``include`` names calibration objects one by one.
+    """Return the values that a DCF configures on node ``node_id`` (1 to 127); ``include`` adds single calibration objects.
 
-    Objects that act when they are written (controlword, targets, modes, storing) are never among them, whatever is asked.
+    Objects that act when they are written (controlword, targets, modes, storing) are never included, not even by ``include``.
 
     Raises:
-        ArgumentError: ``include`` or ``exclude`` names what the file gives no value, or an order; a value does not fit its type.
+        ArgumentError: the file has no value for an entry of ``include`` or ``exclude``, or a value does not fit its type.
         EdsError: the file maps more objects than a PDO can carry.
     """
     given = {(each.index, each.subindex): each for each in _given(eds)}
@@ -116,10 +116,10 @@ def select(
 
 
 def _companions(eds: Eds, node_id: int, items: list[Item], given: frozenset[Key]) -> Iterator[Item]:
-    """Yield what changing a PDO needs beside what the file gives: its COB-ID, and its whole mapping, as they are by default.
+    """Yield the additional values that the change of a PDO needs: the defaults of its COB-ID and of its whole mapping.
 
-    A DCF made by hand may give one mapping entry alone. Taken from the file and not from the device, the values are the same in
-    every run, also behind one that was cut off with the PDO switched off.
+    A handwritten DCF may contain a single mapping entry. The additional values come from the file and not from the device. So they
+    are the same in each run, even after an interrupted run that left the PDO disabled.
     """
     for pdo in sorted({pdo for item in items if (pdo := pdo_of(item.key[0])) is not None}):
         subs = {item.key for item in items if pdo_of(item.key[0]) == pdo}
@@ -135,7 +135,7 @@ def _companions(eds: Eds, node_id: int, items: list[Item], given: frozenset[Key]
 
 
 def _needed(eds: Eds, node_id: int, pdo: int, touched: set[Key]) -> Iterator[Key]:
-    """Yield the entries without which those of a PDO that are touched cannot change (CiA 301 7.5.2.35 to 7.5.2.38)."""
+    """Yield the entries that are needed to change the touched entries of a PDO (CiA 301 7.5.2.35 to 7.5.2.38)."""
     mapping = pdo + o.RPDO_MAPPING - o.RPDO_COMMUNICATION
     remapped = any(index == mapping for index, _ in touched)
     if remapped or touched & {(pdo, o.PDO_INHIBIT_TIME), (pdo, o.PDO_SYNC_START)}:
@@ -147,10 +147,10 @@ def _needed(eds: Eds, node_id: int, pdo: int, touched: set[Key]) -> Iterator[Key
 
 
 def require_within_limits(items: Collection[Item], eds: Eds, node_id: int) -> None:
-    """Check the values that are to be written against the limits of the file.
+    """Check the values to be written against the limits of the file.
 
     Raises:
-        LimitError: some are beyond; it names them.
+        LimitError: some values exceed their limits; the error names them.
     """
     found = []
     for item in items:
@@ -173,7 +173,7 @@ def require_values(reading: EdsParseResult) -> None:
     """Check that a file is a DCF whose values can be written.
 
     Raises:
-        EdsError: it has no values, or one that is none of its entry's type.
+        EdsError: it has no values, or a value that does not fit the type of its entry.
     """
     check_understood(reading)
     if next(_given(reading.eds), None) is None:
@@ -237,7 +237,7 @@ def _check_count(eds: Eds, item: Item) -> None:
     """Check the number of objects that a PDO carries (CiA 301 7.5.2.36, 7.5.2.38).
 
     Raises:
-        EdsError: it is none.
+        EdsError: the number is too large.
     """
     if item.key[1] or not any(item.key[0] in each for each in _PDO_MAPPINGS):
         return
@@ -255,7 +255,7 @@ def _check_count(eds: Eds, item: Item) -> None:
 def _data(eds: Eds, variable: Variable, node_id: int) -> bytes:
     plain = variable.initial(node_id)
     where = f"{eds.source}:{variable.line}: {variable.index:04X}h:{variable.subindex:02X} ({variable.name})"
-    assert plain is not None  # others are not asked for
+    assert plain is not None  # only variables with a parameter value get here
     try:
         return encode(plain, variable.data_type, where)
     except AxisbusError as error:

@@ -12,12 +12,12 @@ from axisbus.eds.model import Eds, Variable
 def against(
     node: ByObjects, eds: Eds, tell: Callable[[int, int], None] | None = None, *, everything: bool = False
 ) -> Comparison:
-    """Compare a DCF or EDS with a device as it is now; blocks for a transfer for each entry that the file gives a value for.
+    """Compare a DCF or EDS with the present values of a device; blocks for a transfer for each entry with a value in the file.
 
-    ``everything``: as ``compare.entries``.
+    ``everything``: as in ``compare.entries``.
 
     Raises:
-        SdoTimeout, AdapterError: it does not answer.
+        SdoTimeout, AdapterError: the device does not answer.
     """
     file = of_file(eds, node.node_id)
     there = [
@@ -29,10 +29,10 @@ def against(
 def of_device(
     node: ByObjects, variables: Sequence[Variable], tell: Callable[[int, int], None] | None = None
 ) -> ConfigurationSide:
-    """Read ``variables`` of a device; blocks for a transfer each. What cannot be read is in ``unread``.
+    """Read ``variables`` of a device; blocks for a transfer each. Entries that cannot be read are in ``unread``.
 
     Raises:
-        SdoTimeout, AdapterError: it does not answer.
+        SdoTimeout, AdapterError: the device does not answer.
     """
     values, unread = {}, {}
     for number, variable in enumerate(variables, start=1):

@@ -1,13 +1,14 @@
-"""Writing one object by hand, with care: what must hold before anything is sent, and what the node then really has.
+"""Write one object manually and safely: the checks before anything is sent, and the read-back of the result.
 
 Theory of operation
 -------------------
 Two rules, in this order:
 
-1. What the files can tell is checked before the bus is asked: existence, access, type, limits, and whether the object is one by
-   which a drive is energised or moved (``MOVING``, and the make's calibration objects).
-2. Then the node is asked, by reading only: whether a drive of it is energised (then every write may move it), whether another
-   master drives it, and whether its object has the size of its type. Only after that one write is sent, and read back.
+1. The checks that need only files come before any access to the bus: existence, access, type, limits, and whether the object can
+   energise or move a drive (``MOVING``, and the make's calibration objects).
+2. The checks on the node follow; they only read. Is one of its drives energised (then each write may move it)? If the
+   object can move a drive, does another master control the node? Does the object have the size of its type? Only then is
+   one write sent, and read back.
 """
 
 from __future__ import annotations
@@ -37,11 +38,11 @@ from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, SdoAbort, StateError
 from axisbus.wording import counted
 
-LISTEN = 0.5  # seconds for another master to show
+LISTEN = 0.5  # seconds of listening for another master
 _PRODUCES_SYNC = 1 << 30  # of 1005h (CiA 301 7.5.2.5)
 _STATUSWORDS = tuple(own_index(c402.STATUSWORD, axis) for axis in range(1, COUNT + 1))
 
-# Written values that are orders: what could be read back is another matter.
+# Objects whose written value is a command: the value that they read back is unrelated.
 _COMMANDS = frozenset({c301.STORE_PARAMETERS, c301.RESTORE_DEFAULTS, c301.PREDEFINED_ERROR_FIELD})
 _MAY_MOVE = (
     "add --may-move if that is what you want, with nobody in the machine and the emergency stop at hand"
@@ -50,22 +51,22 @@ _MAY_MOVE = (
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """What a write came to: the values before and after (None where the object cannot be read)."""
+    """The result of a write: the values before and after (None if the object cannot be read)."""
 
     before: Value | None
     after: Value | None
     compared: bool
 
     def agrees(self, wanted: Value) -> bool:
-        """Whether the node has what was written, as far as it can be told."""
+        """Whether the node holds the written value, or the value cannot be compared."""
         if not self.compared or self.after is None or self.after == wanted:
             return True
         return isinstance(wanted, float) and math.isclose(
             float(self.after), wanted, rel_tol=1e-6
-        )  # REAL32 is rounded
+        )  # a REAL32 is rounded
 
     def words(self, wanted: Value, shown: Callable[[Value | None], str]) -> str:
-        """Return what it came to, to be read behind the object; ``shown`` tells a value, None where it is not known."""
+        """Return the result in words, for display after the object; ``shown`` formats a value, None if it is unknown."""
         if not self.agrees(wanted):
             return (
                 f"reads back {shown(self.after)}, written was {shown(wanted)}: the drive limits or rounds it"
@@ -75,10 +76,10 @@ class Written:
 
 
 def require_writable(eds: Eds | None, node_id: int, entry: DictionaryEntry, kind: DataType | None) -> None:
-    """Check that the node has the object and lets it be written, as far as its EDS tells; ``kind`` is a type given by the user.
+    """Check in the EDS that the node has the object and that it is writable; ``kind`` is a type given by the user.
 
     Raises:
-        ArgumentError: it has not, or does not.
+        ArgumentError: the node does not have the object, or it is not writable.
     """
     if eds is None:
         return
@@ -97,10 +98,10 @@ def require_writable(eds: Eds | None, node_id: int, entry: DictionaryEntry, kind
 
 
 def require_harmless(eds: Eds | None, node_id: int, entry: DictionaryEntry) -> None:
-    """Check that the object is none by which a drive is energised or moved.
+    """Check that the object cannot energise or move a drive.
 
     Raises:
-        StateError: it is.
+        StateError: it can.
     """
     if moves(eds, entry):
         raise StateError(
@@ -112,15 +113,15 @@ def require_harmless(eds: Eds | None, node_id: int, entry: DictionaryEntry) -> N
 def write(
     node: CanopenNode, entry: DictionaryEntry, value: Value, kind: DataType | None, *, may_move: bool
 ) -> Written:
-    """Ask the node whether it may be written, write once, and read back; blocks for some transfers.
+    """Check on the node that the write is allowed, write once, and read back; blocks for several transfers.
 
     ``kind`` is a type given by the user.
 
     Raises:
         ArgumentError, LimitError: a value that the type or the EDS's limits do not allow; nothing was sent.
-        StateError: as ``require_harmless``; a drive of the node is energised and ``may_move`` is not given; or another master is on
-            the bus.
-        ArgumentError: the object has another size in the device than its type.
+        StateError: without ``may_move``: as ``require_harmless``, or a drive of the node is energised. With ``may_move``: the
+            object can energise or move a drive, and another master is on the bus.
+        ArgumentError: the object's size in the device differs from its type.
         SdoError, BusError: as ``SdoClient.upload``.
     """
     data = checked_bytes(entry, value, kind)
@@ -135,11 +136,11 @@ def write(
 def write_in_machine(
     node: ByObjects, entry: DictionaryEntry, value: Value, kind: DataType | None, *, may_move: bool
 ) -> Written:
-    """As ``write``, in a machine that runs: what energises or moves a drive is then its commands' alone.
+    """Do the same as ``write`` while a machine runs: only the machine's commands may then energise or move a drive.
 
     Raises:
-        StateError: the object is one of those; or a drive of the node is energised and ``may_move`` is not given.
-        And what else ``write`` raises.
+        StateError: the object can energise or move a drive; or a drive of the node is energised and ``may_move`` is not set.
+        The other errors of ``write``.
     """
     data = checked_bytes(entry, value, kind)
     if moves(node.eds, entry):
@@ -160,31 +161,31 @@ def _write(node: ByObjects, entry: DictionaryEntry, data: bytes, known: DataType
     if entry.index in _COMMANDS:
         return Written(
             _typed(before, known), None, False
-        )  # some drives restart now, and answer nothing for a while
+        )  # some drives restart now, and do not answer for a while
     return Written(_typed(before, known), _typed(_read(node, entry), known), True)
 
 
 def energised(node: ByObjects) -> list[str]:
-    """Return the drives of a node that are energised, in words; blocks for a transfer for each axis."""
+    """Return the energised drives of a node, in words; blocks for a transfer for each axis."""
     found = []
     for index in _STATUSWORDS:
         if index != c402.STATUSWORD and node.eds is not None and index not in node.eds:
             continue
         word = _number(node, index)
         if word is None and node.eds is None:
-            break  # without a file the first axis that is not there is taken for the end
+            break  # without an EDS, the first missing axis is taken as the end
         if word is not None and state.decode(word) in state.ENERGISED:
             found.append(f"{index:04X}h is 0x{word:04X}: {state.decode(word).value}")
     return found
 
 
 def is_command(index: int) -> bool:
-    """Whether writing an object is an order, not a setting that could be stored."""
+    """Whether writing an object is a command, and not a setting that could be stored."""
     return index in _COMMANDS or first_axis(index) in MOVING
 
 
 def moves(eds: Eds | None, entry: DictionaryEntry) -> bool:
-    """Whether an object is one by which a drive is energised, moved or calibrated."""
+    """Whether an object can energise, move or calibrate a drive."""
     identity = eds.identity if eds is not None else None
     make = registry.find(identity.vendor_id, identity.product_code) if identity is not None else None
     calibrates = make is not None and make.calibrates(entry.index, entry.subindex)
@@ -202,12 +203,13 @@ def _require_at_rest(node: ByObjects) -> None:
 
 
 def require_no_other_master(node: CanopenNode, *, heartbeats: bool = True) -> None:
-    """Check that nobody else runs the node: what another master sends would overwrite a value at once, or fight with it.
+    """Check that no other master controls the node: its frames would overwrite a written value at once, or act against it.
 
-    Listens for ``LISTEN`` seconds. Without ``heartbeats`` those that the node watches are no sign: they may be those of its peers.
+    Blocks for ``LISTEN`` seconds. Without ``heartbeats``, the heartbeats that the node monitors are ignored: they may come from its
+    peers.
 
     Raises:
-        StateError: SYNC, RPDOs for the node, or such heartbeats come.
+        StateError: SYNC, RPDOs for the node, or such heartbeats were received.
         SdoError, AdapterError: the node does not answer.
     """
     heard = _traffic(node, heartbeats=heartbeats)
@@ -220,7 +222,7 @@ def require_no_other_master(node: CanopenNode, *, heartbeats: bool = True) -> No
 
 
 def _traffic(node: CanopenNode, *, heartbeats: bool) -> Counter[str]:
-    """Listen for what only a master sends: SYNC, RPDOs to the node, and the heartbeats that the node watches (1016h)."""
+    """Listen for frames that only a master sends: SYNC, RPDOs to the node, and the heartbeats that the node monitors (1016h)."""
     own_sync = (_number(node, c301.COB_ID_SYNC) or 0) & _PRODUCES_SYNC
     titles = {} if own_sync else {cob.SYNC: "SYNC"}
     titles |= {base + node.node_id: f"RPDO{number}" for number, base in enumerate(cob.RPDO, start=1)}
@@ -241,7 +243,7 @@ def _count(heard: Counter[str], title: str, _: bytes, __: float) -> None:
 
 
 def _watched(node: CanopenNode) -> list[int]:
-    """The nodes whose heartbeat the node watches."""
+    """Return the nodes whose heartbeat the node monitors."""
     count = _number(node, c301.CONSUMER_HEARTBEAT, 0) or 0
     entries = [
         _number(node, c301.CONSUMER_HEARTBEAT, subindex) or 0 for subindex in range(1, min(count, 16) + 1)

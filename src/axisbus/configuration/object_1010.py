@@ -1,4 +1,4 @@
-"""Storing what a node has in RAM by 1010h, through the restart that some drives make of it."""
+"""Store a node's parameters by 1010h, including the restart that some drives do afterwards."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from axisbus.cia301 import objects as o
 from axisbus.drives.make import Make
 from axisbus.errors import NodeTimeout, SdoAbort, SdoTimeout, StateError
 
-SAVE = b"save"  # 65766173h, as it goes over the wire (CiA 301 7.5.2.13)
+SAVE = b"save"  # 65766173h, as it is sent (CiA 301 7.5.2.13)
 ALL_PARAMETERS = 1
-ON_COMMAND, BY_ITSELF = 1, 2  # bits of what 1010h reads (CiA 301 figure 56)
-WRITE_TIME = 10.0  # seconds that a memory may take
-RESTART_SEEN = 1.0  # seconds within which a restart shows
+ON_COMMAND, BY_ITSELF = 1, 2  # bits of the value of 1010h (CiA 301 figure 56)
+WRITE_TIME = 10.0  # seconds that the memory may need
+RESTART_SEEN = 1.0  # seconds within which a restart is detected
 RESTART_TIME = 15.0  # seconds that a restart may take
 _SLICE = 0.02
 
 
 @dataclass(frozen=True, slots=True)
 class Stored:
-    """That a node stored: whether it restarted, and how many seconds all of it took."""
+    """The result of storing: whether the node restarted, and the total time in seconds."""
 
     restarted: bool
     seconds: float
 
 
 def can_store(node: CanopenNode) -> str:
-    """Return why 1010h:1 does not store on command, empty where it does; blocks for a transfer.
+    """Return the reason why 1010h:01 does not store on command, empty if it does; blocks for a transfer.
 
     Raises:
         SdoError, AdapterError: as ``SdoClient.upload``.
@@ -46,10 +46,10 @@ def store(node: CanopenNode, make: Make) -> Stored:
     """Store all parameters and wait until the node answers again; blocks for up to about 30 s.
 
     Raises:
-        StateError: it does not store on command; nothing was sent.
-        SdoAbort: it refuses.
-        NodeTimeout: it does not come back.
-        SdoTimeout, AdapterError: it did not answer, and did not restart; or the channel failed.
+        StateError: the node does not store on command; nothing was sent.
+        SdoAbort: the node refuses.
+        NodeTimeout: the node does not come back.
+        SdoTimeout, AdapterError: the node did not answer, and did not restart; or the channel failed.
     """
     why_not = can_store(node)
     if why_not:
@@ -59,7 +59,7 @@ def store(node: CanopenNode, make: Make) -> Stored:
     begin, boots = time.monotonic(), node.nmt.bootups
     silent: SdoTimeout | None = None
     try:
-        # Once only: a drive that restarts before it answers must not be told again.
+        # Only one try: a drive that restarts before it answers must not get the command again.
         node.sdo.download(o.STORE_PARAMETERS, ALL_PARAMETERS, SAVE, timeout=WRITE_TIME, tries=1)
     except SdoTimeout as error:
         silent = error

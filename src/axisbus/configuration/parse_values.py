@@ -1,4 +1,4 @@
-"""Objects and values as people write them: names or numbers to entries, texts to values of the object's type, and back."""
+"""Parse objects and values from user input: names or numbers to entries, and texts to values of the object's type."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _TRUTH = {"true": 1, "false": 0}
 
 
 def find(dictionary: Dictionary, text: str, drive_axis: int = 1) -> list[DictionaryEntry]:
-    """Return the entries that ``text`` means: one by index and sub-index or by name, or all of an ARRAY or RECORD.
+    """Return the entries of ``text``: one by index and sub-index or by name, or all of an ARRAY or RECORD.
 
-    ``6041``, ``0x6041``, ``1018:1``, ``Position actual value`` or ``position_actual_value``; ``drive_axis`` shifts the profile's
-    objects of the first axis to those of another one of the same device.
+    Examples: ``6041``, ``0x6041``, ``1018:1``, ``Position actual value`` or ``position_actual_value``. ``drive_axis`` shifts the
+    profile objects of the first axis to those of another axis of the same device.
 
     Raises:
         ArgumentError: there is no such object; the remedy names similar ones.
@@ -49,10 +49,10 @@ def spelling(name: str) -> str:
 
 
 def data_type(text: str) -> DataType:
-    """Return the data type that ``text`` means: a name of CiA 301 (``UNSIGNED16``), or ``u16``, ``i32``, ``f32`` and the like.
+    """Return the data type of ``text``: a name of CiA 301 (``UNSIGNED16``), or ``u16``, ``i32``, ``f32`` and the like.
 
     Raises:
-        ArgumentError: it means none.
+        ArgumentError: it names no data type.
     """
     found = _SHORT.fullmatch(text)
     name = f"{_LETTERS[found[1].lower()]}{found[2]}" if found is not None else text.upper()
@@ -72,12 +72,13 @@ def value(
     *,
     files: bool = True,
 ) -> Value:
-    """Read a value for an object of type ``kind``: ``100``, ``0x1F``, ``90 deg`` (``quantity``), text, or hexadecimal digits.
+    """Parse a value for an object of type ``kind``: ``100``, ``0x1F``, ``90 deg`` (``quantity``), text, or hexadecimal digits.
 
-    ``@file`` gives a file's bytes to an OCTET_STRING or DOMAIN; not so without ``files``: for who may read none of this computer's.
+    For an OCTET_STRING or DOMAIN, ``@file`` stands for the bytes of a file. Set ``files`` to false for users who must not read
+    files of this computer.
 
     Raises:
-        ArgumentError: it is no value of this type, or the type is not known.
+        ArgumentError: it is no value of this type, or the type is unknown.
         UserError: the file cannot be read.
     """
     if kind is None:

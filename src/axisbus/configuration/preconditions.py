@@ -1,4 +1,4 @@
-"""What must hold before a configuration is written: the right device, at rest, pre-operational, and no other master."""
+"""Check the conditions for writing a configuration: the right device, at rest, pre-operational, and no other master."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from axisbus.configuration import guarded_write
 from axisbus.eds.model import Eds
 from axisbus.errors import SdoAbort, StateError, UserError
 
-LISTEN = 1.2  # seconds: the usual heartbeat of 1 s fits in
+LISTEN = 1.2  # seconds: longer than the usual heartbeat period of 1 s
 _SLICE = 0.02
 
 
 @dataclass(frozen=True, slots=True)
 class FileIdentity:
-    """Which device a DCF was taken from; None where the file does not say."""
+    """The identity of the device of a DCF; None if the file does not contain it."""
 
     device_type: int | None
     vendor_id: int | None
@@ -31,7 +31,7 @@ class FileIdentity:
 
 
 def identity_of(eds: Eds) -> FileIdentity:
-    """Return the identity that a file names: the values of 1000h and 1018h, and LSS_SerialNumber."""
+    """Return the identity in a file: the values of 1000h and 1018h, and LSS_SerialNumber."""
 
     def number(index: int, subindex: int = 0) -> int | None:
         variable = eds.get(index, subindex)
@@ -54,12 +54,12 @@ def identity_of(eds: Eds) -> FileIdentity:
 
 
 def require_same_device(eds: Eds, found: NodeIdentity, node_id: int, *, replacement: bool) -> None:
-    """Check that a file is of this device; what either does not say (or says as 0) is not compared.
+    """Check that a file belongs to this device; a value that is missing or 0 in the file or the device is not compared.
 
-    With ``replacement`` another specimen of the same type will do: another revision, serial number or node-ID.
+    With ``replacement``, another specimen of the same type is accepted: revision, serial number and node-ID may differ.
 
     Raises:
-        UserError: it is of another one.
+        UserError: the file belongs to another device.
     """
     said = identity_of(eds)
     kinds = (
@@ -97,13 +97,13 @@ def _differing(pairs: tuple[tuple[str, int | None, int | None], ...]) -> list[st
 
 
 def require_at_rest(node: CanopenNode) -> None:
-    """Check that the node may be configured: no drive of it energised, not operational, no other master; blocks about 2 s.
+    """Check that the node may be configured: no drive energised, not operational, no other master; blocks for about 2 s.
 
-    A node that shows its NMT state by nothing (no heartbeat) is commanded to pre-operational, which energises nothing.
+    A node without a heartbeat does not show its NMT state. It is commanded to pre-operational, which energises nothing.
 
     Raises:
-        StateError: it may not; nothing was written.
-        SdoError, AdapterError: it does not answer.
+        StateError: it may not be configured; nothing was written.
+        SdoError, AdapterError: the node does not answer.
     """
     require_not_energised(node)
     guarded_write.require_no_other_master(node, heartbeats=False)
@@ -118,7 +118,7 @@ def require_not_energised(node: ByObjects) -> None:
     """Check that no drive of a node is energised; blocks for a transfer for each axis.
 
     Raises:
-        StateError: one is.
+        StateError: a drive is energised.
         SdoError, AdapterError: the node does not answer.
     """
     found = guarded_write.energised(node)
@@ -131,10 +131,10 @@ def require_not_energised(node: ByObjects) -> None:
 
 
 def require_pre_operational(node_id: int, state: NmtState) -> None:
-    """Check that a node is in the state in which it is configured.
+    """Check that a node is pre-operational, the state for configuring it.
 
     Raises:
-        StateError: it is in another one.
+        StateError: it is in another state.
     """
     if state is not NmtState.PRE_OPERATIONAL:
         raise StateError(
@@ -144,7 +144,7 @@ def require_pre_operational(node_id: int, state: NmtState) -> None:
 
 
 def _state(node: CanopenNode) -> NmtState | None:
-    """Listen for a heartbeat where the node sends any; None where it does not."""
+    """Return the NMT state from the node's heartbeat; None if the node sends none."""
     period = _heartbeat(node)
     deadline = time.monotonic() + max(LISTEN, 2.5 * period)
     if period:

@@ -1,4 +1,4 @@
-"""Configurations in words, the same on the command line and on the page: values, backups, differences, restores."""
+"""Configurations in words, for the command line and the web page: values, backups, differences, restores."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from axisbus.eds.model import Number, Variable
 from axisbus.eds.report import wording
 from axisbus.wording import counted
 
-# Of what there are many, for one reason.
+# Reasons that apply to many values; these values are listed in one line.
 _TOGETHER = {
     SkipReason.ORDER: "are orders and no settings (controlword, targets, storing ...)",
     SkipReason.MACHINE: "the machine that runs has set, or goes by",
@@ -25,12 +25,12 @@ _TOGETHER = {
 
 
 def place(variable: Variable | LeftOut) -> str:
-    """Return where and what an entry is."""
+    """Return index, sub-index and name of an entry."""
     return f"{variable.index:04X}h:{variable.subindex:02X} {variable.name}"
 
 
 def shown(variable: Variable, value: Value | None) -> str:
-    """Return a value for a person."""
+    """Return a value as text for display."""
     if value is None:
         return "nothing"
     if isinstance(value, bytes):
@@ -39,7 +39,7 @@ def shown(variable: Variable, value: Value | None) -> str:
 
 
 def data_shown(variable: Variable, data: bytes | None) -> str:
-    """Return what a device sent for a person."""
+    """Return the bytes from a device as text for display."""
     return shown(variable, None if data is None else decode(data, variable.data_type))
 
 
@@ -49,7 +49,7 @@ def plain(value: Value | None) -> object:
 
 
 def device(who: NodeIdentity, origin: str, node_id: int) -> list[str]:
-    """Return which device a backup is of, and by what it is described."""
+    """Return the device of a backup, and the source of its description."""
     kind = device_kind(who.device_type)
     name = who.device_name or (f"no device name, {kind}" if kind else "no device name")
     return [f"node {node_id}: {name}, {_identity(who)}", f"  described by {origin}"]
@@ -67,27 +67,27 @@ def _identity(who: NodeIdentity) -> str:
 
 
 def read(made: DcfBackup) -> str:
-    """Return how much a backup has, and has not."""
+    """Return the numbers of read and left-out objects of a backup."""
     return f"{counted(made.values, 'object')} read, {len(made.left_out)} left out"
 
 
 def short(name: str) -> str:
-    """Return the name of a side of a comparison: of a file without its folder."""
+    """Return the name of a side of a comparison; the name of a file without its folder."""
     return Path(name).name if "/" in name else name
 
 
 def sides(each: ConfigurationDifference) -> tuple[str, str]:
-    """Return what either side of a difference has."""
+    """Return the values of both sides of a difference."""
     return shown(each.variable, each.left), shown(each.variable, each.right)
 
 
 def compared(comparison: Comparison) -> str:
-    """Return how much was compared, and differs."""
+    """Return the numbers of compared and different objects."""
     return f"{counted(comparison.compared, 'object')} compared, {len(comparison.differences)} differ"
 
 
 def would(differing: Sequence[Item], selection: Selection) -> str:
-    """Return how much a restore would write."""
+    """Return the number of values that a restore would write."""
     return (
         f"the file has {counted(len(selection.items), 'object')} for it, {len(differing)} of another value; "
         "nothing was written"
@@ -95,7 +95,7 @@ def would(differing: Sequence[Item], selection: Selection) -> str:
 
 
 def restored(report: RestoreReport) -> str:
-    """Return how much a restore has brought back, and what it has left."""
+    """Return the numbers of restored and skipped values."""
     silent = sum(not each.why.told for each in report.skipped)
     counts = {outcome: len(report.of(outcome)) for outcome in ValueEnd}
     return (
@@ -105,7 +105,7 @@ def restored(report: RestoreReport) -> str:
 
 
 def skipped(found: Sequence[SkippedValue]) -> list[str]:
-    """Return which values stay in the file, and why, where a person wants to hear of it."""
+    """Return the skipped values with their reasons, without those that are not worth a line."""
     lines = []
     for why, title in _TOGETHER.items():
         places = [

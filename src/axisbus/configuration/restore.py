@@ -1,12 +1,12 @@
-"""Bringing a device to what a file says, with every object read again.
+"""Write the values of a file to a device, and read each object again.
 
 Theory of operation
 -------------------
-A run is: read everything the file has a value for, work out the writes that are missing (``order``), write them, and read
-everything again. That is repeated while it helps, at most ``PASSES`` times, because a drive may refuse a value until another one
-is there (a velocity above the old maximum), and writing one object may change another. Nothing but the device holds the state of a
-restore, so one that was cut off, anywhere, is just run again. A PDO of which a part is refused gets back what it had, so that a
-refusal leaves none switched off.
+A run reads each object that has a value in the file, determines the missing writes (``ordered``), writes them, and reads each
+object again. It repeats this while it helps, at most ``PASSES`` times. The reasons: a drive may refuse a value until another one is
+set (a velocity above the old maximum), and writing one object may change another. Only the device holds the state of a restore, so
+an interrupted restore is simply run again. If a part of a PDO is refused, the whole PDO gets its previous values again, so that a
+refusal leaves no PDO disabled.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ Tell = Callable[[str, int, int], None]
 
 
 class RestoreTarget(SdoUploads, Protocol):
-    """The objects of one node as bytes; calls block and raise ``SdoAbort`` where the node refuses, others where it is gone."""
+    """The objects of one node as bytes; calls block; raises ``SdoAbort`` if the node refuses, others if it does not answer."""
 
     def download(self, index: int, subindex: int, data: bytes) -> None:
         """Write an object."""
 
 
 class ValueEnd(Enum):
-    """What came of one value of the file."""
+    """The result for one value of the file."""
 
     SAME = "had it already"
     RESTORED = "restored"
@@ -51,7 +51,7 @@ class ValueEnd(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """One value of the file: ``before`` and ``after`` are what the device held (None: it cannot be read, or was not)."""
+    """One value of the file: ``before`` and ``after`` are the device's values (None: unreadable, or not read)."""
 
     item: Item
     outcome: ValueEnd
@@ -62,26 +62,26 @@ class Result:
 
 @dataclass(frozen=True, slots=True)
 class RestoreReport:
-    """What came of a file: each value for the device, each value that stays in the file, and how many writes that took."""
+    """The result for a file: the values for the device, the skipped values, and the number of writes."""
 
     results: tuple[Result, ...]
     skipped: tuple[SkippedValue, ...]
     writes: int
 
     def of(self, *outcomes: ValueEnd) -> list[Result]:
-        """The results with one of these outcomes."""
+        """Return the results with one of these outcomes."""
         return [each for each in self.results if each.outcome in outcomes]
 
     @property
     def ok(self) -> bool:
-        """Whether the device has every value that it can be asked for."""
+        """Whether the device has each value that can be checked."""
         return not self.of(ValueEnd.FAILED, ValueEnd.DIFFERS)
 
 
 class Restore:
-    """One restore; holds state: what the device held before and holds now as far as it was read, and what it refused.
+    """One restore; holds state: the device's values before and now as far as they were read, and the refused values.
 
-    ``report`` may be asked at any time, also after ``run`` was cut off by an exception.
+    ``report`` may be called at any time, also after an exception in ``run``.
     """
 
     def __init__(self, device: RestoreTarget, selection: Selection, tell: Tell | None = None) -> None:
@@ -96,11 +96,11 @@ class Restore:
         self._unreadable: dict[Key, SdoError] = {}
         self._refused: dict[Key, str] = {}
         self._written: set[Key] = set()
-        self._unread: set[Key] = set()  # touched since they were read
+        self._unread: set[Key] = set()  # written since they were last read
         self._writes = 0
 
     def look(self) -> list[Item]:
-        """Read every object that the file has a value for; return those that differ. Writes nothing; blocks.
+        """Read each object that has a value in the file; return the values that differ. Writes nothing; blocks.
 
         Raises:
             SdoError, AdapterError: the node does not answer, or the channel failed.
@@ -114,10 +114,10 @@ class Restore:
         return [self._items[key] for key in self._differing()]
 
     def run(self) -> RestoreReport:
-        """Write what differs and read everything again; blocks for as long as that takes.
+        """Write the values that differ and read each object again; blocks until this is done.
 
         Raises:
-            SdoError, AdapterError: the node no longer answers; ``report`` tells how far it came, and another run goes on.
+            SdoError, AdapterError: the node no longer answers; ``report`` has the results so far, and another run continues.
         """
         if len(self._now) < len(self._items):
             self.look()
@@ -133,17 +133,17 @@ class Restore:
         return self.report()
 
     def report(self) -> RestoreReport:
-        """Return what came of each value so far."""
+        """Return the result of each value so far."""
         results = tuple(self._result(key, item) for key, item in self._items.items())
         return RestoreReport(results, self._selection.skipped, self._writes)
 
-    # -- what differs -----------------------------------------------------------------------------------------------------
+    # -- differences ----------------------------------------------------------------------------------------------------
 
     def _differing(self) -> list[Key]:
         return [key for key in self._open() if not self._same(key)]
 
     def _open(self) -> dict[Key, bytes]:
-        """What is worth writing: not what the device does not have, nor has in another size, nor took and cannot show."""
+        """Return the values worth writing: not of objects that are missing, of another size, or written but unreadable."""
         return {
             key: data
             for key, data in self._wanted.items()
@@ -151,7 +151,7 @@ class Restore:
         }
 
     def _comparable(self) -> dict[Key, bytes | None]:
-        """What is held, with a text that is the same but for its zeros at the end as the very same."""
+        """Return the device's values; a text that differs only in trailing zeros counts as equal."""
         return {key: self._wanted[key] if self._same(key) else data for key, data in self._now.items()}
 
     def _same(self, key: Key) -> bool:
@@ -212,7 +212,7 @@ class Restore:
             self._give_back(pdo)
 
     def _write_one(self, write: OrderedWrite) -> str:
-        """Write; return why the device refuses it, empty where it does not."""
+        """Write; return the reason why the device refuses it, empty if it does not."""
         if write.key in self._items:
             self._unread.add(write.key)
         try:
@@ -236,13 +236,13 @@ class Restore:
                 )
 
     def _give_back(self, pdo: int) -> None:
-        """Give a PDO back what it had before this pass."""
+        """Restore the values that a PDO had before this pass."""
         had = {key: data for key, data in self._now.items() if pdo_of(key[0]) == pdo}
         now = {key: self._read(key) for key in had}
         self._written -= had.keys()
         for write in pdo_back(pdo, had, now):
             if write.key in had:
-                with suppress(SdoError):  # as far as the device lets us; reading it again shows what it has
+                with suppress(SdoError):  # as far as possible; reading it again shows the result
                     self._device.download(write.index, write.subindex, write.data)
                     self._writes += 1
 
@@ -252,7 +252,7 @@ class Restore:
 
 
 def _why_unwritten(error: SdoError) -> str:
-    """Return in words why the device did not take a value."""
+    """Return in words why the device did not accept a value."""
     if not isinstance(error, SdoAbort):
         return error.observed or "no answer"
     hint = error.remedy or abort.explain(error.code).hint

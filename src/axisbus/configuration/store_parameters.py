@@ -1,4 +1,4 @@
-"""Storing a node's parameters by hand: at rest only, through a restart, and with what the restart has lost."""
+"""Store a node's parameters manually: only at rest, with a possible restart, and with a check for lost values."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Tell = Callable[[str, int, int], None]
 
 @dataclass(frozen=True, slots=True)
 class StoreResult:
-    """That a node stored and answers: whether it restarted, the seconds of all, and what was compared across the restart."""
+    """The result of a node that has stored: its restart, the total time in s, and the comparison across the restart."""
 
     restarted: bool
     seconds: float
@@ -24,15 +24,15 @@ class StoreResult:
 
 
 def keep(node: CanopenNode, tell: Tell | None = None) -> StoreResult:
-    """Have a node store all its parameters by 1010h:01; blocks for up to about 30 s, and for the reads.
+    """Make a node store all its parameters by 1010h:01; blocks for up to about 30 s, plus the time for reading.
 
-    The statusword is read first. Where the node restarts and its EDS is known, what it had before is held against what it has then.
-    ``tell(what, done, all)`` is called on the way.
+    The statusword is read first. If the node restarts and its EDS is known, its values before and after the restart are compared.
+    ``tell(what, done, all)`` reports the progress.
 
     Raises:
         StateError: a drive of the node is energised, another master runs it, or it does not store on command; nothing was sent.
         NodeError: another device answers afterwards.
-        SdoAbort: it refuses. NodeTimeout: it does not come back. SdoTimeout, AdapterError: it does not answer.
+        SdoAbort: the node refuses. NodeTimeout: it does not come back. SdoTimeout, AdapterError: it does not answer.
     """
     _require_at_rest(node)
     who = node.identity()
@@ -51,7 +51,7 @@ def keep(node: CanopenNode, tell: Tell | None = None) -> StoreResult:
             node=node.node_id,
             remedy="look who is there: axisbus scan",
         )
-    if not stored.restarted:  # what it has in RAM proves nothing of its memory
+    if not stored.restarted:  # without a restart, the values in RAM prove nothing about its memory
         return StoreResult(False, stored.seconds, compare.Comparison(0, ()))
     after = device_side.of_device(node, variables, _phase(tell, f"reading node {node.node_id} again"))
     readable = [each for each in variables if (each.index, each.subindex) in before.values]

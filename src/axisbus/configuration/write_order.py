@@ -1,19 +1,19 @@
-"""The writes that bring a device from what it holds to what a file says, in an order that a device takes; pure.
+"""The writes that change a device's values to those of a file, in an order that devices accept; pure.
 
 Theory of operation
 -------------------
-Only what differs is written, and what must be taken apart for it. So the plan is worked out anew from what the device holds,
-whatever an earlier, interrupted run did to it, and it is empty when there is nothing left to do. No write repeats what is held
-already: runs that are cut off after every single write still come to the end. The phases are:
+The plan contains only values that differ, and the writes that must precede them. It depends only on the present values of the
+device, whatever an earlier, interrupted run did, and it is empty when nothing is left to do. No write repeats a value that the
+device already holds: even if each run is interrupted after a single write, the runs finish in the end. The phases are:
 
-1. 1020h (Verify configuration) becomes 0, because the configuration that it vouches for is about to change.
-2. PDOs that will change are switched off: bit 31 of their COB-ID (CiA 301 7.5.2.35, 7.5.2.37).
-3. SYNC, TIME, EMCY and SDO channels that will change are switched off, each by its own bit.
-4. Everything that has no order of its own, by index.
-5. The switched-off PDOs: communication parameters; mapping count 0, mapping entries, mapping count (7.5.2.36, 7.5.2.38).
-6. SYNC and the other channels get what they are to have, then the PDOs: all COB-IDs are free by now.
-7. Error control: guarding, heartbeat consumers (of which no two may watch one node, so they are emptied first), producer.
-8. 1020h gets its date and time: only a whole configuration has one.
+1. Set 1020h (Verify configuration) to 0, because the configuration that it identifies is about to change.
+2. Disable the PDOs that will change: bit 31 of their COB-ID (CiA 301 7.5.2.35, 7.5.2.37).
+3. Disable the SYNC, TIME, EMCY and SDO channels that will change, each by its own bit.
+4. Write all objects without an order of their own, by index.
+5. Write the disabled PDOs: communication parameters; mapping count 0, mapping entries, mapping count (7.5.2.36, 7.5.2.38).
+6. Write SYNC and the other channels, then the COB-IDs of the PDOs: all COB-IDs are free by now.
+7. Write error control: guarding, heartbeat consumers (emptied first, because no two may monitor one node), producer.
+8. Write date and time of 1020h: only a complete configuration has them.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from axisbus.cia301 import objects as o
 
 Key = tuple[int, int]
 Values = Mapping[Key, bytes]
-Held = Mapping[Key, bytes | None]  # None: it cannot be read
+Held = Mapping[Key, bytes | None]  # None: the value cannot be read
 
 VERIFY = 0x1020
 _SYNC_OVERFLOW = 0x1019
@@ -51,7 +51,7 @@ def _neither_way(value: int) -> int:
     return value & ~(_ACTIVE | cob.INVALID)
 
 
-# How a COB-ID is switched off before its other bits may change (CiA 301 7.5.2.5, 7.5.2.15, 7.5.2.17).
+# How to disable a COB-ID before its other bits may change (CiA 301 7.5.2.5, 7.5.2.15, 7.5.2.17).
 _OFF: Mapping[int, Callable[[int], int]] = {
     o.COB_ID_SYNC: _producing_no_more,
     _COB_ID_TIME: _neither_way,
@@ -61,7 +61,7 @@ _OFF: Mapping[int, Callable[[int], int]] = {
 
 @dataclass(frozen=True, slots=True)
 class OrderedWrite:
-    """One write: ``data`` as SDO sends it; ``pdo`` is the communication parameter (14xxh, 18xxh) of the PDO that it belongs to."""
+    """One write: ``data`` as SDO sends it; ``pdo`` is the communication parameter (14xxh, 18xxh) of its PDO."""
 
     index: int
     subindex: int
@@ -75,7 +75,7 @@ class OrderedWrite:
 
 
 def ordered(wanted: Values, held: Held) -> list[OrderedWrite]:
-    """Return the writes after which a device that holds ``held`` has all of ``wanted``; none where it has it already."""
+    """Return the writes that change a device from ``held`` to ``wanted``; none if it has all values already."""
     differing = {key for key, data in wanted.items() if held.get(key) != data}
     if not differing:
         return []
@@ -94,7 +94,7 @@ def ordered(wanted: Values, held: Held) -> list[OrderedWrite]:
 
 
 def pdo_of(index: int) -> int | None:
-    """Return the communication parameter of the PDO that an object belongs to, None where it is of none."""
+    """Return the communication parameter of the PDO to which an object belongs, None if it belongs to no PDO."""
     for first in (index, index - _TO_MAPPING):
         if any(first in each for each in _COMMUNICATION):
             return first
@@ -102,14 +102,14 @@ def pdo_of(index: int) -> int | None:
 
 
 def pdo_back(pdo: int, before: Held, now: Held) -> list[OrderedWrite]:
-    """Return the writes that give one PDO back all that it had ``before``, whatever of it has been changed by now."""
+    """Return the writes that restore one PDO's values ``before``, whatever has changed since."""
     own = {key: data for key, data in before.items() if data is not None and pdo_of(key[0]) == pdo}
     state: dict[Key, bytes | None] = {**own, **{key: now.get(key) for key in own}}
     return ordered(own, state)
 
 
 class _Plan:
-    """The phases; holds what is wanted, what is there, and what differs, and changes none of it."""
+    """The phases; holds the wanted values, the device's values, and their differences, and changes none of them."""
 
     def __init__(self, wanted: Values, held: Held, differing: set[Key]) -> None:
         self._wanted = wanted
@@ -157,7 +157,7 @@ class _Plan:
     def _mapping(self, pdo: int) -> Iterator[OrderedWrite]:
         mapping = pdo + _TO_MAPPING
         count = self._wanted.get((mapping, 0))
-        if count is None:  # a number that is fixed: entries are changed one by one
+        if count is None:  # the number is fixed: entries are changed one by one
             for key in sorted(self._differing):
                 if key[0] == mapping:
                     yield OrderedWrite(*key, self._wanted[key], pdo)
@@ -168,7 +168,7 @@ class _Plan:
         used = range(1, int.from_bytes(count, "little") + 1)
         for key in sorted(key for key in self._wanted if key[0] == mapping and key[1] in used):
             data = self._wanted[key]
-            # Emptying a mapping may empty its entries too, so all are written behind it.
+            # Setting the count to 0 may clear the entries too, so all entries are written afterwards.
             if mapped or self._held.get(key) != data:
                 yield OrderedWrite(*key, data, pdo)
         if any(count):
@@ -195,7 +195,7 @@ class _Plan:
         if self._stops_sync():
             yield OrderedWrite(
                 o.CYCLE_PERIOD, 0, bytes(4)
-            )  # 1019h may only change while it is 0 (CiA 301 7.5.2.22)
+            )  # 1019h may only change while 1006h is 0 (CiA 301 7.5.2.22)
         for index in self._sdo_channels():
             for subindex in _SDO_COB_IDS:
                 if self._blocks(index, subindex):
@@ -204,7 +204,7 @@ class _Plan:
                     )
 
     def _blocks(self, index: int, subindex: int) -> bool:
-        """Whether a COB-ID of an SDO channel must be switched off before what differs of the channel may change."""
+        """Whether a COB-ID of an SDO channel must be disabled before the channel's differing entries may change."""
         key = index, subindex
         now = self._number(key)
         if now is None or now & cob.INVALID or not self._settable(index, subindex):
@@ -228,14 +228,14 @@ class _Plan:
                     yield OrderedWrite(*key, self._wanted[key])
 
     def _stops_sync(self) -> bool:
-        """Whether 1006h must be 0 for a while."""
+        """Whether 1006h must be 0 temporarily."""
         key = o.CYCLE_PERIOD, 0
         return (
             (_SYNC_OVERFLOW, 0) in self._differing and key in self._wanted and any(self._held.get(key) or b"")
         )
 
     def _switched_off(self, key: Key) -> bytes | None:
-        """Return what an entry of an SDO channel holds once the channel is switched off."""
+        """Return the value of an SDO channel's entry after the channel is disabled."""
         now = self._number(key)
         return self._held.get(key) if now is None or not self._blocks(*key) else _u32(now | cob.INVALID)
 

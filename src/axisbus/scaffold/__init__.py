@@ -1,1 +1,1 @@
-"""A first cell file of what was found on a bus; everything that only the user knows is a comment to confirm."""
+"""Generate a first cell file for the nodes on a bus; settings that only the user knows are comments to confirm."""

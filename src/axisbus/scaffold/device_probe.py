@@ -1,4 +1,4 @@
-"""What a first cell file must know of a device, read from it; nothing is written."""
+"""Read the data for a first cell file from a device; nothing is written."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from axisbus.errors import SdoAbort, SdoTimeout
 
 MOST_AXES = 8
 
-# Objects of an axis that a first cell file is made of, beside the option codes and those of ``proposal``.
+# Objects of an axis for a first cell file, beside the option codes and those of ``scale_proposal``.
 OBJECTS = (
     *(
         (o.PROFILE_VELOCITY, 0),
@@ -39,7 +39,7 @@ Values = Mapping[tuple[int, int], int | None]
 
 @dataclass(frozen=True, slots=True)
 class ProbedAxis:
-    """One axis of a device: its number (from 1), its state in words, and the values of its objects (None: not there)."""
+    """One axis of a device: its number (from 1), its state in words, and the values of its objects (None: missing)."""
 
     number: int
     power: str
@@ -52,7 +52,7 @@ class ProbedAxis:
 
     @property
     def modes(self) -> tuple[str, ...]:
-        """The modes that 6502h claims, by their short names."""
+        """The modes that 6502h lists, by their short names."""
         claimed = self.get(o.SUPPORTED_DRIVE_MODES)
         return (
             () if claimed is None else tuple(modes.short(mode) for mode in sorted(modes.supported(claimed)))
@@ -60,10 +60,10 @@ class ProbedAxis:
 
 
 def axes(sdo: SdoClient) -> list[ProbedAxis]:
-    """Return the axes of a device: those with a statusword, 800h apart (CiA 402-2 5); blocks for some dozen transfers each.
+    """Return the axes of a device: those with a statusword, 800h apart (CiA 402-2 5); blocks for several dozen transfers each.
 
     Raises:
-        SdoTimeout, AdapterError: the device does not answer. SdoError: it answers for a statusword with something that is no value.
+        SdoTimeout, AdapterError: the device does not answer. SdoError: its answer for a statusword is no value.
     """
     found: list[ProbedAxis] = []
     while len(found) < MOST_AXES:
@@ -81,7 +81,7 @@ def axes(sdo: SdoClient) -> list[ProbedAxis]:
 def _read(sdo: SdoClient, index: int, subindex: int, axis: int) -> int | None:
     data = try_upload(sdo, own_index(index, axis), subindex)
     if index == o.STATUSWORD and not isinstance(data, (bytes, SdoAbort, SdoTimeout)):
-        raise data  # an axis is there, and its state is unknown
+        raise data  # the axis exists, but its state is unknown
     if not isinstance(data, bytes):
         return None
     kind = standard(index, subindex)[1]

@@ -2,9 +2,9 @@
 
 Theory of operation
 -------------------
-What stands in the file without a comment sign is what was read (adapter, nodes, files, which axes there are) or is the master's own
-affair (periods). What only the user knows, such as units, scales, speeds and how to stop, is a comment: each with what the drive
-says, so that it can be confirmed by taking the sign away. Until then an axis counts in increments.
+Lines without a comment sign contain values that were read (adapter, nodes, files, number of axes) or that are the master's own
+(periods). Settings that only the user knows, such as units, scales, speeds and stop reactions, are comments. Each comment shows the
+drive's value, so that the user can confirm it by deleting the comment sign. Until then an axis counts in increments.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _WIDTH = 30
 
 @dataclass(frozen=True, slots=True)
 class BusFound:
-    """The bus that was scanned; ``bitrate`` in bit/s, None where nobody knows it."""
+    """The scanned bus; ``bitrate`` in bit/s, None if it is unknown."""
 
     interface: str
     channel: str | None
@@ -42,7 +42,7 @@ class BusFound:
 
 @dataclass(frozen=True, slots=True)
 class NodeFound:
-    """One device that answered: who it is, the files for it (``spec`` as the cell file names them), its axes and its make."""
+    """One device that answered: its identity, its files (``specs`` as the cell file names them), its axes and its make."""
 
     found: DiscoveredNode
     match: FileMatch
@@ -53,7 +53,7 @@ class NodeFound:
 
 @dataclass(frozen=True, slots=True)
 class Draft:
-    """A first cell file, and what is missing in it or must be confirmed, in sentences."""
+    """A first cell file, and the missing and unconfirmed settings in sentences."""
 
     text: str
     missing: tuple[str, ...]
@@ -61,7 +61,7 @@ class Draft:
 
 
 def draft(bus: BusFound, nodes: list[NodeFound]) -> Draft:
-    """Return a first cell file of what was found."""
+    """Return a first cell file of the scanned bus and its nodes."""
     missing = [text for node in nodes for text in _missing(node)]
     if bus.bitrate is None and bus.interface != SIMULATED:
         missing.append("the bit rate of the bus is not known: write bitrate in [bus] (or give it with -b)")
@@ -278,7 +278,7 @@ def _plain(text: str) -> str:
 
 
 def _text(text: str) -> str:
-    """Return a text as TOML writes it; JSON's escapes are TOML's."""
+    """Return a text in the syntax of TOML; its escapes are the same as JSON's."""
     return json.dumps(text, ensure_ascii=True)
 
 

@@ -1,4 +1,4 @@
-"""Which EDS file describes a device, by its identity; pure but for reading the files."""
+"""Find the EDS file of a device by its identity; pure, except for reading the files."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from axisbus.eds.model import Eds
 from axisbus.errors import EdsError, UserError
 
 _SUFFIXES = (".eds", ".dcf")
-_MOST = 5000  # files in all folders: more is a mistyped folder
+_MOST = 5000  # files in all folders: more indicate a mistyped folder
 
 
 @dataclass(frozen=True, slots=True)
 class CandidateFile:
-    """A file that may describe a device; ``spec`` is how a cell file names it (a path, or ``builtin:NAME``)."""
+    """A file that may describe a device; ``spec`` is its name in a cell file (a path, or ``builtin:NAME``)."""
 
     spec: str
     eds: Eds
@@ -24,7 +24,7 @@ class CandidateFile:
 
 @dataclass(frozen=True, slots=True)
 class FileMatch:
-    """The files for one device, best first: one that is ``exact`` or alone is to be taken, of several the user must choose."""
+    """The files for one device; a single file is used, of several the user must choose. ``exact``: the revision matches."""
 
     files: tuple[CandidateFile, ...]
     exact: bool
@@ -32,15 +32,15 @@ class FileMatch:
 
     @property
     def chosen(self) -> CandidateFile | None:
-        """The file to be taken, None where there is none or a choice."""
+        """The file to use, None if there is none or the user must choose."""
         return self.files[0] if len(self.files) == 1 else None
 
 
 def collect(folders: Iterable[Path]) -> tuple[list[CandidateFile], list[str]]:
-    """Read every EDS and DCF in these folders and below, and the built-in ones; return them and what could not be read.
+    """Read each EDS and DCF in these folders and below, and the built-in ones; return the files and the errors of unreadable ones.
 
     Raises:
-        UserError: a folder is none, or holds too many files.
+        UserError: a path is neither a folder nor a file, or holds too many files.
     """
     found = [
         CandidateFile(f"{builtin.PREFIX}{name}", load(builtin.resolve(builtin.PREFIX + name, Path())))
@@ -79,10 +79,10 @@ def match(
     product_code: int | None,
     revision: int | None,
 ) -> FileMatch:
-    """Return the files of this vendor and product: with this revision, else with any; a DCF only where it is of this node.
+    """Return the files of this vendor and product: with this revision, else with any; a DCF only if it is made for this node.
 
-    A file that gives no vendor describes no device in particular and is never taken. One without a product code is only
-    for a vendor of which no file has the code. Of equal files the first counts.
+    A file without a vendor ID describes no particular device and is never used. A file without a product code is only used if no
+    file of the vendor has the device's code. Of equal files the first one is used.
     """
     if not vendor_id:
         return FileMatch((), exact=False, note="the device gives no vendor ID (1018h:01)")
@@ -105,7 +105,7 @@ def match(
 
 
 def _unequal(files: list[CandidateFile]) -> list[CandidateFile]:
-    """Return the files without those whose objects are the same text as those of an earlier one."""
+    """Return the files without later ones that equal an earlier one in FileName, FileRevision, object count and node-ID."""
     seen: dict[tuple[object, ...], CandidateFile] = {}
     for each in files:
         info = each.eds.info.get("fileinfo", {})
