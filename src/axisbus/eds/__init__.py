@@ -1,6 +1,6 @@
-"""EDS and DCF files: what they say, with line numbers.
+"""EDS and DCF files: their contents, with line numbers.
 
-The names below are loaded when they are first used: who only looks for a cell file needs no reader of EDS files.
+The names below are loaded on first use, because a program that only reads a cell file needs no EDS reader.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Giving an object of an EDS a value: which object is meant, and whether it can have that value."""
+"""Give an object of an EDS a value: find the object, and check the value."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from axisbus.eds.io.values import Default, Limit
 from axisbus.eds.model import Eds, Number, Variable
 from axisbus.errors import ArgumentError, LimitError
 
-# What is odd about a text and yet clear in its meaning: the value is written as it should be.
+# Problems of a text whose meaning is clear: the value is written in its correct form.
 _CLEAR = frozenset(("V006", "V020"))
 _TWOS_COMPLEMENT = "V010"  # clear in hexadecimal, but 200 for an INTEGER8 is a mistake
 _SUB = re.compile(r"(?i)(?<=[0-9a-fh])sub(?=[0-9a-f]{1,2}h?$)")
@@ -20,9 +20,9 @@ _OCTETS = frozenset((DataType.OCTET_STRING, DataType.DOMAIN))
 
 
 def entry(eds: Eds, wanted: str) -> Variable:
-    """Return the one entry that ``wanted`` means.
+    """Return the one entry that ``wanted`` names.
 
-    That is a name (``"Profile velocity"``, ``"Object.Sub-index name"``), or an index in hexadecimal digits with an optional
+    ``wanted`` is a name (``"Profile velocity"``, ``"Object.Sub-index name"``), or an index in hexadecimal digits with an optional
     sub-index: ``6081``, ``0x6081``, ``6099h:01``, ``1018sub1``.
 
     Raises:
@@ -44,7 +44,7 @@ def at(eds: Eds, index: int, subindex: int) -> Variable:
     """Return the entry at an index and sub-index.
 
     Raises:
-        ArgumentError: the file has none.
+        ArgumentError: the file has no such entry.
     """
     variable = eds.get(index, subindex)
     if variable is not None:
@@ -74,12 +74,12 @@ def _named(eds: Eds, name: str) -> list[Variable]:
 def text_for(variable: Variable, given: str, node_id: int | None = None) -> str:
     """Return ``given`` as an EDS writes it for this entry, if the entry can have that value.
 
-    Numbers are decimal, hexadecimal (``0x``) or formulas (``$NODEID+0x200``); octets are pairs of hexadecimal digits. The entry's
-    limits are compared for ``node_id`` (1 to 127) where they or the value depend on it.
+    Numbers are decimal, hexadecimal (``0x``) or formulas (``$NODEID+0x200``); octets are pairs of hexadecimal digits. If the limits
+    or the value depend on the node-ID, they are compared for ``node_id`` (1 to 127).
 
     Raises:
         ArgumentError: the entry cannot be written, or the text is no value of its type.
-        LimitError: the value does not fit the type, or lies outside LowLimit and HighLimit.
+        LimitError: the value does not fit the type, or is outside LowLimit and HighLimit.
     """
     check_writable(variable)
     value, problems = values.parse(given.strip(), variable.data_type)
@@ -88,7 +88,7 @@ def text_for(variable: Variable, given: str, node_id: int | None = None) -> str:
     if value is None or odd:
         raise _refused(variable, given, odd[0] if odd else values.ValueProblem("V001", "it is empty"))
     check_limits(variable, value, node_id)
-    bare = given.strip() == "$NODEID"  # some readers want a number behind it
+    bare = given.strip() == "$NODEID"  # some readers require a number after it
     return written(value, variable.data_type) if problems or bare else given.strip()
 
 
@@ -102,7 +102,7 @@ def check_writable(variable: Variable) -> None:
 
 
 def check_limits(variable: Variable, value: Default, node_id: int | None) -> None:
-    """Raise LimitError where a value lies outside LowLimit and HighLimit of its entry, for a node (1 to 127) or for none."""
+    """Raise LimitError if a value is outside LowLimit and HighLimit of its entry, for a node-ID (1 to 127) or without one."""
     number = _plain(value, node_id)
     low, high = _plain(variable.low, node_id), _plain(variable.high, node_id)
     beyond = number is not None and (

@@ -9,7 +9,7 @@ from axisbus.errors import EdsError
 
 PREFIX = "builtin:"
 
-# In an installed package the files lie beside this module; in a checkout, at its top.
+# In an installed package the files are in this package's folder; in a checkout, in the top folder.
 _FOLDERS = (Path(__file__).parent / "builtin", Path(__file__).parents[3] / "eds")
 
 
@@ -19,12 +19,12 @@ def names() -> list[str]:
 
 
 def resolve(spec: str, base: Path) -> Path:
-    """Return the path that ``spec`` means: ``builtin:gim6010-8``, or a path relative to the folder ``base``.
+    """Return the path of ``spec``: ``builtin:gim6010-8``, or a path relative to the folder ``base``.
 
-    Whether a path exists is left to ``load``, which says what is there instead.
+    The path may not exist; ``load`` then reports it and names similar files.
 
     Raises:
-        EdsError: there is no built-in file of this name, or ``~`` means no home that is known.
+        EdsError: there is no built-in file of this name, or the home directory of ``~`` is unknown.
     """
     if not spec.startswith(PREFIX):
         try:

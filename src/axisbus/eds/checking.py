@@ -18,19 +18,19 @@ def check(
     select: str | Iterable[str] = (),
     ignore: str | Iterable[str] = (),
 ) -> tuple[EdsFinding, ...]:
-    """Return everything that is wrong or odd in a file, in the order of its lines.
+    """Return all errors and oddities of a file, in the order of its lines.
 
-    ``what`` is a path, or what ``load``, ``loads`` or ``reader.read`` returned. ``select`` and ``ignore`` take ids of rules
-    (``"V003"``) and their beginnings (``"V"``), one or several; without ``select`` all rules are meant, and the longer text wins
-    where both speak of a rule. Lines and columns count from 1, 0 stands for the whole file.
+    ``what`` is a path, or the result of ``load``, ``loads`` or ``reader.read``. ``select`` and ``ignore`` take ids of rules
+    (``"V003"``) and their beginnings (``"V"``), one or several. Without ``select`` all rules apply. If both match a rule, the
+    longer text decides. Lines and columns count from 1; 0 means the whole file.
 
-    Blocks for the time the file takes to read and check, some 40 ms for 150 kB. No bus is used, nothing is written.
+    Blocks for the time the file takes to read and check, about 40 ms for 150 kB. No bus is used, nothing is written.
 
     Raises:
         EdsError: the file is missing, cannot be read, or is no EDS at all.
-        ArgumentError: no rule's id begins so, or the ``Eds`` was not read from a file's text.
+        ArgumentError: no rule's id begins with a given text, or the ``Eds`` was not read from a file's text.
     """
-    from axisbus.eds.rules import (  # the rules take as long to import as all the rest of reading
+    from axisbus.eds.rules import (  # importing the rules takes as long as importing the rest of the reader
         engine,
         rule_selection,
     )
@@ -39,7 +39,7 @@ def check(
 
 
 def reading(what: Eds | EdsParseResult | str | Path) -> EdsParseResult:
-    """Return what a file says with its text: of a path, or of what was read already; raises like ``check``."""
+    """Return the parse result of a path, or of a file that is already read; raises like ``check``."""
     if isinstance(what, EdsParseResult):
         return what
     eds = what if isinstance(what, Eds) else reader.load(what)

@@ -1,7 +1,7 @@
 """The concise DCF of CiA 302-3: the writes that configure a node, as the octets of 1F22h.
 
-Theory of operation. The stream is a number of entries (4 octets), and of each entry index (2), sub-index (1), size (4) and data,
-all little endian. A device takes the writes in their order; which order that must be, ``configuration`` knows.
+Theory of operation. The stream contains the number of entries (4 octets), and for each entry index (2), sub-index (1), size (4) and
+data, all little endian. A device executes the writes in their order; ``configuration`` determines the right order.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def encode(writes: Iterable[ConciseWrite]) -> bytes:
 
 
 class Taken(NamedTuple):
-    """A stream taken apart: the number that it gives, the writes that are whole, and the octets left over."""
+    """The decoded parts of a stream: the number of entries in its head, the complete writes, and the number of remaining octets."""
 
     said: int
     writes: tuple[ConciseWrite, ...]
@@ -43,7 +43,7 @@ class Taken(NamedTuple):
 
 
 def take_apart(data: bytes) -> Taken:
-    """Return the writes of a stream as far as they are whole, however many it says; never raises."""
+    """Return the complete writes of a stream, whatever number its head contains; never raises."""
     if len(data) < _COUNT.size:
         return Taken(0, (), len(data))
     (count,) = _COUNT.unpack_from(data)
@@ -55,7 +55,7 @@ def take_apart(data: bytes) -> Taken:
 
 
 def _whole(data: bytes, at: int) -> ConciseWrite | None:
-    """Return the entry at an octet, None where it is cut off."""
+    """Return the entry at an octet, None if it is incomplete."""
     start = at + _HEAD.size
     if start > len(data):
         return None
@@ -64,10 +64,10 @@ def _whole(data: bytes, at: int) -> ConciseWrite | None:
 
 
 def decode(data: bytes, source: str = "") -> tuple[ConciseWrite, ...]:
-    """Return the writes of a stream, in their order; ``source`` is the name that messages show.
+    """Return the writes of a stream, in their order; ``source`` is the name in messages.
 
     Raises:
-        EdsError: it is cut off, holds more than it says, or less.
+        EdsError: the stream is incomplete, or its number of entries is wrong.
     """
     if len(data) < _COUNT.size:
         raise _broken(source, f"it has {counted(len(data), 'octet')}, the number of entries alone takes 4")

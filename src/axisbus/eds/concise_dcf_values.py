@@ -1,8 +1,8 @@
-"""Between a DCF and a concise DCF: which values are written to a device, in which order, and what writes mean as values.
+"""Convert a DCF to a concise DCF and back: the values to write, their order, and the values of the writes.
 
-Theory of operation. A PDO accepts a new mapping only while it is disabled and its mapping counts nothing, so the writes of one PDO
-come as: COB-ID with bit 31 set, the other communication parameters, mapping count 0, the mapping entries, the count, the COB-ID
-that it is to have (CiA 301 7.5.2.36). 1020h (Verify configuration) comes last of all, because it says that all before it is done.
+Theory of operation. A PDO accepts a new mapping only while it is disabled and its mapping count is 0. Therefore the writes of one
+PDO are: COB-ID with bit 31 set, the other communication parameters, mapping count 0, the mapping entries, the count, the final
+COB-ID (CiA 301 7.5.2.36). 1020h (Verify configuration) comes last, because it confirms that the configuration is complete.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _Key = tuple[int, int]
 class Configuration(NamedTuple):
     """The writes that configure a node, in order, and the entries with a value of their own that are not written.
 
-    Left out are entries that cannot be written, that ObjFlags keeps from a download, and objects that act when written.
+    Left out are entries that are not writable, entries whose ObjFlags refuse a download, and objects that act when written.
     """
 
     writes: tuple[ConciseWrite, ...]
@@ -46,13 +46,13 @@ class Configuration(NamedTuple):
 
 
 def configuration(reading: EdsParseResult, node_id: int | None = None) -> Configuration:
-    """Return what a concise DCF of a DCF holds: the values that differ from the defaults, for ``node_id`` (else the file's own).
+    """Return the writes of a DCF: the values that differ from the defaults, for ``node_id`` (else the file's own).
 
-    Of a PDO that is touched, all that is needed to change it is written: disabled first, its whole mapping, enabled last.
+    If a value of a PDO differs, all writes for changing the PDO are included: disable it, write its whole mapping, enable it.
 
     Raises:
-        EdsError: a ParameterValue cannot be understood, depends on a node ID that nobody gave, or a PDO is to be changed of which
-            the file does not say the COB-ID or the mapping.
+        EdsError: a ParameterValue is not valid or needs a node-ID that is not given; or a PDO changes, and the file does not
+            contain its COB-ID or mapping.
     """
     eds = reading.eds
     node = eds.node_id if node_id is None else node_id
@@ -68,7 +68,7 @@ def configuration(reading: EdsParseResult, node_id: int | None = None) -> Config
 
 
 def check_understood(reading: EdsParseResult) -> None:
-    """Raise EdsError where the file gives a parameter value that is none of its entry's type."""
+    """Raise EdsError if the file gives a parameter value that does not fit the type of its entry."""
     for section, key, index, subindex in _given(reading):
         variable = reading.eds.get(index, subindex)
         if section.entries.get(key) and variable is not None and variable.parameter_value is None:
@@ -83,7 +83,7 @@ def check_understood(reading: EdsParseResult) -> None:
 
 
 def _given(reading: EdsParseResult) -> Iterator[tuple[Section, str, int, int]]:
-    """Yield section, key, index and sub-index wherever the file may give a parameter value."""
+    """Yield section, key, index and sub-index of each possible parameter value in the file."""
     parts = reading.parts
     for index, head in parts.heads.items():
         yield head, "parametervalue", index, 0
@@ -115,7 +115,7 @@ def _data(eds: Eds, variable: Variable, value: Default, node: int | None) -> byt
 
 
 def _ordered(eds: Eds, chosen: Mapping[_Key, bytes], node: int | None) -> Iterator[ConciseWrite]:
-    """Yield the writes: everything else, then PDO by PDO, then 1020h."""
+    """Yield the writes: first all others, then PDO by PDO, then 1020h."""
     touched = {first for index, _ in chosen if (first := _communication_of(index)) is not None}
     for (index, subindex), data in sorted(chosen.items()):
         if _communication_of(index) is None and index != VERIFY:
@@ -128,7 +128,7 @@ def _ordered(eds: Eds, chosen: Mapping[_Key, bytes], node: int | None) -> Iterat
 
 
 def _communication_of(index: int) -> int | None:
-    """Return the communication parameter of the PDO to which an object belongs, None where it is of none."""
+    """Return the communication parameter of the PDO to which an object belongs, None if it belongs to no PDO."""
     for first in (index, index - _TO_MAPPING):
         if any(first in each for each in _COMMUNICATION):
             return first
@@ -136,7 +136,7 @@ def _communication_of(index: int) -> int | None:
 
 
 class _Pdo:
-    """One PDO that is touched: its writes, from what was chosen and from what the file says otherwise; frozen."""
+    """The writes of one changed PDO, from the chosen values and the other values of the file; frozen."""
 
     def __init__(self, eds: Eds, communication: int, chosen: Mapping[_Key, bytes], node: int | None) -> None:
         self._eds = eds
@@ -146,7 +146,7 @@ class _Pdo:
         self._node = node
 
     def writes(self) -> Iterator[ConciseWrite]:
-        """Yield all that changes the PDO, in the order that CiA 301 7.5.2.36 and 7.5.2.38 ask for."""
+        """Yield all writes of the PDO, in the order of CiA 301 7.5.2.36 and 7.5.2.38."""
         cob = self._writable(self._communication, o.PDO_COB_ID)
         final = 0 if cob is None else int.from_bytes(self._value(cob), "little")
         if cob is not None:
@@ -161,7 +161,7 @@ class _Pdo:
 
     def _mapped(self) -> Iterator[ConciseWrite]:
         count = self._writable(self._mapping, 0)
-        if count is None:  # entries that can be changed one by one, though their number is fixed
+        if count is None:  # the number is fixed, but single entries can be changed
             yield from (
                 ConciseWrite(*key, data)
                 for key, data in sorted(self._chosen.items())
@@ -181,7 +181,7 @@ class _Pdo:
         return variable if variable is not None and variable.writable else None
 
     def _value(self, variable: Variable) -> bytes:
-        """Return what an entry is to hold: as chosen, else as after power-up."""
+        """Return the final value of an entry: the chosen one, else the value after power-up."""
         data = self._chosen.get((variable.index, variable.subindex))
         if data is not None:
             return data
@@ -190,7 +190,7 @@ class _Pdo:
 
 
 def parameters(eds: Eds, writes: Iterable[ConciseWrite]) -> list[tuple[Variable, str]]:
-    """Return what a concise DCF makes of the entries of a file, each as an EDS writes it; of several writes the last counts.
+    """Return the values of a concise DCF by entry of the file, in the notation of an EDS; of several writes the last counts.
 
     Raises:
         ArgumentError: the file has no such entry.

@@ -1,4 +1,4 @@
-"""From an EDS to the DCF of one node, and back: node ID, bit rate, names, and parameter values (DS 306 5)."""
+"""Convert an EDS to the DCF of one node, and back: node-ID, bit rate, names, and parameter values (DS 306 5)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from axisbus.eds.model import Eds, Number, Variable
 from axisbus.errors import ArgumentError, EdsError
 
 BAUD_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
-_SECTION = "DeviceComissioning"  # spelt so by the standard
+_SECTION = "DeviceComissioning"  # the standard's own spelling
 _MISSPELT = "devicecommissioning"
 _OF_A_DCF = ("parametervalue", "denotation", "uploadfile", "downloadfile")
 _MAX_U32 = 0xFFFF_FFFF
@@ -23,10 +23,10 @@ _MAX_U32 = 0xFFFF_FFFF
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What a DCF says of its node beside the values; None leaves out, or leaves as it was, what it is for.
+    """The settings of a DCF beside its values; None leaves a setting out, or leaves it unchanged.
 
     ``node_id`` is 1 to 127, ``baudrate`` in kbit/s one of CiA 301's. ``file_name`` and ``last_eds`` are the names of the DCF and of
-    the EDS that it is made of, for [FileInfo]. ``serial`` is the serial number of the one device that the DCF is of.
+    its EDS, for [FileInfo]. ``serial`` is the serial number of the one device that the DCF describes.
     """
 
     node_id: int
@@ -43,14 +43,14 @@ class Settings:
 def make(
     reading: EdsParseResult, settings: Settings, parameters: Iterable[tuple[Variable, str]] = ()
 ) -> EdsParseResult:
-    """Return the DCF of a node: ``reading`` (an EDS or DCF) with the settings, and with each text as the entry's ParameterValue.
+    """Return the DCF of a node: ``reading`` (an EDS or DCF) with the settings, and with each text as its entry's ParameterValue.
 
-    All other lines stay as they are. The texts are those that ``assign.text_for`` takes; the entries are of this reading.
+    All other lines stay as they are. The texts are in the format of ``assign.text_for``; the entries belong to this reading.
 
     Raises:
-        ArgumentError: a setting is out of its range, or an entry cannot be written or cannot have the value.
-        LimitError: a value does not fit its type, or lies outside the limits of its entry.
-        EdsError: the bit rate is one that the file says the device does not have, or the file has no place for a value.
+        ArgumentError: a setting is out of range, or an entry cannot be written or cannot have the value.
+        LimitError: a value does not fit its type, or is outside the limits of its entry.
+        EdsError: the device does not support the bit rate, by the file; or the file has no section for a value.
     """
     _check(reading, settings)
     chosen = {
@@ -63,12 +63,12 @@ def make(
 def record(
     reading: EdsParseResult, settings: Settings, texts: Mapping[tuple[int, int], str]
 ) -> EdsParseResult:
-    """Return the DCF of a node that answered with these values, by index and sub-index, each as an EDS writes it.
+    """Return the DCF of a node with these values read from it, by index and sub-index, in the notation of an EDS.
 
-    Unlike ``make`` it asks neither access nor limits: what a device holds is what it holds.
+    Unlike ``make``, it checks neither access nor limits, because the device already has these values.
 
     Raises:
-        ArgumentError, EdsError: as ``make``, of settings and places.
+        ArgumentError, EdsError: as ``make``, for settings and missing sections.
     """
     _check(reading, settings)
     return _filled(reading, settings, texts)
@@ -124,7 +124,7 @@ def _list(numbers: Iterable[int]) -> str:
 
 
 def _section(reading: EdsParseResult, index: int, subindex: int) -> Section | None:
-    """Return the section that describes an entry by itself, None where it is implied."""
+    """Return the section of an entry, None if the file describes the entry only implicitly."""
     listed = reading.parts.beside.get((index, "value"))
     if listed is not None and str(subindex) in listed.entries:
         return None
@@ -135,7 +135,7 @@ def _section(reading: EdsParseResult, index: int, subindex: int) -> Section | No
 
 
 def has_place(reading: EdsParseResult, index: int, subindex: int) -> bool:
-    """Whether a file can give an entry a value of its own; not where the entry is only implied, as by CompactPDO."""
+    """Whether the file can give an entry a value of its own; it cannot if the entry is only implied, as by CompactPDO."""
     head = reading.parts.heads.get(index)
     compacted = head is not None and "compactsubobj" in head.entries
     return compacted or _section(reading, index, subindex) is not None
@@ -144,9 +144,9 @@ def has_place(reading: EdsParseResult, index: int, subindex: int) -> bool:
 def _lists(
     reading: EdsParseResult, document: EdsText, listed: Mapping[int, Mapping[str, str]]
 ) -> Iterator[LineEdit]:
-    """Yield the changes that put values into ``[xxxxValue]``, the place of compact sub-indices (DS 306 5).
+    """Yield the changes that put values into ``[xxxxValue]``, the section for compact sub-indices (DS 306 5).
 
-    The sections are gone through once, however many values there are.
+    The sections are searched once, however many values there are.
     """
     after = {section.line: following for section, following in pairwise(document.sections.values())}
     for index, texts in listed.items():
@@ -213,7 +213,7 @@ def _entries(settings: Settings) -> Mapping[str, str]:
 
 
 def to_eds(reading: EdsParseResult, file_name: str | None = None) -> EdsParseResult:
-    """Return the EDS behind a DCF: without node, values, denotations and files; all other lines stay as they are.
+    """Return the EDS of a DCF: without node, values, denotations and files; all other lines stay as they are.
 
     ``file_name`` is the name of the EDS, for [FileInfo].
     """
@@ -235,7 +235,7 @@ def to_eds(reading: EdsParseResult, file_name: str | None = None) -> EdsParseRes
 
 
 def differing(eds: Eds, node_id: int | None = None) -> tuple[Variable, ...]:
-    """Return the entries whose parameter value is not their default, for a node ID (1 to 127; else the file's own)."""
+    """Return the entries whose parameter value differs from their default, for a node-ID (1 to 127; else the file's own)."""
     node = eds.node_id if node_id is None else node_id
     return tuple(
         sub
@@ -247,6 +247,6 @@ def differing(eds: Eds, node_id: int | None = None) -> tuple[Variable, ...]:
 
 
 def default(variable: Variable, node_id: int | None) -> int | float | str | bytes | None:
-    """Return the default of an entry for a node (1 to 127), None where the file gives none."""
+    """Return the default of an entry for a node-ID (1 to 127), None if the file gives none."""
     value = variable.default
     return value.resolve(node_id) if isinstance(value, Number) else value

@@ -1,4 +1,4 @@
-"""From what a device answered to the texts of a DCF, and whether each of them means what was answered."""
+"""Convert the values read from a device to the texts of a DCF, and check that each text gives the same value."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Key = tuple[int, int]
 _REFUSES_SCAN = 2  # bit 1 of ObjFlags (DS 306 4.6.3.3)
 _TEXTS = frozenset((DataType.VISIBLE_STRING, DataType.UNICODE_STRING))
 _UNFIT = re.compile(r"[^\x20-\x7e]")
-# COB-IDs of the pre-defined connection set: the object -> the part without the node ID (CiA 301 7.3.5).
+# COB-IDs of the pre-defined connection set: the object -> the part without the node-ID (CiA 301 7.3.5).
 _PREDEFINED: Mapping[Key, int] = {
     (o.COB_ID_EMCY, 0): cob.EMCY,
     **{(o.RPDO_COMMUNICATION + number, o.PDO_COB_ID): base for number, base in enumerate(cob.RPDO)},
@@ -32,7 +32,7 @@ _PREDEFINED: Mapping[Key, int] = {
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """An entry that is not in a backup, and why."""
+    """An entry that is not in a backup, and the reason."""
 
     index: int
     subindex: int
@@ -41,7 +41,7 @@ class LeftOut:
 
 
 def readable(reading: EdsParseResult) -> tuple[list[Variable], list[LeftOut]]:
-    """Return the entries to be read for a backup, and those that are left out."""
+    """Return the entries to read for a backup, and the entries that are left out."""
     wanted, left_out = [], []
     for entry in reading.eds:
         for variable in entry.subs.values():
@@ -71,9 +71,9 @@ def _reason(reading: EdsParseResult, variable: Variable) -> str:
 
 
 def text_of(variable: Variable, data: bytes, node_id: int) -> str | LeftOut:
-    """Return what a device answered as an EDS writes it; COB-IDs that follow the node ID as a formula.
+    """Return the value read from a device in the notation of an EDS; COB-IDs that follow the node-ID become formulas.
 
-    An entry whose text would not give the same bytes again is left out, unless it can only be read: then it is as near as can be.
+    A writable entry is left out if its text would not give the same bytes again. A read-only entry gets the nearest possible text.
     """
     size = size_in_bytes(variable.data_type)
     if size is not None and size != len(data):
@@ -90,7 +90,7 @@ def text_of(variable: Variable, data: bytes, node_id: int) -> str | LeftOut:
 
 
 def printable(text: str) -> str:
-    """Return a device's text as an EDS can hold it: ``?`` for each character that is not printable ASCII, no white space around."""
+    """Return a device's text in the form that an EDS allows: trimmed, with ``?`` for each character that is not printable ASCII."""
     return _UNFIT.sub("?", text.strip())
 
 
@@ -114,7 +114,7 @@ def _relative(variable: Variable, value: int, node_id: int) -> Number:
 
 
 def _means(text: str, variable: Variable, data: bytes, node_id: int) -> bool:
-    """Whether reading the text gives the bytes again."""
+    """Whether parsing the text gives the same bytes again."""
     value, _ = values.parse(text, variable.data_type)
     plain = value.resolve(node_id) if isinstance(value, Number) else value
     padded = variable.data_type in _TEXTS  # many devices end a text with zeros

@@ -1,7 +1,8 @@
-"""What the master knows of a node's objects: by the EDS, and where that is silent by the standard.
+"""The objects of a node as the master uses them: by the EDS, and for missing information by the standard.
 
-The standard's signedness wins over the file's for the objects of CiA 402, because files that type a target velocity as unsigned are
-common and a negative speed is real; the file's size wins over the standard's, because the device decides how many bytes it takes.
+For the objects of CiA 402, the standard's signedness takes precedence over the file's: many files define a target velocity as
+unsigned, but negative velocities are real. The file's size takes precedence over the standard's, because the device decides how
+many bytes it accepts.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ _ADDRESS = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class DictionaryEntry:
-    """One object as the master sees it; ``data_type`` is None where neither file nor standard gives it; limits likewise."""
+    """One object as the master uses it; ``data_type`` is None if neither file nor standard gives it; limits likewise."""
 
     index: int
     subindex: int
@@ -45,11 +46,11 @@ class Dictionary:
         self._node_id = node_id
 
     def has(self, index: int, subindex: int = 0) -> bool | None:
-        """Whether the EDS has the entry; None where there is no EDS to ask."""
+        """Whether the EDS has the entry; None if there is no EDS."""
         return None if self.eds is None else self.eds.get(index, subindex) is not None
 
     def entry(self, index: int, subindex: int = 0) -> DictionaryEntry:
-        """Return what is known of an entry, also where that is nothing."""
+        """Return the known properties of an entry, even if none is known."""
         variable = self.eds.get(index, subindex) if self.eds is not None else None
         name, standard_type = standard(index, subindex)
         if variable is None:
@@ -59,7 +60,7 @@ class Dictionary:
         return DictionaryEntry(index, subindex, variable.name or name, data_type, low, high)
 
     def resolve(self, key: int | str, subindex: int = 0) -> DictionaryEntry:
-        """Return the entry meant by an index (0 to FFFFh) or a text.
+        """Return the entry of an index (0 to FFFFh) or a text.
 
         A text is a name of the EDS or of the standard (``"Profile velocity"``), or hexadecimal digits with an optional sub-index,
         also hexadecimal: ``"6081h"``, ``"0x6099:01"``.
@@ -101,7 +102,7 @@ class Dictionary:
 
 
 def merged_type(file_type: DataType, standard_type: DataType | None) -> DataType:
-    """Return the type to read and write with: the file's size, with the standard's signedness where both are integers."""
+    """Return the type for reads and writes: the file's size, with the standard's signedness if both types are integers."""
     if standard_type is None or not file_type.integer or not standard_type.integer:
         return file_type
     if file_type.signed is standard_type.signed or file_type is DataType.BOOLEAN:
@@ -110,7 +111,7 @@ def merged_type(file_type: DataType, standard_type: DataType | None) -> DataType
 
 
 def standard(index: int, subindex: int) -> tuple[str, DataType | None]:
-    """Return the standard's name and type of an entry; ``""`` and None where it has none."""
+    """Return the standard's name and type of an entry; ``""`` and None if the standard does not define it."""
     row = catalogue.entry(index, subindex)
     if row is not None and len(row.subindices) == 1:
         return row.name, row.data_type
@@ -139,7 +140,7 @@ def _checked(index: int, subindex: int) -> tuple[int, int]:
 def _limits(
     variable: Variable, data_type: DataType, node_id: int | None
 ) -> tuple[int | float | None, int | float | None]:
-    """Return the file's limits, None where they limit nothing: both 0 (often meant as "none"), or low above high."""
+    """Return the file's limits; None if they have no effect: both 0 (often meant as "none"), or low above high."""
     low, high = (_limit(value, data_type, node_id) for value in (variable.low, variable.high))
     if low is not None and high is not None and (low > high or low == high == 0):
         return None, None

@@ -1,13 +1,13 @@
-"""Mending an EDS or DCF as text: only what is safe, and each change by the rule that it mends.
+"""Fix the text of an EDS or DCF: only safe changes, each for the rule that was broken.
 
-Theory of operation. A mend looks at a reading and names changes of lines. The mends stand in stages: what a later one counts, an
-earlier one may have removed or renamed. Within a stage all mends look at the same reading; of two that want the same line the later
-one waits for the next round. A stage ends when no mend of it finds anything, and the whole ends when no stage does. Every mend
-takes away what it looks for, so that mending what was mended changes nothing.
+Theory of operation. A fix examines a reading and returns changes of lines. The fixes are grouped in stages, because an earlier fix
+may remove or rename lines that a later one counts. Within a stage all fixes examine the same reading. If two fixes want to change
+the same line, the later one waits for the next round. A stage ends when none of its fixes finds anything, and the whole process
+ends when no stage does. Each fix removes the problem that it looks for, so that fixing a file twice changes nothing.
 
-Safe means: what the file says to ``axisbus`` stays the same, apart from counts, from values that could not be read at all, and from
-letters of names that ASCII does not have. Comments stay. What needs a person's judgement is left to ``axisbus eds check``; what
-``check`` asks for and what is mended agree.
+A fix is safe if ``axisbus`` reads the same contents afterwards, apart from counts, from values that were unreadable, and from
+characters of names that are not ASCII. Comments stay. Problems that need the user's judgement are left to ``axisbus eds check``.
+The fixes agree with the demands of ``check``.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ RULES = frozenset(
     (*encoding.WHOLE, *(rule for stage in STAGES for rule in stage), "B003", "L001", "O013", "O024")
 )
 
-_MAX_ROUNDS = 100  # far more than mends that wait for each other can need
+_MAX_ROUNDS = 100  # far more than fixes that wait for each other can need
 
 
 @dataclass(frozen=True, slots=True)
 class Fixed:
-    """A mended reading, what was mended (lines are those of the original), and the original's line of each line now.
+    """A fixed reading, the fixes (with lines of the original), and the original's line number of each present line.
 
-    ``origins`` holds 0 for a line that is new or changed.
+    ``origins`` is 0 for a line that is new or changed.
     """
 
     reading: EdsParseResult
@@ -48,16 +48,16 @@ class Fixed:
 
 
 def fix(reading: EdsParseResult) -> Fixed:
-    """Return the reading with everything mended that safely can be; pure, the given one stays as it is.
+    """Return the reading with all safe fixes; pure, the given reading is not changed.
 
     Raises:
-        EdsError: nothing is left that describes an object, which no file that was read should come to.
+        EdsError: no object description is left, which should never happen to a file that was readable.
     """
     reading, done = _whole(reading)
     bench = FixContext(reading)
     stages = (
         STAGES[:1] if _ends_early(reading) else STAGES
-    )  # where the rest is missing, the counts are not wrong
+    )  # if the file is truncated, its counts are not wrong
     origins = tuple(range(1, len(reading.document.lines) + 1))
     for _ in range(_MAX_ROUNDS):
         before = len(done)
@@ -70,13 +70,13 @@ def fix(reading: EdsParseResult) -> Fixed:
 
 
 def _ends_early(reading: EdsParseResult) -> bool:
-    from axisbus.eds.rules import context, truncated_file  # the rules take as long to import as all the rest
+    from axisbus.eds.rules import context, truncated_file  # the rules take as long to import as the rest
 
     return truncated_file.ending(context.RuleContext(reading)) is not None
 
 
 def _whole(reading: EdsParseResult) -> tuple[EdsParseResult, list[Fix]]:
-    """Mend the encoding and the line ends."""
+    """Fix the encoding and the line ends."""
     done = []
     for rule, (mend, what) in encoding.WHOLE.items():
         document = mend(reading.document)
@@ -104,7 +104,7 @@ def _stage(
 
 
 def _chosen(bench: FixContext, mends: Iterable[Mend]) -> list[Fix]:
-    """Return what the mends want, without what touches a line that an earlier one touches."""
+    """Return the fixes, without those that touch a line of an earlier one."""
     taken: set[int] = set()
     chosen = []
     for mend in mends:
@@ -117,7 +117,7 @@ def _chosen(bench: FixContext, mends: Iterable[Mend]) -> list[Fix]:
 
 
 def _moved(origins: tuple[int, ...], changes: Iterable[LineEdit], document: EdsText) -> tuple[int, ...]:
-    """Return the original's line of each line after changes were made."""
+    """Return the original's line number of each line after changes."""
     made: list[int] = []
     done = 0
     for change in sorted(changes, key=lambda change: (change.line, change.count > 0)):

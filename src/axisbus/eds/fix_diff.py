@@ -1,4 +1,4 @@
-"""What mending changed, as a unified diff."""
+"""The changes of the fixes, as a unified diff."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class _Edit(NamedTuple):
 
 
 def unified(before: EdsText, fixed: Fixed, name: str) -> Iterator[str]:
-    """Yield the lines of a unified diff without line ends; nothing where no line changed."""
+    """Yield the lines of a unified diff without line ends; nothing if no line changed."""
     old = [line.removesuffix("\r") for line in before.lines]
     new = [line.removesuffix("\r") for line in fixed.reading.document.lines]
     edits = _edits(fixed.origins, len(old))
@@ -33,7 +33,7 @@ def unified(before: EdsText, fixed: Fixed, name: str) -> Iterator[str]:
 
 
 def _edits(origins: tuple[int, ...], length: int) -> list[_Edit]:
-    """Return what changed, in order; neighbouring changes are one."""
+    """Return the changes, in order; neighbouring changes are combined."""
     edits = []
     at_old = at_new = 0
     for number, origin in enumerate((*origins, length + 1)):
@@ -46,7 +46,7 @@ def _edits(origins: tuple[int, ...], length: int) -> list[_Edit]:
 
 
 def _hunks(edits: list[_Edit]) -> Iterator[list[_Edit]]:
-    """Group edits whose context would touch."""
+    """Group edits whose context lines would touch."""
     hunk: list[_Edit] = []
     for edit in edits:
         if hunk and edit.old - hunk[-1].old_end > 2 * CONTEXT:

@@ -1,4 +1,4 @@
-"""A complete, printable reference of a device from its EDS: what it holds, and how it is written as HTML and Markdown."""
+"""A complete, printable reference of a device from its EDS, with its output as HTML and Markdown."""
 
 from axisbus.eds.device_doc.content import DeviceReference, reference
 from axisbus.eds.device_doc.html import html

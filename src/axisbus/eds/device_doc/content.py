@@ -1,4 +1,4 @@
-"""What a reference of a device holds, as values without any mark-up."""
+"""The contents of a device's reference, as values without mark-up."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Fact = tuple[str, str]
 class ReferenceRow:
     """One entry, or a run of sub-indices that differ only in their number (``address`` ``01-08``); all texts may be empty.
 
-    ``address`` is that of the sub-index, empty for an object without sub-indices. ``remarks`` are (title, text).
+    ``address`` is the sub-index, empty for an object without sub-indices. ``remarks`` are (title, text).
     """
 
     address: str
@@ -38,7 +38,7 @@ class ReferenceRow:
 
 @dataclass(frozen=True, slots=True)
 class Explained:
-    """Tables of bits and values of one entry; ``elsewhere`` is the index of the object where the same tables stand already."""
+    """Tables of bits and values of one entry; ``elsewhere`` is the index of the object that already shows the same tables."""
 
     name: str
     tables: tuple[Table, ...] = ()
@@ -58,18 +58,18 @@ class ObjectPage:
 
     @property
     def anchor(self) -> str:
-        """Where links to it lead."""
+        """The target of links to the object."""
         return f"o{self.index:04X}"
 
     @property
     def place(self) -> str:
-        """Its index as people write it."""
+        """The object's index for display."""
         return wording.place(self.index)
 
 
 @dataclass(frozen=True, slots=True)
 class AreaPage:
-    """One area of the dictionary; ``anchor`` is where links to it lead."""
+    """One area of the dictionary; ``anchor`` is the target of links to it."""
 
     title: str
     anchor: str
@@ -78,7 +78,7 @@ class AreaPage:
 
 @dataclass(frozen=True, slots=True)
 class ModeRow:
-    """One mode of operation on one axis (from 1): its names, what 6502h says of it, and which of its objects are not there."""
+    """One mode of operation on one axis (from 1): its names, its bit in 6502h in words, and its missing objects."""
 
     axis: int
     short: str
@@ -89,7 +89,7 @@ class ModeRow:
 
 @dataclass(frozen=True, slots=True)
 class DeviceReference:
-    """The whole reference; ``pdos`` are to be drawn, ``axes`` is 0 for what is no drive."""
+    """The whole reference; ``pdos`` are drawn, ``axes`` is 0 if the device is no drive."""
 
     title: str
     source: str
@@ -102,7 +102,7 @@ class DeviceReference:
 
     @property
     def verdict(self) -> str:
-        """How many findings there are, in words."""
+        """The number of findings, in words."""
         counts = Counter(finding.severity for finding in self.findings)
         parts = [counted(counts[each], each.value) for each in Severity if counts[each]]
         return ", ".join(parts) or "nothing was found wrong"
@@ -111,7 +111,7 @@ class DeviceReference:
 def reference(
     eds: Eds, node_id: int | None = None, findings: Sequence[EdsFinding] | None = None
 ) -> DeviceReference:
-    """Return the reference of a device; values are those of ``node_id`` (1 to 127), without one formulas stay.
+    """Return the reference of a device; values are those for ``node_id`` (1 to 127); without one, formulas are shown.
 
     ``findings`` are those of a check, else those of the reading.
     """
@@ -178,7 +178,7 @@ def _modes(seen: EdsOverview) -> Iterator[ModeRow]:
 
 
 class _Pages:
-    """Makes the pages of the objects; its only state is where each table of meanings stands, so that none is printed twice."""
+    """Makes the pages of the objects; holds the index of the object that shows each table, so that no table is printed twice."""
 
     def __init__(self, eds: Eds, node_id: int | None, pdos: tuple[PdoLayout, ...]) -> None:
         self._eds = eds

@@ -13,12 +13,12 @@ _BIT = _BYTE / 8
 _HEIGHT = 40
 _RULER = 16
 _CHARACTER = 6.4  # mean width of the small text
-_ROWS = 8  # of eight bytes each; no CAN frame is longer, only a faulty file
-_NARROW = 40  # narrower boxes hold a letter
+_ROWS = 8  # of eight bytes each; only a faulty file describes a longer frame
+_NARROW = 40  # narrower boxes show a letter
 
 
 def svg(layout: PdoLayout) -> str:
-    """Return the drawing as an SVG element, empty for a PDO that maps nothing; bit 0 of each byte is on the left."""
+    """Return the drawing as an SVG element, empty for a PDO without mapped objects; bit 0 of each byte is on the left."""
     if not layout.bits:
         return ""
     rows = min(_ROWS, (layout.size + 7) // 8)
@@ -34,7 +34,7 @@ def svg(layout: PdoLayout) -> str:
 
 
 def has_letter(slot: PdoSlot) -> bool:
-    """Whether the box of an object is too narrow for its address, and holds a letter."""
+    """Whether the box of an object is too narrow for its address, and shows a letter."""
     return slot.bits * _BIT < _NARROW
 
 

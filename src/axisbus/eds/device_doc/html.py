@@ -1,4 +1,4 @@
-"""The reference of a device as one HTML page that needs nothing else: no script, no font, no picture from elsewhere."""
+"""The reference of a device as one self-contained HTML page: it loads no scripts, fonts or pictures."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def _style() -> str:
 
 
 def _contents(page: DeviceReference) -> Iterator[str]:
-    """Return the table of contents: on a screen beside the text, on paper in front of it."""
+    """Return the table of contents: beside the text on a screen, before the text on paper."""
     yield f'<nav aria-label="Contents"><h2><a href="#device">{escape(page.title)}</a></h2><ul>'
     if page.axes:
         yield '<li><a href="#modes">Modes of operation</a></li>'
@@ -134,7 +134,7 @@ def _area(area: AreaPage) -> Iterator[str]:
 
 
 def _object(each: ObjectPage) -> Iterator[str]:
-    """Return the rows of one object; one without sub-indices is a single row."""
+    """Return the rows of one object; an object without sub-indices is a single row."""
     plain = len(each.rows) == 1 and not each.rows[0].address
     tail = list(_remarks([], each.explained))
     if not plain:

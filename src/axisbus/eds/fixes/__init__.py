@@ -1,1 +1,1 @@
-"""What ``axisbus eds fix`` mends: small functions from a reading to changes of its text, each for one rule."""
+"""The fixes of ``axisbus eds fix``: small functions from a reading to changes of its text, each for one rule."""

@@ -1,4 +1,4 @@
-"""What a mend is, and the reading as mends look at it."""
+"""The definition of a fix, and the reading as the fixes use it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _FIRST_OWN_TYPE = 0x40
 
 
 class Fix(NamedTuple):
-    """One thing mended: the ``rule`` that it broke, the ``line`` (from 1) where, and in words what is changed."""
+    """One fix: the broken ``rule``, the ``line`` (from 1), and the change in words."""
 
     rule: str
     line: int
@@ -29,7 +29,7 @@ class Fix(NamedTuple):
 
 
 class _Every(Findings):
-    """Collects all findings by rule, however many; to a mend only their places matter."""
+    """Collects all findings by rule, however many; the fixes only use their locations."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -50,12 +50,12 @@ class _Every(Findings):
         self.found.setdefault(rule, []).append(finding)
 
     def add_lines(self, rule: str, numbers: Sequence[int], message: Callable[[int], str]) -> None:
-        del message  # nobody reads what a mend looks at
+        del message  # the fixes do not use messages
         self.lines.setdefault(rule, []).extend(numbers)
 
 
 class FixContext:
-    """A reading on the bench; frozen, what it derives is worked out once on first use."""
+    """A reading for the fixes; frozen, derived values are calculated once on first use."""
 
     def __init__(self, reading: EdsParseResult) -> None:
         self.reading = reading
@@ -66,22 +66,22 @@ class FixContext:
         every = _Every()
         FileObjects(self.document, self.reading.parts).go_through(every)
         for numbers in every.lines.values():
-            numbers.sort()  # sections that are there twice are gone through last
+            numbers.sort()  # repeated sections are processed last
         return every
 
     @property
     def found(self) -> Mapping[str, Sequence[EdsFinding]]:
-        """What reading found odd, all of it, by rule; without what ``lines`` has."""
+        """All findings of the reading, by rule, without those in ``lines``."""
         return self._every.found
 
     @property
     def lines(self) -> Mapping[str, Sequence[int]]:
-        """By rule (S005, S006) the lines that are neither section, entry nor comment: there may be a million."""
+        """By rule (S005, S006), the lines that are neither section, entry nor comment: there may be a million."""
         return self._every.lines
 
     @cached_property
     def again(self) -> Mapping[Section, Section]:
-        """Sections of a sub-index that another section describes already, each with that one."""
+        """Sections of a sub-index that another section already describes, each with that other section."""
         return dict(self.reading.parts.again)
 
     @cached_property
@@ -94,11 +94,11 @@ class FixContext:
         return tuple(section.line for section in self._sections)
 
     def section_at(self, line: int) -> Section:
-        """Return the section in which a line stands, which must not be before the first."""
+        """Return the section of a line; the line must not precede the first section."""
         return self._sections[bisect_right(self._starts, line) - 1]
 
     def type_at(self, finding: EdsFinding) -> DataType:
-        """Return the data type of the value that a finding is about."""
+        """Return the data type of the value of a finding."""
         given = values.plain(self.section_at(finding.line).entries.get("datatype", "")) or 0
         if 0 < given < _FIRST_OWN_TYPE:
             return DataType(given)
@@ -111,7 +111,7 @@ _Single = Callable[[FixContext, EdsFinding], Fix | None]
 
 
 def each(rule: str, single: _Single) -> Mend:
-    """Return the mend that looks at each finding of a rule by itself."""
+    """Return a fix that examines each finding of a rule separately."""
 
     def mend(bench: FixContext) -> Iterator[Fix]:
         for finding in bench.found.get(rule, ()):
@@ -123,5 +123,5 @@ def each(rule: str, single: _Single) -> Mend:
 
 
 def short(text: str) -> str:
-    """Return a text of a file, cut to a length that fits into a sentence."""
+    """Return a text of a file, shortened to fit into a sentence."""
     return text if len(text) <= 40 else text[:37] + "..."

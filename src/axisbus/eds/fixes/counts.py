@@ -1,4 +1,4 @@
-"""Mends of numbers that count what stands beside them, and of the numbering of lists."""
+"""Fixes of counts, and of the numbering of lists."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MODULE_LIST = re.compile(r"m[0-9]+(?:fixedobjects|subextends)|connectedmodules"
 
 
 def _counted(bench: FixContext, rule: str, section: Section, key: str, there: int) -> Iterator[Fix]:
-    """Correct a count, in the notation that it has; one that is not there is added below the section's header."""
+    """Correct a count, in its own notation; a missing count is added below the section's header."""
     given = section.entries.get(key.lower())
     if values.plain(given or "") == there:
         return
@@ -38,7 +38,7 @@ def _numbered(section: Section) -> int:
 
 
 def _object_lists(bench: FixContext) -> Iterator[Fix]:
-    """L001, L003."""
+    """Fix L001 and L003."""
     for section in _clear(bench):
         rule = "L003" if "supportedobjects" in section.entries else "L001"
         yield from _counted(bench, rule, section, "SupportedObjects", _numbered(section))
@@ -50,7 +50,7 @@ def _lists(bench: FixContext) -> Iterator[Section]:
 
 
 def _numbering(bench: FixContext) -> Iterator[Fix]:
-    """L004: the entries numbered from 1 in the order in which they stand; one whose number was there already counts again."""
+    """Fix L004: number the entries from 1 in their order; an entry whose number is a duplicate counts again."""
     for section in _clear(bench):
         entries = _entries(section)
         changes = [
@@ -63,7 +63,7 @@ def _numbering(bench: FixContext) -> Iterator[Fix]:
 
 
 def _clear(bench: FixContext) -> Iterator[Section]:
-    """Yield the lists without lines that are not understood, such as the marks of a merge."""
+    """Yield the lists that contain no unknown lines, such as merge markers."""
     strange = bench.lines.get("S006", ())
     for section in _lists(bench):
         at = bisect_left(strange, section.line)
@@ -72,12 +72,12 @@ def _clear(bench: FixContext) -> Iterator[Section]:
 
 
 def _entries(section: Section) -> list[tuple[int, str, str]]:
-    """Return line, key and value of all entries of a list, also those whose key is there twice."""
+    """Return line, key and value of all entries of a list, including entries with a duplicate key."""
     return [(line, key, given) for line, key, given in section.every() if key[:1].isdigit()]
 
 
 def _listed_already(bench: FixContext) -> Iterator[Fix]:
-    """S004: an entry whose number is there already, of an object that another entry names."""
+    """Fix S004: remove an entry with a duplicate number if another entry lists the same object."""
     for section in _clear(bench):
         counted = {values.plain(given) for key, given in section.entries.items() if key[:1].isdigit()}
         for line, key, given in _entries(section):
@@ -91,14 +91,14 @@ def _listed_already(bench: FixContext) -> Iterator[Fix]:
 
 
 def _sub_numbers(bench: FixContext) -> Iterator[Fix]:
-    """O007, O024."""
+    """Fix O007 and O024."""
     parts, objects = bench.reading.parts, bench.reading.eds.objects
     for index, head in parts.heads.items():
         if not objects[index].is_record or subindices.is_compact(head):
             continue
         there = len(parts.subs.get(index, {}).keys() - {subindices.STRUCTURE})
         if there == 0 or subindices.missing(objects[index], head, there) is not None:
-            continue  # O008, O007: what is missing is a sub-index, not the count
+            continue  # O008, O007: a sub-index is missing, so the count is not wrong
         rule = "O007" if head.entries.get("subnumber") else "O024"
         yield from _sub_number(bench, rule, head, there)
 
@@ -112,10 +112,10 @@ def _sub_number(bench: FixContext, rule: str, head: Section, there: int) -> Iter
 
 
 def _compact(bench: FixContext) -> Iterator[Fix]:
-    """O013 and B001: the highest number of compact sub-indices is 254, and SubNumber is 0 beside it."""
+    """Fix O013 and B001: the highest number of compact sub-indices is 254, and SubNumber is then 0."""
     for index, head in bench.reading.parts.heads.items():
         if index in bench.reading.parts.subs:
-            continue  # they are described one by one: it is CompactSubObj that is too much
+            continue  # they are described one by one: here CompactSubObj is superfluous
         count = values.plain(head.entries.get("compactsubobj", ""))
         if count == MAX_ENTRIES + 1:
             yield from _counted(bench, "O013", head, "CompactSubObj", MAX_ENTRIES)
@@ -124,7 +124,7 @@ def _compact(bench: FixContext) -> Iterator[Fix]:
 
 
 def _beside(bench: FixContext) -> Iterator[Fix]:
-    """B002, B003."""
+    """Fix B002 and B003."""
     for (_, kind), section in bench.reading.parts.beside.items():
         links = kind == "objectlinks"
         rule, key = ("B003", "ObjectLinks") if links else ("B002", "NrOfEntries")
@@ -132,14 +132,14 @@ def _beside(bench: FixContext) -> Iterator[Fix]:
 
 
 def _module_lists(bench: FixContext) -> Iterator[Fix]:
-    """X004."""
+    """Fix X004."""
     for name, section in bench.document.sections.items():
         if _MODULE_LIST.fullmatch(name):
             yield from _counted(bench, "X004", section, "NrOfEntries", _numbered(section))
 
 
 def _comment_lines(bench: FixContext) -> Iterator[Fix]:
-    """D017."""
+    """Fix D017."""
     section = bench.document.sections.get("comments")
     if section is not None:
         lines = sum(1 for key in section.entries if _COMMENT_LINE.fullmatch(key))
@@ -148,7 +148,7 @@ def _comment_lines(bench: FixContext) -> Iterator[Fix]:
 
 NUMBERING: Mapping[str, Mend] = {"S004": _listed_already, "L004": _numbering}
 
-# By the rule, and by the second where a mend is of two.
+# By rule; a fix of two rules is listed under the second.
 MENDS: Mapping[str, Mend] = {
     "B001": _compact,
     "B002": _beside,

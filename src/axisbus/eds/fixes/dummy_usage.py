@@ -1,4 +1,4 @@
-"""Mends of [DummyUsage]: keys of four digits, and an entry for each data type that can fill space in a PDO (DS 306 4.6.2)."""
+"""Fixes of [DummyUsage]: keys of four digits, and an entry for each data type that can fill space in a PDO (DS 306 4.6.2)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _SHORT = re.compile(r"dummy([0-9a-f]{1,3})")
 
 
 def _short_keys(bench: FixContext) -> Iterator[Fix]:
-    """D016, where the key is there in full under no other spelling."""
+    """Fix D016, if the complete key does not exist in another spelling."""
     section = bench.document.sections.get("dummyusage")
     if section is None:
         return
@@ -28,10 +28,10 @@ def _short_keys(bench: FixContext) -> Iterator[Fix]:
 
 
 def _left_out(bench: FixContext) -> Iterator[Fix]:
-    """D019: what is not there means 0."""
+    """Fix D019: a missing entry means 0."""
     section = bench.document.sections.get("dummyusage")
     if section is None or any(values.plain(text) is None for text in section.entries.values()):
-        return  # D016: what is written there is not understood
+        return  # D016: an unknown entry
     absent = {
         name: "0" for number in DUMMIES if (name := f"Dummy{number:04X}").lower() not in section.entries
     }

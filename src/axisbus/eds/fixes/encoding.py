@@ -1,4 +1,4 @@
-"""Mends of a file as a whole: its encoding and its line ends."""
+"""Fixes of a whole file: its encoding and its line ends."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from axisbus.eds.io.text import EdsText
 
 
 def plain_encoding(document: EdsText) -> EdsText | None:
-    """S002: return the document without byte order mark, in ASCII or, where it has other letters, in UTF-8; None if it is so."""
+    """Fix S002: return the document without byte order mark, in ASCII if possible, else in UTF-8; None if nothing changes."""
     if not document.bom and not document.encoding.startswith("utf-16"):
         return None
     whole = document.newline.join(document.lines)
@@ -15,14 +15,14 @@ def plain_encoding(document: EdsText) -> EdsText | None:
     try:
         again = text.decode(whole.encode(encoding))
     except UnicodeEncodeError:
-        return None  # half a pair of UTF-16
+        return None  # half a surrogate pair of UTF-16
     if again.text != whole:
         return None
     return text.document(document.lines, document.newline, again.encoding, again.bom)
 
 
 def line_ends(document: EdsText) -> EdsText | None:
-    """S014: return the document with LF where its lines end in CR alone, None if they do not."""
+    """Fix S014: return the document with LF if its lines end in CR only, else None."""
     if document.newline != "\r" or len(document.lines) == 1:
         return None
     return text.document(document.lines, "\n", document.encoding, document.bom)

@@ -1,4 +1,4 @@
-"""Mends of letters beyond ASCII in names and comments (DS 306 4.2), where there is a plain way to write them."""
+"""Fixes of non-ASCII characters in names and comments (DS 306 4.2), if there is an ASCII spelling."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from axisbus.wording import counted
 
 MAX_LINE = 255  # DS 306 4.2
 
-# What a person reads and no tool compares with the device; a value stays as it is.
+# Texts for readers only, which no tool compares with the device; values are not changed.
 _NAMES = re.compile(
     "parametername|denotation|description|createdby|modifiedby|vendorname|productname|line[0-9]+"
 )
@@ -31,19 +31,19 @@ _PLAIN: Mapping[str, str] = {
 }  # fmt: skip
 
 _TABLE = str.maketrans(dict(_PLAIN))
-# Code pages that a file with that of the key may be in as well: nothing in a file says which.
+# Code pages that the file may use instead of the key's: nothing in a file identifies them.
 _ALSO: Mapping[str, tuple[str, ...]] = {
     "cp1252": ("cp1250", "cp1254", "cp1257"),
     "cp850": ("cp437", "cp852"),
     "latin-1": (),
 }
-_SQUARE = "²"  # CP1250 has the ogonek here, which never stands alone
+_SQUARE = "²"  # CP1250 has the ogonek here, which never occurs alone
 _WORD = re.compile(r"[^\W\d_]+")
 _SYMBOLS = re.compile(r"[^\x00-\x7f\w]{2}")
 
 
 def plain(text: str) -> str | None:
-    """Return a text in ASCII, None where one of its letters has no plain way to be written."""
+    """Return a text in ASCII, None if one of its characters has no ASCII spelling."""
     known = unicodedata.normalize("NFC", text).translate(_TABLE)
     if known.isascii():
         return known
@@ -52,7 +52,7 @@ def plain(text: str) -> str | None:
 
 
 def _bare(letter: str) -> str | None:
-    """Return what stands for a letter; None where there is nothing plain."""
+    """Return the ASCII spelling of a character; None if there is none."""
     if letter.isascii():
         return letter
     apart = unicodedata.normalize("NFD", letter)
@@ -61,10 +61,10 @@ def _bare(letter: str) -> str | None:
 
 
 def is_certain(document: EdsText) -> bool:
-    """Whether the letters beyond ASCII were read in the right code page.
+    """Whether the non-ASCII characters were decoded with the right code page.
 
-    A code page is a guess. It counts as right where every letter is the same in all western code pages, and stands in words of
-    ASCII letters: those of a Cyrillic, Greek or East Asian file stand among their like.
+    The code page is a guess. It is certain if each character is the same in all western code pages, and is part of words of mostly
+    ASCII letters. In a Cyrillic, Greek or East Asian file, non-ASCII letters are next to each other.
     """
     if document.encoding not in _ALSO:
         return True  # UTF-8 or UTF-16
@@ -78,7 +78,7 @@ def is_certain(document: EdsText) -> bool:
 
 @cache
 def _shared(encoding: str) -> frozenset[str]:
-    """Return the letters that have the same octet in a code page and in those that it may be confused with."""
+    """Return the characters with the same octet in a code page and in those that may be confused with it."""
     if not _ALSO[encoding]:
         return frozenset()
     octets = [bytes((number,)) for number in range(0x80, 0x100)]
@@ -91,12 +91,12 @@ def _shared(encoding: str) -> frozenset[str]:
 
 
 def _is_western(word: str) -> bool:
-    """Whether a word may be of a western language, by how many of its letters are ASCII."""
+    """Whether a word may be of a western language: at most half of its letters are not ASCII."""
     return sum(not letter.isascii() and letter != "µ" for letter in word) * 2 <= len(word)
 
 
 def _letters(bench: FixContext) -> Iterator[Fix]:
-    """S001: names and comments, all at once as the check tells of them; none where the code page may be another."""
+    """Fix S001 in names and comments, in one fix as for the check; do nothing if the code page is uncertain."""
     if not is_certain(bench.document):
         return
     changes = tuple(_changes(bench))

@@ -1,4 +1,4 @@
-"""Mends of names: sections, keys and words as the standard spells them."""
+"""Fixes of names: sections, keys and words in the standard's spelling."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _RATE_AS_PRINTED = re.compile(r"\s*BaudRate_")
 
 
 def _commissioning(bench: FixContext, finding: EdsFinding) -> Fix | None:
-    """K001."""
+    """Fix K001."""
     return _renamed(bench, "K001", bench.section_at(finding.line), "DeviceComissioning")
 
 
 def _leading_zeros(bench: FixContext, finding: EdsFinding) -> Fix | None:
-    """O012."""
+    """Fix O012."""
     section = bench.section_at(finding.line)
     return _renamed(bench, "O012", section, _ZEROS.sub(lambda found: found[0][:3], section.name))
 
@@ -36,7 +36,7 @@ def _renamed(bench: FixContext, rule: str, section: Section, name: str) -> Fix |
 
 
 def _access(bench: FixContext) -> Iterator[Fix]:
-    """O019."""
+    """Fix O019."""
     parts = bench.reading.parts
     for section in (*parts.heads.values(), *(sub for subs in parts.subs.values() for sub in subs.values())):
         given = section.entries.get("accesstype", "")
@@ -47,7 +47,7 @@ def _access(bench: FixContext) -> Iterator[Fix]:
 
 
 def _baud_rates(bench: FixContext) -> Iterator[Fix]:
-    """D012."""
+    """Fix D012."""
     device = bench.document.sections.get("deviceinfo")
     for key, line in device.places.items() if device is not None else ():
         if _RATE.fullmatch(key) and not _RATE_AS_PRINTED.match(bench.document.lines[line - 1]):
@@ -56,7 +56,7 @@ def _baud_rates(bench: FixContext) -> Iterator[Fix]:
 
 
 def _supported_objects(bench: FixContext) -> Iterator[Fix]:
-    """S017, where the key differs by spaces or signs between its words alone."""
+    """Fix S017, if the key differs only by spaces, ``_`` or ``-``."""
     for name in LISTS:
         section = bench.document.sections.get(name)
         if section is None or "supportedobjects" in section.entries:

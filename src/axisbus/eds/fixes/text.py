@@ -1,4 +1,4 @@
-"""Mends of the text itself: lines, comments, and what is there twice (DS 306 4.2)."""
+"""Fixes of the text itself: lines, comments, and duplicates (DS 306 4.2)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _FOREIGN_COMMENT = ("#", "//")
 
 
 def _comments(rule: str) -> Mend:
-    """S005, S006: comments in the manner of another format."""
+    """Fix S005 and S006: comments in the syntax of another format."""
 
     def mend(bench: FixContext) -> Iterator[Fix]:
         for number in bench.lines.get(rule, ()):
@@ -29,14 +29,14 @@ def _comments(rule: str) -> Mend:
 
 
 def _indented(bench: FixContext, finding: EdsFinding) -> Fix:
-    """S009."""
+    """Fix S009."""
     raw = bench.document.lines[finding.line - 1].removesuffix("\r")
     change = LineEdit(finding.line, 1, (raw.lstrip(),))
     return Fix("S009", finding.line, f"{short(raw.strip())} moved to column 1", (change,))
 
 
 def _unclosed(bench: FixContext, finding: EdsFinding) -> Fix | None:
-    """S010."""
+    """Fix S010."""
     section = bench.section_at(finding.line)
     if not section.name or "[" in section.name:
         return None
@@ -45,7 +45,7 @@ def _unclosed(bench: FixContext, finding: EdsFinding) -> Fix | None:
 
 
 def _behind(bench: FixContext, finding: EdsFinding) -> Fix | None:
-    """S011: what follows a value or a name moves to a comment of its own, in the next line."""
+    """Fix S011: move the text after a value or a name to a comment in the next line."""
     raw = bench.document.lines[finding.line - 1].removesuffix("\r")
     section = bench.section_at(finding.line)
     kept, behind = _header(raw) if finding.line == section.line else _value(raw)
@@ -73,7 +73,7 @@ def _value(raw: str) -> tuple[str, str]:
 
 
 def _same_section(bench: FixContext, finding: EdsFinding) -> Fix | None:
-    """S003: the second of two sections that say the same."""
+    """Fix S003: remove the second of two equal sections."""
     second = bench.section_at(finding.line)
     first = bench.document.sections[second.name.lower()]
     if first is second:
@@ -91,21 +91,21 @@ def _same_section(bench: FixContext, finding: EdsFinding) -> Fix | None:
 
 
 def _plain(bench: FixContext, section: Section) -> bool:
-    """Whether a section has no key twice, and no line that is not understood."""
+    """Whether a section has no duplicate key and no unknown line."""
     lines = [line for raw in bench.document.lines[section.line : section.end - 1] if (line := raw.strip())]
     return sum(line[0] != ";" for line in lines) == len(section.entries)
 
 
 def _without_comments(bench: FixContext, section: Section) -> Iterator[LineEdit]:
     lines = bench.document.lines
-    ended = len(lines) if lines[-1] == "" else 0  # behind the last line end there is no line
+    ended = len(lines) if lines[-1] == "" else 0  # after the last line end there is no line
     for number in range(section.line, section.end):
         if lines[number - 1].lstrip()[:1] != ";" and number != ended:
             yield LineEdit(number, 1)
 
 
 def _same_key(bench: FixContext, finding: EdsFinding) -> Fix | None:
-    """S004: the second of two entries that say the same."""
+    """Fix S004: remove the second of two equal entries."""
     key, given = text.entry_of(bench.document.lines[finding.line - 1])
     if bench.section_at(finding.line).entries.get(key) != given:
         return None

@@ -1,4 +1,4 @@
-"""Mends of values: the same value, written as DS 306 4.3 has it."""
+"""Fixes of values: the same value in the notation of DS 306 4.3."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _C_SUFFIX = re.compile(r"(0[xX][0-9A-Fa-f]+|[0-9]+)[uUlL]{1,3}")
 _TERM = re.compile(r"0[xX][0-9A-Fa-f]+|[0-9]+", re.ASCII)
 _TEXT_TYPES = (DataType.VISIBLE_STRING, DataType.UNICODE_STRING)
 
-_NewText = Callable[[str, DataType], str]  # empty: this one is better left to a person
+_NewText = Callable[[str, DataType], str]  # empty: this value needs the user's judgement
 
 
 def _formula(given: str, _: DataType) -> str:
@@ -45,7 +45,7 @@ def _bare_octets(given: str, _: DataType) -> str:
 
 
 def _digits(given: str, _: DataType) -> str:
-    """Write a number of another language as one of DS 306: 1Fh, 0x1FUL, 16#1F, and O for 0 in Ox1F."""
+    """Convert a number of another language to DS 306: 1Fh, 0x1FUL, 16#1F, and O for 0 in Ox1F."""
     if iec := values.iec_number(given):
         return iec
     if found := _H_SUFFIX.fullmatch(given) or _LETTER_O.fullmatch(given):
@@ -68,7 +68,7 @@ _NEW_TEXTS: Mapping[str, _NewText] = {
 
 
 def _mend(rule: str, bench: FixContext, finding: EdsFinding) -> Fix | None:
-    """Rewrite one value; what would not be read as the same value afterwards is left alone."""
+    """Rewrite one value; a value that would be read differently afterwards is not changed."""
     section = bench.section_at(finding.line)
     key, given = text.entry_of(bench.document.lines[finding.line - 1])
     data_type = bench.type_at(finding)

@@ -1,1 +1,1 @@
-"""EDS and DCF files read and written: sections, lines, values."""
+"""Read and write EDS and DCF files: sections, lines, values."""

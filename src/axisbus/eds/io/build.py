@@ -1,4 +1,4 @@
-"""From the sections of an EDS to the objects of the model."""
+"""Convert the sections of an EDS to the objects of the model."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ ACCESS_TYPES = frozenset(("ro", "wo", "rw", "rwr", "rww", "const"))
 _WITH_SUBS = frozenset((ObjectType.ARRAY, ObjectType.RECORD, ObjectType.DEFSTRUCT))
 _KNOWN_TYPES = frozenset(ObjectType)
 _KNOWN_DATA_TYPES = frozenset(DataType)
-# As nearly every file writes them: 7, 0x7, 0x0007.
+# In the spelling of nearly all files: 7, 0x7, 0x0007.
 _PLAIN_DATA_TYPES = {
     text: kind for kind in DataType for text in (f"{kind:d}", f"0x{kind:X}", f"0x{kind:02X}", f"0x{kind:04X}")
 }
 _PLAIN_OBJECT_TYPES = {
     text: kind for kind in ObjectType for text in (f"{kind:d}", f"0x{kind:X}", f"0x{kind:02X}") if kind
 }
-_FIRST_OWN_TYPE = 0x40  # from here lie the types that a maker or a file defines (CiA 301 table 44)
+_FIRST_OWN_TYPE = 0x40  # from here on, types are defined by a maker or a file (CiA 301 table 44)
 _SPELLED = {
     key.lower(): key
     for key in (
@@ -43,20 +43,20 @@ _DEFAULT = "defaultvalue"
 
 
 class EdsObjectBuilder:
-    """Builds objects one by one; what cannot be understood goes to ``findings`` where they are wanted, which is all it changes."""
+    """Builds objects one by one; problems go to ``findings`` if they are wanted, and nothing else changes."""
 
     def __init__(self, document: EdsText, parts: SectionIndex, findings: Findings | None = None) -> None:
         self._document = document
         self._parts = parts
         self._findings = findings
-        # What the first section of each text (but for the name) became, by that text: others of the file that say the same
-        # are made like it. There are three, for a text means another thing alone, above sub-indices and in a sub-index.
+        # The result for the first section of each text (without its name), by that text: other sections with the same text reuse
+        # it. There are three, because a text has another meaning alone, above sub-indices and in a sub-index.
         self._alone: dict[str | None, Variable] = {}
         self._records: dict[str | None, Object] = {}
         self._within: dict[str | None, Variable] = {}
 
     def object(self, index: int) -> Object:
-        """Return the object at ``index``, a RECORD where only its sub-indices are described."""
+        """Return the object at ``index``; it is a RECORD if only its sub-indices are described."""
         head = self._parts.heads.get(index)
         sub_sections = self._parts.subs.get(index)
         if head is None:
@@ -92,7 +92,7 @@ class EdsObjectBuilder:
         return made
 
     def _object(self, head: Section, index: int, sub_sections: Mapping[int, Section]) -> Object:
-        """Return the object of a section that is taken apart."""
+        """Return the object of a section, with its entries parsed."""
         name = self._name(head, index)
         object_type = self._object_type(head, index, bool(sub_sections))
         if object_type in _WITH_SUBS:
@@ -124,7 +124,7 @@ class EdsObjectBuilder:
         return made
 
     def _keep(self, made: dict[str | None, _Made], rest: str | None, entry: _Made) -> None:
-        """Keep what a section says for those that say the same; with findings wanted, each section is taken apart for its own."""
+        """Store the result of a section for others with the same text, unless findings are wanted: then each section is parsed."""
         if rest is not None and self._findings is None and _DEFAULT not in rest.lower():
             made[rest] = entry
 
@@ -173,7 +173,7 @@ class EdsObjectBuilder:
         kind: str,
         index: int,
     ) -> None:
-        """Enter what ``[xxxxValue]`` or ``[xxxxDenotation]`` says of sub-indices, whose numbers are decimal there (DS 306 5)."""
+        """Apply ``[xxxxValue]`` or ``[xxxxDenotation]`` to the sub-indices, whose numbers are decimal there (DS 306 5)."""
         for key, text in listed.entries.items():
             subindex = values.plain(key)
             entry = None if subindex is None else subs.get(subindex) or compacted.get(subindex)
@@ -190,8 +190,8 @@ class EdsObjectBuilder:
     def variable(
         self, section: Section, index: int, subindex: int, name: str, object_type: ObjectType
     ) -> Variable:
-        """Return the entry that a section describes; what ``name`` and ``object_type`` default to, the caller knows."""
-        # Asked before each helper is called: a file has tens of thousands of keys, most of them plain or not there.
+        """Return the entry that a section describes; the caller provides ``name`` and ``object_type`` with their defaults."""
+        # Checked before each helper is called: a file has tens of thousands of keys, most of them plain or missing.
         entries = section.entries
         get = entries.get
         type_text, access, default, value = (
@@ -302,12 +302,12 @@ class EdsObjectBuilder:
         return bottom, top
 
     def _only_zero(self, section: Section, data_type: DataType) -> bool:
-        """Whether two limits of 0 are meant: the default is 0 (as of 6086h, 1003h:00), and the file has no habit of such limits."""
+        """Whether two limits of 0 are real: the default is 0 (as of 6086h, 1003h:00), and the file does not use 0 for none."""
         return _is_zero(section.entries.get("defaultvalue"), data_type) and not self._zeros_for_none
 
     @cached_property
     def _zeros_for_none(self) -> bool:
-        """Whether the file writes two limits of 0 for none: more than once beside a default that they would not allow."""
+        """Whether the file uses two limits of 0 for "no limits": it has more than one default that they would not allow."""
         kind = DataType.INTEGER64
         found = sum(
             _is_zero(section.entries["lowlimit"], kind)
@@ -345,7 +345,7 @@ class EdsObjectBuilder:
 
 
 def _limits_hang_on_default(entries: Mapping[str, str], made: Variable) -> bool:
-    """Whether the limits may be others beside another default: two limits of 0 are; see ``EdsObjectBuilder._only_zero``."""
+    """Whether the limits may change with another default: only two equal limits may; see ``EdsObjectBuilder._only_zero``."""
     return bool(entries.get("lowlimit") and entries.get("highlimit")) and made.low == made.high
 
 
@@ -362,7 +362,7 @@ def _is_other(text: str | None) -> bool:
 
 
 def _more(entries: Mapping[str, str]) -> Mapping[str, str]:
-    """Return the keys that the model has no place for."""
+    """Return the keys that have no field in the model."""
     if entries.keys() <= _MODELLED:
         return _NOTHING
     return {key: text for key, text in entries.items() if key not in _MODELLED}
@@ -391,7 +391,7 @@ def _data_type(text: str) -> tuple[DataType, tuple[ValueProblem, ...]]:
 
 @lru_cache(maxsize=256)
 def _access(text: str) -> tuple[str, tuple[ValueProblem, ...]]:
-    """Read an access type in any case, also one with a comment behind it."""
+    """Parse an access type in any case, even with a comment after it."""
     words = text.lower().replace(";", " ").split()
     first = words[0] if words else ""
     if first not in ACCESS_TYPES:

@@ -1,11 +1,11 @@
-"""A clean EDS text of a model, which the ``canopen`` library reads as we read the original.
+"""A clean EDS text of a model, which the ``canopen`` library reads as axisbus reads the original.
 
-Theory of operation. ``canopen.import_od`` is built on ``configparser`` and refuses or misreads what many real files contain:
+Theory of operation. ``canopen.import_od`` is built on ``configparser`` and refuses or misreads the contents of many real files:
 duplicates, 8-bit text, incomplete [DummyUsage], other cases and orders, compact sub-indices, octal, ``$NODEID`` after the number,
-limits in hexadecimal. Instead of mending such a text place by place, this module writes a new one from what was understood: one
-section per entry, sub-indices spelt out, numbers in decimal, formulas as ``$NODEID+n``. What the library cannot hold is written in
-the nearest form that it can: unknown object types as RECORD or VAR, types of the maker's as DOMAIN (it hands their bytes over
-unchanged), and a `` ;`` in a text without its space, because a comment would begin there.
+limits in hexadecimal. This module does not repair such a text, but writes a new one from the model: one section for each entry,
+explicit sub-indices, decimal numbers, formulas as ``$NODEID+n``. Contents that the library cannot represent get the nearest form
+that it can: unknown object types become RECORD or VAR, types of the maker become DOMAIN (the library passes their bytes unchanged),
+and a `` ;`` in a text loses its space, because it would begin a comment.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
 _KNOWN_DATA_TYPES = frozenset(kind for kind in DataType if kind <= DataType.UNSIGNED64)
 _TIMES = (DataType.TIME_OF_DAY, DataType.TIME_DIFFERENCE)
 _CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f\x85\u2028\u2029]+")
-_COMMENT = re.compile(r"(?<!\s)\s+;")  # looked for once per gap, or long gaps would take long
+_COMMENT = re.compile(r"(?<!\s)\s+;")  # the look-behind keeps searches in long gaps fast
 
 # Keys of [DeviceInfo] that the library reads as numbers, and as texts.
 _NUMBERS = (
@@ -42,9 +42,9 @@ _TEXTS = ("VendorName", "ProductName", "OrderCode")
 
 
 def canopen_text(eds: Eds) -> str:
-    """Return a text for ``canopen.import_od``; made on first use and kept with ``eds``.
+    """Return a text for ``canopen.import_od``; made on first use and cached in ``eds``.
 
-    That function takes the format from the stream's name: give it a stream that has one, such as an ``io.StringIO`` with
+    That function derives the format from the stream's name, so its stream must have one, such as an ``io.StringIO`` with
     ``stream.name = "axis.eds"``.
     """
     made = eds._texts.get("canopen")

@@ -1,4 +1,4 @@
-"""What DS 306 lets a file say in short: sub-indices by CompactSubObj (4.6.3.2), PDO parameters by CompactPDO (4.5)."""
+"""The short forms of DS 306: sub-indices by CompactSubObj (4.6.3.2), PDO parameters by CompactPDO (4.5)."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ _EVENT_DRIVEN = 255
 
 
 class SubIndices(Mapping[int, Variable]):
-    """Sub-index 0 and ``count`` copies of ``template``, named by ``names`` (decimal sub-index) or by number; then what ``own`` has.
+    """Sub-index 0 and ``count`` copies of ``template``, named by ``names`` (decimal sub-index) or by number; plus those in ``own``.
 
-    An entry is made at each look, and not kept: a small file may have millions, of which few are ever needed.
+    An entry is made on each access, and not stored: a small file may describe millions, and only few are needed.
     """
 
     __slots__ = ("_count", "_names", "_own", "_subindices", "_template")
@@ -86,11 +86,11 @@ class SubIndices(Mapping[int, Variable]):
         return repr(dict(self))
 
     def with_own(self, own: Mapping[int, Variable]) -> SubIndices:
-        """Return the same with these entries instead of, or beside, those that are made."""
+        """Return the same with these entries instead of, or in addition to, those that are made."""
         return SubIndices(self._template, self._count, self._names, own)
 
     def alike(self) -> Iterator[tuple[Variable, int]]:
-        """Yield each entry with the number of those that differ from it in name and sub-index alone, itself among them."""
+        """Yield each entry with the number of entries, including itself, that differ from it only in name and sub-index."""
         if 0 not in self._own:
             yield self[0], 1
         copies = [subindex for subindex in range(1, self._count + 1) if subindex not in self._own]
@@ -100,22 +100,22 @@ class SubIndices(Mapping[int, Variable]):
 
 
 def alike(subs: Mapping[int, Variable]) -> Iterator[tuple[Variable, int]]:
-    """Yield the entries of an object, each with how many there are like it: the copies that CompactSubObj makes only once."""
+    """Yield the entries of an object, each with the number of equal ones; the copies of CompactSubObj are one entry."""
     return subs.alike() if isinstance(subs, SubIndices) else ((entry, 1) for entry in subs.values())
 
 
 def valued(entry: Variable, value: Default) -> Variable:
-    """Return the entry with the parameter value that ``[xxxxValue]`` gives it."""
+    """Return the entry with its parameter value of ``[xxxxValue]``."""
     return replace(entry, parameter_value=value)
 
 
 def denoted(entry: Variable, text: str) -> Variable:
-    """Return the entry with the name that ``[xxxxDenotation]`` gives it."""
+    """Return the entry with its name of ``[xxxxDenotation]``."""
     return replace(entry, denotation=text)
 
 
 class Implied(NamedTuple):
-    """An object that CompactPDO implies: of PDO ``number`` (from 0), a communication parameter where ``parts`` is not 0."""
+    """An object that CompactPDO implies for PDO ``number`` (from 0); a communication parameter if ``parts`` is not 0."""
 
     number: int
     receive: bool
@@ -123,10 +123,10 @@ class Implied(NamedTuple):
 
 
 def pdos(rpdos: int, tpdos: int, parts: int, described: Container[int]) -> dict[int, Implied]:
-    """Return the PDO parameters that CompactPDO (bit mask ``parts``) implies beside those ``described``, by index.
+    """Return the PDO parameters that CompactPDO (bit mask ``parts``) implies in addition to those ``described``, by index.
 
-    ``rpdos`` and ``tpdos`` are the numbers of all PDOs (NrOfRXPDO, NrOfTXPDO); numbers that the file does not describe are filled
-    from the lowest up.
+    ``rpdos`` and ``tpdos`` are the numbers of all PDOs (NrOfRXPDO, NrOfTXPDO). The PDOs that the file does not describe get the
+    lowest free numbers.
     """
     found: dict[int, Implied] = {}
     for total, first, mapping, receive in (
@@ -144,7 +144,7 @@ def pdos(rpdos: int, tpdos: int, parts: int, described: Container[int]) -> dict[
 
 
 def pdo(index: int, implied: Implied) -> Object:
-    """Return the object at ``index`` that is implied."""
+    """Return the implied object at ``index``."""
     if implied.parts:
         return _communication(index, implied.number, implied.parts, implied.receive)
     return _mapping(index, implied.number, implied.receive)
@@ -164,7 +164,7 @@ def _communication(index: int, number: int, parts: int, receive: bool) -> Object
 
 
 def _cob_id(number: int, receive: bool) -> Number:
-    """Return the identifier of the predefined connection set for the first four, which later ones do not have."""
+    """Return the identifier of the predefined connection set for the first four PDOs; the others have none and are disabled."""
     if number >= 4:
         return Number(_INVALID_PDO)
     return Number((0x200 if receive else 0x180) + 0x100 * number, plus_node_id=True)

@@ -1,7 +1,7 @@
-"""Changes to the text of an EDS: each to its own lines, in the style of the file, and nothing else.
+"""Change single lines of an EDS text in the style of the file, and nothing else.
 
-A change is a value: which lines it replaces by which. ``apply`` makes a new document of the old one and any number of changes
-that do not touch the same lines. Line ends, encoding, spacing and the case of keys are those of the lines around.
+A change is a value: the replaced lines and their replacement. ``apply`` makes a new document from the old one and any number of
+changes that do not touch the same lines. Line ends, encoding, spacing and the case of keys are those of the neighbouring lines.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class LineEdit(NamedTuple):
 
 
 class _Style(NamedTuple):
-    """How a file writes ``key=value``."""
+    """The notation of ``key=value`` in a file."""
 
     indent: str = ""
     before: str = ""
@@ -39,14 +39,14 @@ class _Style(NamedTuple):
 
 
 def apply(document: EdsText, changes: Iterable[LineEdit]) -> EdsText:
-    """Return the document with all changes made; insertions at one place keep their order.
+    """Return the document with all changes made; insertions at one line keep their order.
 
     Raises:
-        ArgumentError: two changes touch the same line, or the file's encoding has no place for a letter of a new line.
+        ArgumentError: two changes touch the same line, or a character of a new line does not exist in the file's encoding.
     """
     lines, ended = _ended_lines(document)
     made: list[str] = []
-    done = 0  # lines that have been dealt with
+    done = 0  # lines that are processed
     for change in sorted(changes, key=lambda change: (change.line, change.count > 0)):
         if change.line <= done:
             raise ArgumentError(f"two changes touch line {done}", remedy="make one after the other")
@@ -65,7 +65,7 @@ def apply(document: EdsText, changes: Iterable[LineEdit]) -> EdsText:
 
 
 def _ended_lines(document: EdsText) -> tuple[list[str], bool]:
-    """Return the lines, each with what it has before its newline, also the last, and whether the last one does end."""
+    """Return the lines, each with its CR if it needs one, even the last; and whether the last line has a line end."""
     *lines, last = document.lines
     if last == "":
         return lines, True
@@ -73,7 +73,7 @@ def _ended_lines(document: EdsText) -> tuple[list[str], bool]:
 
 
 def _carriage(lines: list[str], number: int) -> str:
-    """Return the CR that a line beside line ``number`` (from 1) needs, if any."""
+    """Return the CR that a line next to line ``number`` (from 1) needs, if any."""
     if not lines:
         return ""
     return "\r" if lines[max(0, min(number, len(lines)) - 1)].endswith("\r") else ""
@@ -91,12 +91,12 @@ def _check_encoding(raw: str, encoding: str) -> None:
 
 
 def set_value(document: EdsText, section: Section, key: str, value: str) -> LineEdit:
-    """Return the change that gives ``key`` this value; a key that is not there is added behind the section's last.
+    """Return the change that gives ``key`` this value; a missing key is added after the section's last one.
 
-    Of two equal keys the first, which counts, is changed. The line's spacing and the key's spelling stay.
+    Of two equal keys the first is changed, because it is the valid one. The line's spacing and the key's spelling stay.
 
     Raises:
-        ArgumentError: the key or value cannot stand in an EDS: line breaks, control characters, spaces at the ends.
+        ArgumentError: the key or value is not allowed in an EDS: line breaks, control characters, spaces at the ends.
     """
     number = section.places.get(key.lower())
     if number is None:
@@ -109,12 +109,12 @@ def set_value(document: EdsText, section: Section, key: str, value: str) -> Line
 
 
 def insert_key(document: EdsText, section: Section, key: str, value: str, *, first: bool = False) -> LineEdit:
-    """Return the change that adds ``key=value`` behind the last entry of a section, in the style of that entry.
+    """Return the change that adds ``key=value`` after the last entry of a section, in the style of that entry.
 
-    With ``first`` it comes before all entries, below the header.
+    With ``first`` it is inserted before all entries, below the header.
 
     Raises:
-        ArgumentError: the key or value cannot stand in an EDS.
+        ArgumentError: the key or value is not allowed in an EDS.
     """
     check_key(key, value)
     last = section.line if first else _last_entry(document, section)
@@ -122,10 +122,10 @@ def insert_key(document: EdsText, section: Section, key: str, value: str, *, fir
 
 
 def set_values(document: EdsText, section: Section, values: Mapping[str, str]) -> list[LineEdit]:
-    """Return the changes that give several keys of a section their values, as ``set_value`` does, in one look at the section.
+    """Return the changes that give several keys of a section their values, as ``set_value`` does, in one pass over the section.
 
     Raises:
-        ArgumentError: a key or value cannot stand in an EDS.
+        ArgumentError: a key or value is not allowed in an EDS.
     """
     places = section.places
     changes = [
@@ -142,10 +142,10 @@ def set_values(document: EdsText, section: Section, values: Mapping[str, str]) -
 
 
 def rename_key(document: EdsText, line: int, key: str) -> LineEdit:
-    """Return the change that gives the entry in ``line`` (from 1) another key; its value and spacing stay.
+    """Return the change that renames the key of the entry in ``line`` (from 1); its value and spacing stay.
 
     Raises:
-        ArgumentError: the key cannot stand in an EDS.
+        ArgumentError: the key is not allowed in an EDS.
     """
     check_key(key, "")
     head, _, rest = document.lines[line - 1].removesuffix("\r").partition("=")
@@ -155,7 +155,7 @@ def rename_key(document: EdsText, line: int, key: str) -> LineEdit:
 
 
 def remove_keys(document: EdsText, section: Section, keys: Iterable[str]) -> Iterator[LineEdit]:
-    """Yield the changes that remove every line of these keys from a section."""
+    """Yield the changes that remove each line of these keys from a section."""
     unwanted = {key.lower() for key in keys}
     for number, key in entries(document, section):
         if key in unwanted:
@@ -168,7 +168,7 @@ def add_section(
     """Return the change that adds a section with these entries before another one, else at the end.
 
     Raises:
-        ArgumentError: the name, a key or a value cannot stand in an EDS.
+        ArgumentError: the name, a key or a value is not allowed in an EDS.
     """
     return add_sections(document, {name: values}, before)
 
@@ -187,14 +187,14 @@ def add_sections(
     start = before.line if before is not None else len(document.lines) + (document.lines[-1] != "")
     while before is not None and start > 1 and document.lines[start - 2].lstrip()[:1] == ";":
         start -= 1  # a comment above a section belongs to it
-    spaced = start == 1 or not document.lines[start - 2].strip()  # whether blank lines stand between sections
+    spaced = start == 1 or not document.lines[start - 2].strip()  # whether blank lines separate sections
     if before is not None and not spaced:
         return LineEdit(start, 0, tuple(line for line in lines if line))
     return LineEdit(start, 0, tuple(lines[1:] if spaced else lines) + (("",) if before is not None else ()))
 
 
 def remove_section(document: EdsText, section: Section) -> LineEdit:
-    """Return the change that removes a section with the blank lines behind it; a comment behind its last entry stays."""
+    """Return the change that removes a section with the blank lines after it; a comment after its last entry stays."""
     end = _last_entry(document, section) + 1
     while end < section.end and not document.lines[end - 1].strip() and end < len(document.lines):
         end += 1
@@ -202,10 +202,10 @@ def remove_section(document: EdsText, section: Section) -> LineEdit:
 
 
 def rename_section(document: EdsText, section: Section, name: str) -> LineEdit:
-    """Return the change that gives a section another name, and a closing bracket in column 1 where it has none.
+    """Return the change that renames a section, and adds a missing closing bracket; the header then begins in column 1.
 
     Raises:
-        ArgumentError: the name cannot stand in an EDS.
+        ArgumentError: the name is not allowed in an EDS.
     """
     check_name(name)
     _, bracket, rest = document.lines[section.line - 1].removesuffix("\r").partition("]")
@@ -213,7 +213,7 @@ def rename_section(document: EdsText, section: Section, name: str) -> LineEdit:
 
 
 def entries(document: EdsText, section: Section) -> Iterator[tuple[int, str]]:
-    """Yield line number (from 1) and lower-case key of every entry of a section, also of repeated keys."""
+    """Yield line number (from 1) and lower-case key of each entry of a section, including repeated keys."""
     for number in range(section.line + 1, section.end):
         key, _ = text.entry_of(document.lines[number - 1])
         if key:
@@ -221,12 +221,12 @@ def entries(document: EdsText, section: Section) -> Iterator[tuple[int, str]]:
 
 
 def _last_entry(document: EdsText, section: Section) -> int:
-    """Return the line of the last entry of a section, that of its header where it has none."""
+    """Return the line of the last entry of a section, or of its header if it has no entry."""
     return max((number for number, _ in entries(document, section)), default=section.line)
 
 
 def _style(document: EdsText, section: Section | None) -> _Style:
-    """Return how a section writes its entries, else how the file's first ones are written."""
+    """Return the notation of the section's entries, else of the first entries in the file."""
     for model in (section, *document.sections.values()):
         places = model.places if model is not None else {}
         if places:
@@ -247,7 +247,7 @@ def _style_of(lines: list[str]) -> _Style:
 
 
 def check_key(key: str, value: str) -> None:
-    """Raise ArgumentError unless ``key=value`` can stand in an EDS (DS 306 4.2)."""
+    """Raise ArgumentError unless ``key=value`` is allowed in an EDS (DS 306 4.2)."""
     if not key or "=" in key or key[0] in ";[":
         raise ArgumentError(f"{key!r} is no key of an EDS", remedy="give a name without '='")
     _check_text("the key", key)
@@ -255,7 +255,7 @@ def check_key(key: str, value: str) -> None:
 
 
 def check_name(name: str) -> None:
-    """Raise ArgumentError unless this can be the name of a section."""
+    """Raise ArgumentError unless this is a valid name of a section."""
     if not name or "]" in name or "[" in name:
         raise ArgumentError(f"{name!r} is no name of a section", remedy="give a name without brackets")
     _check_text("the name", name)

@@ -1,4 +1,4 @@
-"""Which files of a folder may have been meant by a name that is not there."""
+"""Suggest files of a folder with names similar to a missing one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 def files_near(folder: Path, name: str, belongs: Callable[[Path], bool]) -> str:
-    """Return a sentence with the files of ``folder`` that belong, those with the nearest names alone if there are any; or empty."""
+    """Return a sentence with the most similar names of suitable files in ``folder``, or with its first five files; or empty."""
     try:
         there = sorted(entry.name for entry in folder.iterdir() if belongs(entry))
     except OSError:

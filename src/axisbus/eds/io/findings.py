@@ -1,4 +1,4 @@
-"""The list of findings that a reading fills; the rules that they name are those of ``rules.table``."""
+"""The list of findings that a reading fills; ``rules.table`` defines their rules."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from axisbus.eds.model import EdsFinding
 from axisbus.eds.rules.table import rules
 from axisbus.wording import counted
 
-MAX_FINDINGS = 10_000  # a file of noise must not fill the memory with texts about it
+MAX_FINDINGS = 10_000  # a file of random data must not fill the memory with messages
 
 
 class Findings:
-    """Collects findings while one file is read; the only state is the list, which stops growing at ``most`` findings."""
+    """Collects findings while one file is read; its only state is the list, which is limited to ``most`` findings."""
 
     def __init__(self, most: int = MAX_FINDINGS) -> None:
         self._most = most
@@ -29,7 +29,7 @@ class Findings:
         index: int | None = None,
         subindex: int | None = None,
     ) -> None:
-        """Note one finding of ``rule`` (an id of the table) at ``line`` (from 1; 0: the whole file)."""
+        """Add one finding of ``rule`` (an id of the table) at ``line`` (from 1; 0: the whole file)."""
         if len(self._found) >= self._most:
             self._left_out += 1
             return
@@ -40,14 +40,14 @@ class Findings:
         )
 
     def add_lines(self, rule: str, numbers: Sequence[int], message: Callable[[int], str]) -> None:
-        """Note a finding of ``rule`` at each of these lines; ``message`` is asked for those alone that are kept."""
+        """Add a finding of ``rule`` at each of these lines; ``message`` is called only for stored findings."""
         kept = numbers[: self._most - len(self._found)]
         for number in kept:
             self.add(rule, message(number), line=number)
         self._left_out += len(numbers) - len(kept)
 
     def all(self) -> tuple[EdsFinding, ...]:
-        """Return what was found, in the order of the lines."""
+        """Return the findings, in the order of the lines."""
         found = sorted(self._found, key=lambda finding: (finding.line, finding.column))
         if self._left_out:
             more = rules()["S099"]

@@ -1,4 +1,4 @@
-"""The objects of one file, each made when it is first looked at."""
+"""The objects of one file, each made on first access."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from axisbus.eds.model import EdsFinding, Object
 class FileObjects(Mapping[int, Object]):
     """The objects that a document describes, by index, ascending.
 
-    Its only state are the objects and findings made so far. Threads may look at the same time: at worst each makes its own, all
-    equal, and one of them is kept.
+    Its only state are the objects and findings made so far. Several threads may access it at the same time: at worst each makes its
+    own object, all are equal, and one of them is stored.
     """
 
     def __init__(self, document: EdsText, parts: SectionIndex) -> None:
@@ -51,7 +51,7 @@ class FileObjects(Mapping[int, Object]):
         return builder.object(index) if implied is None else compact.pdo(index, implied)
 
     def findings(self) -> tuple[EdsFinding, ...]:
-        """Return what is odd about the file, in the order of the lines; goes through all of it when first called."""
+        """Return the oddities of the file, in the order of the lines; the first call goes through the whole file."""
         if self._findings is None:
             found = Findings()
             self.go_through(found)
@@ -59,7 +59,7 @@ class FileObjects(Mapping[int, Object]):
         return self._findings
 
     def go_through(self, found: Findings) -> None:
-        """Tell ``found`` all that is odd about the file, in no particular order."""
+        """Add all oddities of the file to ``found``, in no particular order."""
         document = self.document
         text.report(document, found)
         sections.report(document.sections, self.parts, found)
@@ -71,7 +71,7 @@ class FileObjects(Mapping[int, Object]):
 
 
 def node_id(document: EdsText, findings: Findings | None = None) -> int | None:
-    """Return the node ID of a DCF, under either spelling of the section's name."""
+    """Return the node-ID of a DCF, under either spelling of the section's name."""
     section = document.sections.get("devicecomissioning")
     if section is None:
         section = document.sections.get("devicecommissioning")

@@ -1,4 +1,4 @@
-"""What a file says of the modules that a device may carry (DS 306 6), and of its dynamic channels."""
+"""The modules that a device may have (DS 306 6), and its dynamic channels, as an EDS describes them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NOTHING: Mapping[str, str] = {}
 
 
 class _Parts(NamedTuple):
-    """The sections of one module: lists by name, objects and extensions by what follows the prefix."""
+    """The sections of one module: lists by name, objects and extensions by the part of the name after the prefix."""
 
     lists: dict[str, Section]
     fixed: dict[str, Section]
@@ -32,7 +32,7 @@ class _Parts(NamedTuple):
 
 
 def modules(document: EdsText, findings: Findings | None = None) -> dict[int, Module]:
-    """Return the kinds of module by number; what is odd about their objects goes to ``findings``."""
+    """Return the kinds of module by number; problems of their objects go to ``findings``."""
     found: dict[int, _Parts] = {}
     for name in [name for name in document.sections if name[:1] == "m"]:
         match, section = _SECTION.fullmatch(name), document.sections[name]
@@ -84,7 +84,7 @@ def _extension(index: int, section: Section, builder: EdsObjectBuilder) -> SubEx
 
 
 def connected(document: EdsText) -> tuple[int, ...]:
-    """Return the modules that a DCF says the device carries, by their numbers, in the order of their places."""
+    """Return the numbers of the modules that the device has according to a DCF, in the order of their positions."""
     section = document.sections.get("connectedmodules")
     listed = _numbered(section.entries if section is not None else _NOTHING, "")
     numbers = [values.plain(text) for _, text in sorted(listed)][:MAX_CONNECTED]
@@ -92,7 +92,7 @@ def connected(document: EdsText) -> tuple[int, ...]:
 
 
 def dynamic_channels(document: EdsText) -> tuple[DynamicChannel, ...]:
-    """Return the segments of [DynamicChannels] that can be understood."""
+    """Return the valid segments of [DynamicChannels]."""
     section = document.sections.get("dynamicchannels")
     if section is None:
         return ()

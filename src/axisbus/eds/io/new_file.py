@@ -1,4 +1,4 @@
-"""A new EDS or DCF of a model, as DS 306 prints it; for models that no file stands behind."""
+"""A new EDS or DCF of a model, in the layout of DS 306; for models that were not read from a file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from axisbus.errors import ArgumentError
 
 MANDATORY = frozenset((0x1000, 0x1001, 0x1018))
 MANUFACTURER = range(0x2000, 0x6000)
-FIRST_OBJECT = 0x1000  # below lie the data types, which no list names
+FIRST_OBJECT = 0x1000  # indices below are data types, which no list contains
 
 _RATES = tuple(f"BaudRate_{rate}" for rate in (10, 20, 50, 125, 250, 500, 800, 1000))
 _NUMBERS = (
@@ -23,7 +23,7 @@ _NUMBERS = (
     *("Granularity", "DynamicChannelsSupported", "CompactPDO", "GroupMessaging", "NrOfRXPDO", "NrOfTXPDO"),
     *("LSS_Supported", "NodeID", "Baudrate", "NetNumber", "CANopenManager", "LSS_SerialNumber"),
 )
-# Keys as the standard prints them: a model has them in lower case, and many readers know them only as printed.
+# Keys in the standard's spelling: the model's keys are in lower case, but many readers accept only this spelling.
 _PRINTED = {
     key.lower(): key
     for key in (
@@ -50,14 +50,14 @@ _TIMES = (DataType.TIME_OF_DAY, DataType.TIME_DIFFERENCE)
 
 
 def compose(eds: Eds) -> str:
-    """Return the text of a new EDS, a DCF where the model has a node ID; lines end in LF.
+    """Return the text of a new EDS, or of a DCF if the model has a node-ID; lines end in LF.
 
-    Sub-indices are spelt out and numbers normalised. Comments between a file's lines are lost, and of modules there is what the
-    information sections say.
+    Sub-indices are explicit and numbers normalised. Comments between a file's lines are lost. Of modules, only the information
+    sections are written.
 
     Raises:
-        ArgumentError: a text is not ASCII, has control characters or spaces at its ends, or is no number where [DeviceInfo] or
-            [DeviceComissioning] has one.
+        ArgumentError: a text is not ASCII, has control characters or spaces at its ends, or is no number although [DeviceInfo] or
+            [DeviceComissioning] requires one.
     """
     text = "".join(f"{line}\n" for line in _lines(eds))
     if not text.isascii():
@@ -78,7 +78,7 @@ def _lines(eds: Eds) -> Iterator[str]:
 
 
 def _information(eds: Eds) -> dict[str, dict[str, str]]:
-    """Return the information sections in the order of the standard's examples, with the node ID of a DCF."""
+    """Return the information sections in the order of the standard's examples, with the node-ID of a DCF."""
     found = {
         name: dict(eds.info.get(name, {})) for name in _FIRST if name in eds.info or name == "deviceinfo"
     }
@@ -97,7 +97,7 @@ def _comments(entries: Mapping[str, str]) -> dict[str, str]:
 
 
 def _printed(entries: Mapping[str, str]) -> dict[str, str]:
-    """Return the entries under the keys as printed; numbers that say nothing are left out."""
+    """Return the entries with keys in the standard's spelling; empty numbers are left out."""
     found = {}
     for key, text in entries.items():
         name = _PRINTED.get(key, key)
@@ -176,10 +176,10 @@ def _variable(entry: Variable) -> dict[str, str]:
 
 
 def written(value: Default, data_type: DataType) -> str:
-    """Return a value as an EDS writes it (DS 306 4.3); empty for None.
+    """Return a value in the notation of an EDS (DS 306 4.3); empty for None.
 
     Raises:
-        ArgumentError: a REAL is infinite or no number, which an EDS has no way to write.
+        ArgumentError: a REAL is infinite or not a number, for which an EDS has no notation.
     """
     if value is None or isinstance(value, str):
         return value or ""
@@ -195,7 +195,7 @@ def written(value: Default, data_type: DataType) -> str:
 def _integer(value: Number) -> str:
     if not value.plus_node_id:
         return str(value.value)
-    # DS 306 4.3 allows $NODEID alone, but some readers, canopen among them, want a number behind it.
+    # DS 306 4.3 allows $NODEID alone, but some readers, canopen among them, require a number after it.
     return f"$NODEID+0x{value.value:X}" if value.value >= 0 else f"$NODEID+{value.value}"
 
 

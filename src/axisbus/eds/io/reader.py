@@ -1,16 +1,16 @@
-"""Reading an EDS or DCF: bytes in, the model out.
+"""Read an EDS or DCF: convert bytes to the model.
 
-Theory of operation. Reading a file is only three quick steps: ``text`` decodes the bytes, cuts them into lines and finds where the
-sections begin, losing nothing; ``sections`` tells objects, sub-indices and the rest apart by the sections' names; ``fileobjects``
-notes which indices there are. An object is made when it is first looked at: then its sections are taken apart into keys, ``build``
-makes the object, with ``values`` for each number and text, and ``compact`` adds what the file only implies. A machine looks at
-some tens of a drive's thousand objects, so most of a file is never parsed. Most sections of a file repeat another but for
-the name: ``build`` takes each text apart once and makes the entries of the others like the first.
+Theory of operation. Reading a file takes only three quick steps. ``text`` decodes the bytes, splits them into lines and finds the
+beginnings of the sections, without losing anything. ``sections`` separates objects, sub-indices and others by the sections' names.
+``lazy_objects`` collects the indices. An object is made on first access: then its sections are split into keys, ``build`` makes the
+object, with ``values`` for each number and text, and ``compact`` adds the implied parts. A machine uses several tens of a drive's
+thousand objects, so most of a file is never parsed. Most sections of a file repeat another one except for the name: ``build``
+parses each text once and makes the entries of the others from the first.
 
-Nothing in a text stops the reading: what is not understood is absent in the model and named in a finding. The findings take a
-pass over the whole file, which is made when they are first asked for; it makes the objects on its way. They are those that
-reading meets by itself. Rules over a document as a whole belong in a package of their own beside this module; they take the
-``EdsParseResult``, which has the lines, the sections and the model. Only what is no EDS at all is an error.
+No error in a text stops the reading: a part that is not understood is missing in the model and reported in a finding. The findings
+need a pass over the whole file, on first access; this pass also makes all objects. They are the findings of the reader itself.
+Rules over a whole document are in the package ``rules``; they take the ``EdsParseResult``, which has the lines, the sections and
+the model. Only a file that is no EDS at all is an error.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from axisbus.eds.model import Eds
 from axisbus.errors import EdsError
 from axisbus.wording import counted
 
-MAX_BYTES = 16 * 1024 * 1024  # twenty times the largest EDS that we know of
-MAX_LINES = 1_000_000  # fifty times as many as the longest has
-MAX_SECTIONS = 500_000  # fifty times as many
+MAX_BYTES = 16 * 1024 * 1024  # twenty times the largest known EDS
+MAX_LINES = 1_000_000  # fifty times the largest known number
+MAX_SECTIONS = 500_000  # fifty times the largest known number
 SUFFIXES = (".eds", ".dcf")
 
 _ANY_SECTION = re.compile(
@@ -41,7 +41,7 @@ _WHAT_IS_AN_EDS = "an EDS is a text with sections such as [DeviceInfo] and [1000
 
 @dataclass(frozen=True, slots=True)
 class EdsParseResult:
-    """What reading one file gave: its text, its sections by kind, and the model with the findings."""
+    """The result of reading one file: its text, its sections by kind, and the model with the findings."""
 
     document: EdsText
     parts: sections.SectionIndex
@@ -51,7 +51,7 @@ class EdsParseResult:
 def load(path: str | Path) -> Eds:
     """Read an EDS or DCF file; the same content is parsed once, however many nodes use it.
 
-    Blocks for the time the file takes to read. What is odd in the file is in ``findings`` of what is returned.
+    Blocks for the time the file takes to read. Oddities of the file are in ``findings`` of the result.
 
     Raises:
         EdsError: the file is missing, cannot be read, is larger than 16 MiB, or is no EDS at all.
@@ -61,7 +61,7 @@ def load(path: str | Path) -> Eds:
 
 
 def loads(data: bytes, source: str) -> Eds:
-    """Read an EDS or DCF from ``data``; ``source`` is the name that messages show.
+    """Read an EDS or DCF from ``data``; ``source`` is the name in messages.
 
     Raises:
         EdsError: the data is larger than 16 MiB, or is no EDS at all.
@@ -90,7 +90,7 @@ def read(data: bytes, source: str) -> EdsParseResult:
             observed=_looks_like(data),
             remedy=f"give an EDS; {_WHAT_IS_AN_EDS}",
         )
-    size = len(content.text)  # nothing needs to be counted in a text that is shorter than what is too many
+    size = len(content.text)  # a text shorter than the limits needs no counting
     if size > MAX_LINES and max(content.text.count("\n"), content.text.count("\r")) > MAX_LINES:
         raise EdsError(
             "the file has more lines than any EDS", file=source, observed=f"more than {MAX_LINES} lines",
@@ -105,7 +105,7 @@ def read(data: bytes, source: str) -> EdsParseResult:
 
 
 def read_document(document: EdsText, source: str) -> EdsParseResult:
-    """Return what a document says, such as one that ``edit`` changed.
+    """Return the parse result of a document, such as one that ``edit`` changed.
 
     Raises:
         EdsError: it describes no object.
@@ -140,7 +140,7 @@ def file_bytes(path: Path) -> bytes:
     """Return the content of a file that may be an EDS.
 
     Raises:
-        EdsError: it is missing, no file, larger than 16 MiB, or cannot be read; the remedy names files that are there.
+        EdsError: it is missing, no file, larger than 16 MiB, or cannot be read; the remedy names files of the folder.
     """
     try:
         if path.is_dir():

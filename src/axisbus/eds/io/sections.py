@@ -1,4 +1,4 @@
-"""The sections of an EDS sorted by what they describe: objects, their sub-indices, lists beside them, and everything else."""
+"""The sections of an EDS sorted by their contents: objects, their sub-indices, lists beside them, and others."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _OBJECT = re.compile(r"([0-9a-f]{4})(?:sub(0*)([0-9a-f]{1,2}))?")
 _INDEX = re.compile(r"[0-9a-f]{4}")
 _SUBINDICES = {
     f"{number:x}": number for number in range(MAX_SUBINDEX + 1)
-}  # as nearly every file writes them
+}  # in the spelling of nearly all files
 _BESIDE = re.compile(r"([0-9a-f]{4})(name|value|denotation|objectlinks)")
 _KNOWN = re.compile(
     r"fileinfo|deviceinfo|dummyusage|comments|mandatoryobjects|optionalobjects|manufacturerobjects"
@@ -28,7 +28,7 @@ _TYPE = re.compile(r"0*[0-9a-f]{1,4}")
 
 
 class Info(Mapping[str, Mapping[str, str]]):
-    """The entries of the sections that are no objects, by lower-case name; a section is taken apart when looked at."""
+    """The entries of the sections that are no objects, by lower-case name; a section is parsed on access."""
 
     def __init__(self, sections: Mapping[str, Section]) -> None:
         self._sections = sections
@@ -48,9 +48,9 @@ class Info(Mapping[str, Mapping[str, str]]):
 
 @dataclass(frozen=True, slots=True)
 class SectionIndex:
-    """Sections by index and sub-index; ``beside`` holds ``[xxxxName]`` and its kin as (index, ``name``).
+    """Sections by index and sub-index; ``beside`` holds ``[xxxxName]`` and similar sections as (index, ``name``).
 
-    ``again`` are sections of a sub-index that has one already under another spelling, each with the first.
+    ``again`` are sections of a sub-index that already has a section in another spelling, each with the first one.
     """
 
     heads: Mapping[int, Section]
@@ -68,7 +68,7 @@ class SectionIndex:
 
 
 class _Indices(dict[str, int | None]):
-    """Numbers by their four digits, None for other texts; each is worked out once, for sub-indices repeat that of their object."""
+    """Numbers by their four digits, None for other texts; cached, because sub-indices repeat the digits of their object."""
 
     def __missing__(self, digits: str) -> int | None:
         self[digits] = index = int(digits, 16) if _INDEX.fullmatch(digits) else None
@@ -76,7 +76,7 @@ class _Indices(dict[str, int | None]):
 
 
 def sort(sections: Mapping[str, Section]) -> SectionIndex:
-    """Sort the sections of a document by their (lower-case) names; unknown ones are kept as information."""
+    """Sort the sections of a document by their (lower-case) names; unknown ones are stored as information."""
     heads: dict[int, Section] = {}
     subs: dict[int, dict[int, Section]] = {}
     types: dict[int, Section] = {}
@@ -119,7 +119,7 @@ def _beside(other: Mapping[str, Section]) -> dict[tuple[int, str], Section]:
 
 
 def report(sections: Mapping[str, Section], parts: SectionIndex, findings: Findings) -> None:
-    """Name what is odd about the sections' names."""
+    """Report the oddities of the sections' names."""
     again = dict(parts.again)
     for name, section in sections.items():
         found = _OBJECT.fullmatch(name)

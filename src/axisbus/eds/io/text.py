@@ -1,7 +1,7 @@
-"""An EDS as text: bytes to lines to sections, with nothing lost.
+"""An EDS as text: convert bytes to lines to sections, without losing anything.
 
-A document holds every line as it came, with its line ending and comments, so that it can be written back byte for byte; the
-sections point into the lines. Section names and keys are not case-sensitive (DS 306 4.2) and are kept in lower case.
+A document holds each line unchanged, with its line end and comments, so that it can be written back byte for byte; the sections
+refer to the lines. Section names and keys are not case-sensitive (DS 306 4.2) and are stored in lower case.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ _KEYS = {
         *("ParameterName", "ObjectType", "DataType", "AccessType", "DefaultValue", "ParameterValue"),
         *("LowLimit", "HighLimit", "PDOMapping", "ObjFlags", "SubNumber"),
     )
-}  # as nearly every file writes them
-# What stands before a section's name: the end of the line before it, and a bracket, which may be indented.
+}  # in the spelling of nearly all files
+# The text before a section's name: the end of the line before it, and a bracket, which may be indented.
 _HEADERS = {end: re.compile(rf"{end}[^\S{end}]*\[") for end in ("\n", "\r")}
 _NAME, _DEFAULT = "ParameterName=", "DefaultValue="
-_BLANK_OR_COMMENT = ("", ";")  # how a line may begin that is no entry
-# ü ä Ä ö Ö Ü of code page 850 inside a word; in code page 1252 these bytes are quotation marks and signs, which stand at its edge.
+_BLANK_OR_COMMENT = ("", ";")  # the beginnings of lines that are no entries
+# ü ä Ä ö Ö Ü of code page 850 inside a word; in code page 1252 these bytes are quotation marks and signs, never inside a word.
 _CP850_LETTER = re.compile(rb"[A-Za-z][\x81\x84\x8e\x94\x99\x9a][a-z]")
 
 
 def entry_of(raw: str) -> tuple[str, str]:
-    """Return lower-case key and trimmed value of a line; the key is empty where it is no entry (comment, header, blank)."""
+    """Return lower-case key and trimmed value of a line; the key is empty if the line is no entry (comment, header, blank)."""
     given, equals, value = raw.partition("=")
     key = _KEYS.get(given) if equals else ""
     if key is None:
@@ -48,7 +48,7 @@ def entry_of(raw: str) -> tuple[str, str]:
 
 
 class _Entries(dict[str, tuple[str, str]]):
-    """Lines to (key, value), each different line of a document worked out once; ``newline`` parts the lines."""
+    """Lines to (key, value); each different line of a document is parsed once; ``newline`` separates the lines."""
 
     def __init__(self, newline: str) -> None:
         self.newline = newline
@@ -61,7 +61,7 @@ class _Entries(dict[str, tuple[str, str]]):
 class Section:
     """One ``[section]``: its ``name`` as written, its ``line`` (from 1), and ``end``, the number of the line after its last.
 
-    Its entries are taken from its text when first asked for, which is all the state that it has.
+    Its entries are parsed on first access; they are its only state.
     """
 
     __slots__ = ("_body", "_entries", "_known", "_places", "end", "line", "name")
@@ -80,7 +80,7 @@ class Section:
         """Values (trimmed) by lower-case key, in the file's order; of two equal keys the first counts."""
         if self._entries is None:
             body = self.lines()
-            entries = dict(map(self._known.__getitem__, body))  # of two equal keys the last, but quick
+            entries = dict(map(self._known.__getitem__, body))  # quick, but the last of two equal keys counts
             if len(entries) < len(body):
                 entries = dict(map(self._known.__getitem__, reversed(body)))
                 entries = {key: entries[key] for key, _ in map(self._known.__getitem__, body)}
@@ -89,8 +89,9 @@ class Section:
         return self._entries
 
     def apart(self) -> tuple[str, str, str | None]:
-        """Return ParameterName, DefaultValue ("" for none), and the text of the other lines; None for that where it does not begin
-        with its name, as in most files.
+        """Return ParameterName, DefaultValue ("" for none), and the text of the other lines.
+
+        The text is None if the section does not begin with its name, as it does in most files.
         """
         if self._body[: len(_NAME)] != _NAME:
             return "", "", None
@@ -108,7 +109,7 @@ class Section:
         return self._body.split(self._known.newline) if self.end > self.line + 1 else []
 
     def every(self) -> Iterator[tuple[int, str, str]]:
-        """Yield line (from 1), lower-case key and value of all entries, also of those whose key is there twice."""
+        """Yield line (from 1), lower-case key and value of all entries, including duplicate keys."""
         for number, raw in enumerate(self.lines(), self.line + 1):
             key, value = self._known[raw]
             if key:
@@ -116,7 +117,7 @@ class Section:
 
     @property
     def places(self) -> Mapping[str, int]:
-        """Line numbers (from 1) by lower-case key; of two equal keys that of the first."""
+        """Line numbers (from 1) by lower-case key; of two equal keys the first one's."""
         if self._places is None:
             places: dict[str, int] = {}
             for number, key, _ in self.every():
@@ -130,10 +131,10 @@ class Section:
 
 @dataclass(frozen=True)
 class EdsText:
-    """A file's text: ``newline`` parts its ``lines``, ``bom`` and ``encoding`` make bytes of it.
+    """A file's text: ``newline`` separates its ``lines``, ``bom`` and ``encoding`` convert it to bytes.
 
-    Where the line ending is CR LF, the lines keep their CR. ``sections`` is by lower-case name in the file's order; of two with
-    one name it holds the first, and ``repeated`` the others.
+    If the line ends are CR LF, the lines keep their CR. ``sections`` is by lower-case name in the file's order; of two with the
+    same name it holds the first, and ``repeated`` the others.
     """
 
     text: str
@@ -145,11 +146,11 @@ class EdsText:
 
     @cached_property
     def lines(self) -> Sequence[str]:
-        """All lines, for those that go through a whole file; the model does not need them."""
+        """All lines, for users that go through a whole file; the model does not need them."""
         return self.text.split(self.newline)
 
     def place(self, section: Section, key: str) -> tuple[int, int]:
-        """Return line and column (from 1) of the value of ``key``; those of the section where it has no such key."""
+        """Return line and column (from 1) of the value of ``key``; those of the section if it has no such key."""
         number = section.places.get(key)
         if number is None:
             return section.line, 1
@@ -159,7 +160,7 @@ class EdsText:
 
 
 class Text(NamedTuple):
-    """A file's bytes as text, and what turns it into the same bytes again."""
+    """A file's bytes as text, and the data for converting it back to the same bytes."""
 
     text: str
     encoding: str
@@ -167,7 +168,7 @@ class Text(NamedTuple):
 
 
 def parse(content: Text) -> EdsText:
-    """Take a text apart into lines and sections; never raises, and leaves to ``report`` what is odd."""
+    """Split a text into lines and sections; never raises; ``report`` finds the oddities."""
     return _document(content.text, "\n" if "\n" in content.text else "\r", content.encoding, content.bom)
 
 
@@ -193,7 +194,7 @@ def _document(text: str, newline: str, encoding: str, bom: bytes) -> EdsText:
 
 
 def decode(data: bytes) -> Text:
-    """Return the text of a file in whatever encoding it seems to be; encoding it again always gives the bytes again."""
+    """Return the text of a file in its probable encoding; encoding it again always gives the same bytes."""
     for bom, encoding in _BOMS:
         if data.startswith(bom):
             return _strict(data[len(bom) :], encoding, bom) or _fallback(data)
@@ -217,7 +218,7 @@ def _fallback(data: bytes) -> Text:
 
 
 def _utf16_without_bom(data: bytes) -> str:
-    """Return the UTF-16 that plain text with a zero in every other byte must be, else ``ascii``."""
+    """Return the variant of UTF-16 if many of the first bytes are zero, else ``ascii``."""
     start = data[:200]
     if start.count(0) * 3 < len(start):
         return "ascii"
@@ -225,7 +226,7 @@ def _utf16_without_bom(data: bytes) -> str:
 
 
 def report(document: EdsText, findings: Findings) -> None:
-    """Name what is odd about a document's text."""
+    """Report the oddities of a document's text."""
     every = [*document.sections.values(), *document.repeated]
     _report_preface(document, findings)
     for section in every:
