@@ -1,4 +1,4 @@
-"""The PDOs of an EDS: which object takes which bits of which frame."""
+"""The PDOs of an EDS: the position of each mapped object in its frame."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _MULTIPLEXED = {0xFE: "SAM-MPDO", 0xFF: "DAM-MPDO"}  # sub-index 0 of a multiple
 
 @dataclass(frozen=True, slots=True)
 class PdoSlot:
-    """One mapped object: ``first_bit`` counts from 0, the least significant of byte 0; ``data_type`` is None where unknown.
+    """One mapped object: ``first_bit`` counts from 0, the least significant of byte 0; ``data_type`` is None if unknown.
 
-    ``variable`` is None for a dummy, and for an object that the file does not describe; ``record`` tells whether the object has
+    ``variable`` is None for a dummy, and for an object that the file does not describe; ``record`` says whether the object has
     sub-indices.
     """
 
@@ -32,17 +32,17 @@ class PdoSlot:
 
     @property
     def bits(self) -> int:
-        """How many bits it takes."""
+        """The number of bits of the object."""
         return self.mapped.bits
 
     @property
     def end(self) -> int:
-        """The first bit behind it."""
+        """The first bit after the object."""
         return self.first_bit + self.mapped.bits
 
     @property
     def address(self) -> str:
-        """Index, and sub-index where it has one: ``6041``, ``60C1:01``; a dummy is its type's name."""
+        """Index, and sub-index if the object has sub-indices: ``6041``, ``60C1:01``; for a dummy, the name of its type."""
         if self.mapped.is_dummy:
             return DataType(self.mapped.index).name
         sub = f":{self.mapped.subindex:02X}" if self.record or self.mapped.subindex else ""
@@ -50,12 +50,12 @@ class PdoSlot:
 
     @property
     def signed(self) -> bool:
-        """Whether it is read as two's complement: by the standard where it has the object, else by the file."""
+        """Whether the value is in two's complement: by the standard if it defines the object, else by the file."""
         return self.data_type is not None and self.data_type.signed
 
     @property
     def where(self) -> str:
-        """The bytes it takes, or the bits where they are no whole bytes: ``bytes 2-5``, ``byte 0 bit 3``."""
+        """The bytes of the object, or its bits if they are not whole bytes: ``bytes 2-5``, ``byte 0 bit 3``."""
         first, last = self.first_bit, max(self.first_bit, self.end - 1)
         if self.first_bit % 8 == 0 and self.end % 8 == 0 and self.bits:
             return f"byte {first // 8}" if last // 8 == first // 8 else f"bytes {first // 8}-{last // 8}"
@@ -68,10 +68,10 @@ class PdoSlot:
 
 @dataclass(frozen=True, slots=True)
 class PdoLayout:
-    """One PDO as the file has it, for one node or (``node_id`` None) as a formula; ``number`` counts from 1.
+    """One PDO of the file, for one node-ID or (``node_id`` None) as a formula; ``number`` counts from 1.
 
-    ``cob_id`` is the entry with its flags (None: the file gives none, or a formula and no node ID). ``transmission_type``,
-    ``inhibit_time`` (100 µs) and ``event_timer`` (ms) are None where the file gives none. ``notes`` say what is odd.
+    ``cob_id`` is the entry with its flags (None: missing in the file, or a formula without node-ID). ``transmission_type``,
+    ``inhibit_time`` (100 µs) and ``event_timer`` (ms) are None if the file gives none. ``notes`` describe oddities.
     """
 
     receive: bool
@@ -86,28 +86,28 @@ class PdoLayout:
 
     @property
     def name(self) -> str:
-        """``RPDO1`` and so on, as the device sees it."""
+        """``RPDO1`` and so on, in the device's point of view."""
         return f"{'RPDO' if self.receive else 'TPDO'}{self.number}"
 
     @property
     def communication(self) -> int:
-        """Index of its communication parameter."""
+        """The index of its communication parameter."""
         return (objects.RPDO_COMMUNICATION if self.receive else objects.TPDO_COMMUNICATION) + self.number - 1
 
     @property
     def mapping(self) -> int:
-        """Index of its mapping parameter."""
+        """The index of its mapping parameter."""
         return (objects.RPDO_MAPPING if self.receive else objects.TPDO_MAPPING) + self.number - 1
 
     @property
     def valid(self) -> bool:
-        """Whether it is switched on (bit 31 of its COB-ID is 0)."""
+        """Whether the PDO is enabled (bit 31 of its COB-ID is 0)."""
         given = self.formula.value if self.formula is not None else None
         return given is not None and not given & cob.INVALID
 
     @property
     def identifier(self) -> int | None:
-        """The CAN identifier without flags, None where it is not known."""
+        """The CAN identifier without flags, None if it is unknown."""
         if self.cob_id is None:
             return None
         return self.cob_id & (cob.ID_MASK_29 if self.extended else cob.ID_MASK_11)
@@ -119,12 +119,12 @@ class PdoLayout:
 
     @property
     def bits(self) -> int:
-        """Sum of the mapped bits."""
+        """The sum of the mapped bits."""
         return self.slots[-1].end if self.slots else 0
 
     @property
     def size(self) -> int:
-        """Data bytes of the frame."""
+        """The number of data bytes in the frame."""
         return (self.bits + 7) // 8
 
 
@@ -139,7 +139,7 @@ def layouts(eds: Eds, node_id: int | None) -> tuple[PdoLayout, ...]:
 
 
 def of_pdo(eds: Eds, pdo: PdoConfiguration, *, receive: bool) -> PdoLayout:
-    """Return a PDO as a drive holds it; ``eds`` has the names of what it maps."""
+    """Return the layout of a drive's PDO; ``eds`` provides the names of the mapped objects."""
     flags = (0 if pdo.valid else cob.INVALID) | (cob.EXTENDED if pdo.cob_id > cob.ID_MASK_11 else 0)
     slots = tuple(_slots(eds, list(pdo.mapping)))
     return PdoLayout(
@@ -182,7 +182,7 @@ def _layout(eds: Eds, node_id: int | None, receive: bool, index: int) -> PdoLayo
 
 
 def _entries(eds: Eds, index: int, node_id: int | None) -> tuple[list[MappedObject], list[str]]:
-    """Return what is mapped at ``index``, and what is odd about it."""
+    """Return the mapped objects at ``index``, and notes about oddities."""
     if index not in eds:
         return [], [f"the file has no mapping parameter {index:04X}h"]
     count = _plain(eds, index, 0, node_id)
@@ -237,7 +237,7 @@ def _slot(eds: Eds, mapped: MappedObject, at: int) -> PdoSlot:
 
 
 def _name(eds: Eds, variable: Variable) -> str:
-    """Return the entry's name; one that other sub-indices share goes behind its object's."""
+    """Return the entry's name; if other sub-indices share the name, the name of the object with the sub-index."""
     name = variable.denotation or variable.name
     owner = eds.objects[variable.index]
     if not owner.is_record:

@@ -1,4 +1,4 @@
-"""What an EDS or DCF says, as frozen values with the line that each came from."""
+"""The contents of an EDS or DCF, as frozen values with the line of each."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any, cast
 
 from axisbus.cia301.datatypes import DataType, Value
 
-DUMMIES = range(1, 8)  # data types that [DummyUsage] speaks of (DS 306 4.6.2)
+DUMMIES = range(1, 8)  # data types in [DummyUsage] (DS 306 4.6.2)
 
 
 class ObjectType(IntEnum):
-    """Object code of CiA 301 table 42; an unknown one is kept as a member."""
+    """Object code of CiA 301 table 42; an unknown code becomes a new member."""
 
     NULL = 0
     DOMAIN = 2
@@ -34,7 +34,7 @@ class ObjectType(IntEnum):
 
 
 class Severity(Enum):
-    """How bad a finding is: an error makes a tool or device fail, a warning deviates, a note is only worth knowing."""
+    """The severity of a finding: an error makes a tool or device fail, a warning is a deviation, a note is only information."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -51,7 +51,7 @@ _RANKS = {severity: rank for rank, severity in enumerate(Severity)}
 
 @dataclass(frozen=True, slots=True)
 class EdsFinding:
-    """One thing that is wrong or odd: ``line`` and ``column`` count from 1 (0: the whole file)."""
+    """One error or oddity: ``line`` and ``column`` count from 1 (0: the whole file)."""
 
     rule: str
     severity: Severity
@@ -65,13 +65,13 @@ class EdsFinding:
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """An integer as the file gives it: a plain value, or one to which the node ID is added."""
+    """An integer of the file: a plain value, or one to which the node-ID is added."""
 
     value: int
     plus_node_id: bool = False
 
     def resolve(self, node_id: int | None) -> int:
-        """Return the value for a node (1 to 127); without a node ID the formula's constant part."""
+        """Return the value for a node-ID (1 to 127); without a node-ID the formula's constant part."""
         return self.value + (node_id or 0) if self.plus_node_id else self.value
 
 
@@ -79,9 +79,9 @@ class Number:
 class Variable:
     """One readable or writable entry: a VAR, or a sub-index of an ARRAY or RECORD.
 
-    ``low`` and ``high`` are None where the file gives no limit, or none that makes sense. ``default`` and ``parameter_value`` (DCF)
-    are None where absent or not understood; integers are ``Number``, because they may depend on the node ID. ``denotation`` is the
-    name that a DCF gives the entry beside its ``name``. ``more`` holds the section's other keys in lower case, such as
+    ``low`` and ``high`` are None if the file gives no limit, or no meaningful one. ``default`` and ``parameter_value`` (DCF) are
+    None if absent or not understood; integers are ``Number``, because they may depend on the node-ID. ``denotation`` is the name
+    that a DCF gives the entry in addition to its ``name``. ``more`` holds the section's other keys in lower case, such as
     ``uploadfile`` and those of later drafts and other standards (``paramrefd``, ``srdomapping``, …).
     """
 
@@ -113,7 +113,7 @@ class Variable:
 
     @property
     def bits(self) -> int | None:
-        """Size in bits, None where it varies."""
+        """Size in bits, None if it varies."""
         return self.data_type.bits
 
     def initial(self, node_id: int | None) -> Value | None:
@@ -123,7 +123,7 @@ class Variable:
 
 
 class _Draft:
-    """A Variable while it is filled: __init__ of a frozen class sets each field by a call, which takes five times as long."""
+    """A Variable under construction: __init__ of a frozen class sets each field by a call, which takes five times as long."""
 
     __slots__ = Variable.__slots__
 
@@ -145,7 +145,7 @@ def variable(
     denotation: str,
     more: Mapping[str, str],
 ) -> Variable:
-    """Return ``Variable`` of all these, for readers of large files: in a third of the time."""
+    """Return a ``Variable`` with these fields in a third of the time, for readers of large files."""
     made: Any = _Draft()
     made.index = index
     made.subindex = subindex
@@ -174,7 +174,7 @@ def variable_like(
     default: Number | float | str | bytes | None,
     line: int,
 ) -> Variable:
-    """Return what differs from ``like`` in these alone, much faster than ``dataclasses.replace`` does."""
+    """Return a copy of ``like`` that differs only in these fields, much faster than ``dataclasses.replace``."""
     return variable(
         index,
         subindex,
@@ -218,7 +218,7 @@ class Object:
 
 
 class _ObjectDraft:
-    """An Object while it is filled, for the reason of ``_Draft``."""
+    """An Object under construction, for the same reason as ``_Draft``."""
 
     __slots__ = Object.__slots__
 
@@ -233,7 +233,7 @@ def object_of(
     links: tuple[int, ...],
     more: Mapping[str, str],
 ) -> Object:
-    """Return ``Object`` of all these, for readers of large files: in a quarter of the time."""
+    """Return an ``Object`` with these fields in a quarter of the time, for readers of large files."""
     made: Any = _ObjectDraft()
     made.index = index
     made.name = name
@@ -249,7 +249,7 @@ def object_of(
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Identity of 1018h; None where the file does not say."""
+    """Identity of 1018h; None if the file does not contain it."""
 
     vendor_id: int | None = None
     product_code: int | None = None
@@ -260,8 +260,8 @@ class Identity:
 class SubExtension:
     """Sub-indices that a module adds to an object of the bus coupler, all like ``variable`` (DS 306 6, [MxSubExtxxxx]).
 
-    A module adds ``count`` of them; where that is 0, it takes ``bits`` bits of one that several modules share.
-    ``object_extend`` is ObjExtend as written, 0 where the file gives none.
+    A module adds ``count`` of them; if ``count`` is 0, it uses ``bits`` bits of a sub-index that several modules share.
+    ``object_extend`` is ObjExtend as written, 0 if the file gives none.
     """
 
     variable: Variable
@@ -272,11 +272,11 @@ class SubExtension:
 
 @dataclass(frozen=True, slots=True)
 class Module:
-    """One kind of module that a modular device may carry (DS 306 6).
+    """One kind of module that a modular device may have (DS 306 6).
 
     ``info`` is [MxModuleInfo] by lower-case key, ``comments`` the lines of [MxComments]. ``fixed`` are the objects that the device
-    has once such a module is there, ``extends`` those that each such module enlarges. Both hold None for an index that the module
-    lists but does not describe.
+    has once, if it has such a module. ``extends`` are the objects that each such module extends. Both hold None for an index that
+    the module lists but does not describe.
     """
 
     number: int
@@ -290,8 +290,8 @@ class Module:
 class DynamicChannel:
     """One segment of [DynamicChannels] (CiA 302, CiA 405): objects for network variables that a program makes at run time.
 
-    ``indices`` are those of the segment, ``offset`` the place of the first in the process image, and ``step`` the distance of two
-    neighbours there where the file gives it.
+    ``indices`` are those of the segment, ``offset`` is the position of the first in the process image, and ``step`` the distance of
+    two neighbours there, if the file gives it.
     """
 
     data_type: DataType
@@ -303,14 +303,14 @@ class DynamicChannel:
 
 @dataclass(frozen=True)
 class Eds:
-    """One EDS or DCF file: its objects, its information sections, and what was found odd while reading it.
+    """One EDS or DCF file: its objects, its information sections, and the oddities found while reading it.
 
     ``info`` maps a section's lower-case name (``fileinfo``, ``deviceinfo``, ``devicecomissioning``, …) to its entries by lower-case
-    key. ``source`` is the path or name that messages show. ``node_id`` (1 to 127) is the one that a DCF is made for. ``modules``
-    are the kinds of module that a modular device may carry, by number; ``connected`` are those that a DCF says it has, in order.
+    key. ``source`` is the path or name in messages. ``node_id`` (1 to 127) is the node-ID of a DCF. ``modules`` are the kinds of
+    module that a modular device may have, by number; ``connected`` are those that the device has according to a DCF, in order.
 
-    Frozen, and shared by all nodes that use the same file: do not change the mappings. Objects of a file are made when they are
-    first looked at; any thread may look.
+    Frozen, and shared by all nodes that use the same file: do not change the mappings. Objects of a file are made on first access;
+    access is allowed from any thread.
     """
 
     source: str
@@ -325,14 +325,14 @@ class Eds:
     _texts: dict[str, str] = field(default_factory=dict, compare=False, repr=False)  # made once on first use
 
     def _repr_html_(self) -> str:
-        """Let a notebook show it."""
+        """Return the display of the file in a notebook."""
         from axisbus.eds.report.notebook_summary import html  # only a notebook needs it
 
         return html(self)
 
     @property
     def findings(self) -> tuple[EdsFinding, ...]:
-        """What reading found odd, in the order of the lines; the first look goes through the whole file."""
+        """The oddities found while reading, in the order of the lines; the first access goes through the whole file."""
         return self._diagnose()
 
     def __contains__(self, index: int) -> bool:
@@ -342,7 +342,7 @@ class Eds:
         return iter(self.objects.values())
 
     def get(self, index: int, subindex: int = 0) -> Variable | None:
-        """Return the entry at ``index:subindex``, None where the file has none."""
+        """Return the entry at ``index:subindex``, None if the file has none."""
         found = self.objects.get(index)
         return None if found is None else found.subs.get(subindex)
 
@@ -361,7 +361,7 @@ class Eds:
 
     @property
     def device_type(self) -> int | None:
-        """Default of 1000h, None where the file gives none."""
+        """Default of 1000h, None if the file gives none."""
         return self._default(0x1000, 0)
 
     @property

@@ -1,4 +1,4 @@
-"""The values of an EDS: from text to numbers, strings and bytes, as DS 306 4.3 and as real files write them."""
+"""Parse the values of an EDS: texts to numbers, strings and bytes, as DS 306 4.3 defines them and as real files write them."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ _T = TypeVar("_T", covariant=True)
 Default = Number | float | str | bytes | None
 Limit = Number | float | None
 
-MAX_DIGITS = 40  # 64 bits take 20; longer texts are not numbers, and int() is slow on them
+MAX_DIGITS = 40  # 64 bits need 20; longer texts are not numbers, and int() is slow on them
 
 
 class ValueProblem(NamedTuple):
-    """What is wrong with a value: the rule's id, half a sentence, and the key where it is not the one that was read."""
+    """A problem of a value: the rule's id, half a sentence, and the key if it is not the parsed one."""
 
     rule: str
     text: str
@@ -29,7 +29,7 @@ class ValueProblem(NamedTuple):
 
 
 class Parsed(NamedTuple, Generic[_T]):
-    """A value as understood, None where absent or not understood, with what was wrong about its text."""
+    """A parsed value (None if absent or not understood) with the problems of its text."""
 
     value: _T
     problems: tuple[ValueProblem, ...] = ()
@@ -51,7 +51,7 @@ _REAL_FORMATS = {DataType.REAL32: ">f", DataType.REAL64: ">d"}
 
 
 def parse(text: str, data_type: DataType) -> Parsed[Default]:
-    """Read a DefaultValue or ParameterValue of ``data_type``; an empty text is an absent value."""
+    """Parse a DefaultValue or ParameterValue of ``data_type``; an empty text is an absent value."""
     if data_type in _TEXT_TYPES:
         return _string(text)
     return _other(text, data_type)
@@ -66,11 +66,11 @@ def _other(text: str, data_type: DataType) -> Parsed[Default]:
     read = _READERS.get(data_type)
     return (
         read(text, data_type) if read is not None else ABSENT
-    )  # nobody knows what it means in a type of the maker's
+    )  # the meaning of values in a maker's own type is unknown
 
 
 class ValueLimits(NamedTuple):
-    """LowLimit and HighLimit as understood."""
+    """The parsed LowLimit and HighLimit."""
 
     low: Limit
     high: Limit
@@ -82,9 +82,9 @@ NO_LIMITS = ValueLimits(None, None)
 
 @lru_cache(maxsize=1024)
 def limits(low_text: str, high_text: str, data_type: DataType, only_zero: bool = False) -> ValueLimits:
-    """Read LowLimit and HighLimit together; limits that contradict each other or the type are none.
+    """Parse LowLimit and HighLimit together; limits that contradict each other or the type are ignored.
 
-    Limits of strings, bytes and times say nothing and are left out. ``only_zero`` tells that two limits of 0 are meant as such.
+    Limits of strings, bytes and times have no meaning and are left out. With ``only_zero``, two limits of 0 are real limits.
     """
     if not data_type.integer and data_type not in _REAL_FORMATS:
         return NO_LIMITS
@@ -114,7 +114,7 @@ def _limit(value: Default) -> Limit:
 
 
 def _plain(value: Default) -> float | None:
-    """Return a limit as a number to compare; the node ID does not count."""
+    """Return a limit as a number for comparisons, without the node-ID."""
     if isinstance(value, Number):
         return value.value
     return value if isinstance(value, (int, float)) else None
@@ -125,14 +125,14 @@ def _without(problems: tuple[ValueProblem, ...], rule: str) -> tuple[ValueProble
 
 
 def plain(text: str) -> int | None:
-    """Return the number that a key such as ObjectType or NrOfEntries holds, None where it holds none."""
+    """Return the number of a key such as ObjectType or NrOfEntries, None if it holds none."""
     number = integer(text).value
     return number.value if number is not None and not number.plus_node_id else None
 
 
 @lru_cache(maxsize=4096)
 def integer(text: str) -> Integer:
-    """Read an integer: decimal, hexadecimal, octal, or one with ``$NODEID`` in any spelling that is clear in its meaning."""
+    """Parse an integer: decimal, hexadecimal, octal, or with ``$NODEID`` in any unambiguous spelling."""
     comment = _COMMENT.search(text)
     if comment:
         inner = integer(text[: comment.start()].rstrip())
@@ -150,7 +150,7 @@ def integer(text: str) -> Integer:
 
 
 def _number(text: str) -> Integer:
-    """Read a number without a formula, also one that is not written as it should be but can mean only one number."""
+    """Parse a number without a formula, including wrong notations that can mean only one number."""
     if _PLAIN.fullmatch(text):
         return Parsed(Number(int(text, 0)))
     negative = _NEGATIVE_HEX.fullmatch(text)
@@ -190,7 +190,7 @@ def iec_number(text: str) -> str | None:
     base, digits = int(found[1]), found[2].replace("_", "")
     try:
         return str(int(digits, 10)) if base == 10 else f"0x{int(digits, base):X}"
-    except ValueError:  # a digit that the base has not
+    except ValueError:  # a digit that is not allowed in this base
         return None
 
 
@@ -204,7 +204,7 @@ def _not_understood(text: str) -> Integer:
 
 
 def _formula(text: str) -> Integer:
-    """Read a sum of numbers and one ``$NODEID`` in any order, case and spelling (DS 306 4.3 has it first, in capitals)."""
+    """Parse a sum of numbers and one ``$NODEID`` in any order, case and spelling (DS 306 4.3: first, in capitals)."""
     terms = [term.strip() for term in text.lstrip("=").split("+")]
     node_ids = [term for term in terms if term.lower().replace("_", "") in _NODE_ID_WORDS]
     numbers = [_number(term) for term in terms if term not in node_ids]
@@ -226,7 +226,7 @@ def _spelling(text: str, first: str, node_id: str, value: Number) -> tuple[Value
 
 
 def typed_integer(text: str, data_type: DataType) -> Integer:
-    """Read an integer and fit it to its type; two's complement stands for a negative number of a signed type."""
+    """Parse an integer and convert it to its type; for a signed type, two's complement means a negative number."""
     number, problems = integer(text)
     if number is None:
         return Parsed(number, problems)
@@ -256,7 +256,7 @@ def _string(text: str) -> Parsed[str | None]:
 
 
 def _real(text: str, data_type: DataType) -> Parsed[float | None]:
-    """Read a decimal number, or the hexadecimal digits of its bit pattern (IEEE 754), which DS 306 leaves open."""
+    """Parse a decimal number, or the hexadecimal digits of its bit pattern (IEEE 754), which DS 306 does not define."""
     if len(text) <= MAX_DIGITS and _REAL.fullmatch(text):
         number = float(text)
         if math.isfinite(number):
@@ -275,7 +275,7 @@ def _real(text: str, data_type: DataType) -> Parsed[float | None]:
 
 
 def _octets(text: str, _: DataType) -> Parsed[bytes | None]:
-    """Read pairs of hexadecimal digits; spaces between them and a leading 0x do no harm."""
+    """Parse pairs of hexadecimal digits; spaces between them and a leading 0x are accepted."""
     prefixed = text[:2].lower() == "0x"
     octets = _hex(text[2:] if prefixed else text)
     if octets is None:
@@ -288,7 +288,7 @@ def _octets(text: str, _: DataType) -> Parsed[bytes | None]:
 
 
 def _time(text: str, _: DataType) -> Parsed[bytes | None]:
-    """Read the 48 bits of a time as one number, or as its six octets."""
+    """Parse the 48 bits of a time as one number, or as its six octets."""
     octets = _hex(text) if len(text) >= 12 else None
     number = plain(text) if octets is None else None
     if number is not None and 0 <= number < 1 << 48:

@@ -1,1 +1,1 @@
-"""What is told of an EDS: shown, compared, exported."""
+"""Reports about an EDS: display, comparison, export."""

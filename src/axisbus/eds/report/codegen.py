@@ -1,8 +1,8 @@
 """A Python module made from an EDS: a constant for each entry, and the enumerations of CiA 402 that the device uses.
 
-Theory of operation. The text depends on the model and the node ID only, so that the same file gives the same bytes. Names come from
-the file, made unique by the address (``naming``). Rows of a table are one line each, however long: formatters are told to leave the
-module alone. It imports the standard library and nothing else, and passes ``mypy --strict`` and ruff.
+Theory of operation. The text depends only on the model and the node-ID, so that the same file gives the same bytes. Names come from
+the file, made unique by the address (``naming``). Each row of a table is one line, however long: the module turns formatters off.
+It imports only the standard library, and passes ``mypy --strict`` and ruff.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Entry:
         return self.default + node_id if self.plus_node_id and isinstance(self.default, int) else self.default
 
 '''
-# Names that the module has beside its entries, and those of the standard library that it imports or needs.
+# Names that the module uses besides its entries, and names of the standard library that it imports or needs.
 _TAKEN = frozenset(
     ("ENTRIES", "BY_ADDRESS", "SOURCE", "MADE_FOR_NODE", "DEVICE_VENDOR_ID", "DEVICE_PRODUCT_CODE")
 ) | {"DEVICE_REVISION_NUMBER", *(f"SUPPORTED_MODES_AXIS_{axis}" for axis in range(1, 9)), "SUPPORTED_MODES"}
@@ -71,7 +71,7 @@ _STATUS_BITS = (
 
 
 def module(eds: Eds, node_id: int | None = None) -> str:
-    """Return the text of the module; defaults are those of ``node_id`` (1 to 127), without one they keep ``plus_node_id``."""
+    """Return the text of the module; defaults are those for ``node_id`` (1 to 127); without one they keep ``plus_node_id``."""
     enumerations = [*_data_types(eds), *_enumerations(eds, node_id), *_indices(eds)]
     enums = "IntEnum, IntFlag" if any("(IntFlag)" in line for line in enumerations) else "IntEnum"
     return "\n".join(
@@ -99,7 +99,7 @@ def _docstring(eds: Eds) -> Iterator[str]:
 
 
 def _words(text: str) -> str:
-    """Return a text that can stand in a docstring."""
+    """Return a text that is safe in a docstring."""
     return text.encode("ascii", "replace").decode().replace("\\", "/").replace('"', "'").replace("\0", "")
 
 
@@ -127,7 +127,7 @@ def _data_types(eds: Eds) -> Iterator[str]:
 
 
 def _enumerations(eds: Eds, node_id: int | None) -> Iterator[str]:
-    """Return the enumerations of CiA 402 for the objects that any axis of the device has."""
+    """Yield the enumerations of CiA 402 for the objects that any axis of the device has."""
     there = {first_axis(index) for index in eds.objects}
     if there & {cia402.MODES_OF_OPERATION, cia402.MODES_OF_OPERATION_DISPLAY}:
         yield from _modes(eds, node_id)
@@ -193,7 +193,7 @@ def _indices(eds: Eds) -> Iterator[str]:
 
 
 def entry_names(eds: Eds) -> dict[tuple[int, int], str]:
-    """Return the constant's name of each entry by index and sub-index; all differ."""
+    """Return the name of each entry's constant by index and sub-index; all names differ."""
     wanted = {
         (entry.index, sub.subindex): _entry_name(entry, sub) for entry in eds for sub in entry.subs.values()
     }
@@ -246,7 +246,7 @@ def _values(sub: Variable, node_id: int | None) -> Iterator[str]:
 def _literal(
     value: Number | float | str | bytes, node_id: int | None = None, sub: Variable | None = None
 ) -> str:
-    """Return a value as Python writes it, in ASCII; an integer in hexadecimal where people read its bits."""
+    """Return a value as a Python literal in ASCII; an integer in hexadecimal if it is usually read in hexadecimal."""
     if isinstance(value, Number):
         number = value.resolve(node_id)
         return wording.number(number, sub) if sub is not None else str(number)

@@ -1,8 +1,9 @@
-"""What two EDS files say differently, compared by meaning: numbers by value, formulas as formulas, in any order.
+"""Compare two EDS files by meaning: numbers by value, formulas as formulas, in any order.
 
-Theory of operation. Each group has one function that walks both models side by side and yields differences; none looks at texts.
-The PDOs are compared as layouts first (what travels where), because a changed mapping shows as many changed defaults; what
-the layouts account for is left out of the defaults. [FileInfo] describes the file, not the device, and is not compared.
+Theory of operation. Each group has one function that walks both models side by side and yields differences; none compares texts.
+The PDOs are compared as layouts first (which objects are in which frame), because a changed mapping also appears as many changed
+defaults. Differences in the layouts are left out of the defaults. [FileInfo] describes the file, not the device, and is not
+compared.
 """
 
 from __future__ import annotations
@@ -47,9 +48,9 @@ _COMMISSIONING = (
 
 
 def diff(a: Eds, b: Eds, node_id: int | None = None) -> tuple[EdsDifference, ...]:
-    """Return what ``b`` says differently from ``a``, by group and object; empty where they mean the same.
+    """Return the differences of ``b`` from ``a``, by group and object; empty if both mean the same.
 
-    With ``node_id`` (1 to 127) values are compared as they are for that node, so that ``$NODEID+0x180`` equals 0x185 for node 5.
+    With ``node_id`` (1 to 127) values are compared for that node-ID, so that ``$NODEID+0x180`` equals 0x185 for node 5.
     """
     shared = [(a.objects[index], b.objects[index]) for index in a.objects if index in b.objects]
     mapped = frozenset(_mapping_entries(a, b, node_id))
@@ -87,7 +88,7 @@ def _identity(a: Eds, b: Eds, node_id: int | None) -> Iterator[EdsDifference]:
 
 
 def _commissioning(a: Eds, b: Eds) -> Iterator[EdsDifference]:
-    """Return what two DCFs say differently of the node that they are made for; nothing where one is an EDS."""
+    """Yield the differences of two DCFs in the settings of their node; nothing if one file is an EDS."""
     ours, theirs = (
         eds.info.get("devicecomissioning") or eds.info.get("devicecommissioning") or {} for eds in (a, b)
     )
@@ -106,7 +107,7 @@ def _device_number(text: str) -> int | str | None:
 
 
 def _modes(a: Eds, b: Eds, node_id: int | None) -> Iterator[EdsDifference]:
-    """Return the modes that one file claims and the other does not."""
+    """Yield the modes that only one of the files lists."""
     ours, theirs = (
         {(claim.axis, claim.short) for claim in overview.overview(eds, node_id).claims if claim.claimed}
         for eds in (a, b)
@@ -153,7 +154,7 @@ def _mapping(one: PdoLayout, other: PdoLayout) -> Iterator[EdsDifference]:
 
 
 def _dummies(a: Eds, b: Eds) -> Iterator[EdsDifference]:
-    """Return which data types may fill space in a PDO in one file only."""
+    """Yield the difference of the data types that may fill space in a PDO."""
     texts = [", ".join(DataType(number).name for number in sorted(eds.dummies)) for eds in (a, b)]
     if a.dummies != b.dummies:
         meaning = "a mapping that fills space with them is refused" if a.dummies - b.dummies else ""
@@ -161,7 +162,7 @@ def _dummies(a: Eds, b: Eds) -> Iterator[EdsDifference]:
 
 
 def _mapping_entries(a: Eds, b: Eds, node_id: int | None) -> Iterator[tuple[int, int]]:
-    """Return the entries whose values are compared as mappings: the counts, and what they count in both files."""
+    """Yield the entries whose values are compared as mappings: the counts, and the counted entries of both files."""
     counted: dict[int, list[int]] = {}
     for eds in (a, b):
         for each in layout.layouts(eds, node_id):
@@ -172,7 +173,7 @@ def _mapping_entries(a: Eds, b: Eds, node_id: int | None) -> Iterator[tuple[int,
 
 
 def _presence(a: Eds, b: Eds, group: DifferenceGroup) -> Iterator[EdsDifference]:
-    """Return what ``a`` has and ``b`` has not."""
+    """Yield the objects and entries of ``a`` that ``b`` does not have."""
     for entry in a:
         other = b.objects.get(entry.index)
         if other is None:

@@ -1,4 +1,4 @@
-"""The differences of one object that two EDS files both have."""
+"""The differences of one object that exists in both EDS files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from axisbus.eds.report.difference import DifferenceGroup, EdsDifference
 
 Default = Number | float | str | bytes | None
 
-# Objects whose values say what the device is.
+# Objects whose values identify the device.
 _IDENTITY = frozenset(
     (
         *(cia301.DEVICE_TYPE, cia301.DEVICE_NAME, cia301.HARDWARE_VERSION, cia301.SOFTWARE_VERSION),
@@ -24,7 +24,7 @@ _IDENTITY = frozenset(
 
 
 class _Fact(NamedTuple):
-    """One fact of an entry: what makes it equal, how it is written, and what a change of it means for a master."""
+    """One property of an entry: the key for comparing it, its text, and the consequence of a change for a master."""
 
     group: DifferenceGroup
     title: str
@@ -116,7 +116,7 @@ _VALUES = (
 def object_differences(
     one: Object, other: Object, node_id: int | None, mapped: frozenset[tuple[int, int]]
 ) -> Iterator[EdsDifference]:
-    """Return what differs in an object of both files; values of the entries in ``mapped`` are compared elsewhere."""
+    """Yield the differences of an object in both files; values of the entries in ``mapped`` are compared elsewhere."""
     lines = (one.line, other.line)
     if one.object_type != other.object_type:
         types = (one.object_type.name, other.object_type.name)
@@ -125,7 +125,7 @@ def object_differences(
             DifferenceGroup.TYPES, f"{one.name}: ObjectType", *types, one.index, None, meaning, *lines
         )
     if one.is_record != other.is_record:
-        return  # sub-index 0 is a value here and a count there: nothing to compare
+        return  # sub-index 0 is a value in one file and a count in the other: nothing to compare
     if one.is_record and other.is_record and one.name != other.name:
         yield EdsDifference(
             DifferenceGroup.NAMES, "ParameterName", one.name, other.name, one.index, None, "", *lines
@@ -161,7 +161,7 @@ def _entry(
 
 
 def _group(group: DifferenceGroup, entry: Variable) -> DifferenceGroup:
-    """Return where a difference is shown: values of identity objects and PDO parameters stand with their kind."""
+    """Return the group of a difference: values of identity objects and PDO parameters have groups of their own."""
     if group is not DifferenceGroup.DEFAULTS:
         return group
     if first_axis(entry.index) in _IDENTITY:
@@ -170,7 +170,7 @@ def _group(group: DifferenceGroup, entry: Variable) -> DifferenceGroup:
 
 
 def _resolved(given: Default, node_id: int | None) -> object:
-    """Return what makes a value equal to another: its number, or formula and number as long as no node ID resolves it."""
+    """Return the key for comparing a value: its number, or the formula if no node-ID resolves it."""
     if not isinstance(given, Number):
         return given
     if given.plus_node_id and node_id is None:

@@ -1,4 +1,4 @@
-"""Differences between two EDS files as lines for a person, and as plain values for programs."""
+"""Differences between two EDS files as lines for a user, and as plain values for programs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _DIGITS = re.compile(r"\d+")
 
 
 def lines(a: Eds, b: Eds, differences: Sequence[EdsDifference], node_id: int | None) -> Iterator[str]:
-    """Return the comparison as lines: which files, what matters for a master, then everything by group."""
+    """Yield the comparison as lines: the files, the differences that matter for a master, then all differences by group."""
     yield f"A  {_file(a)}"
     yield f"B  {_file(b)}"
     if node_id is not None:
@@ -38,14 +38,14 @@ def lines(a: Eds, b: Eds, differences: Sequence[EdsDifference], node_id: int | N
 
 
 def change(each: EdsDifference) -> str:
-    """Return both sides of a difference: ``10 -> 20``; what is absent on one side is a dash."""
+    """Return both sides of a difference: ``10 -> 20``; an absent side is a dash."""
     if each.group is DifferenceGroup.ADDED:
         return each.b
     return each.a if each.group is DifferenceGroup.REMOVED else f"{each.a or '-'} -> {each.b or '-'}"
 
 
 def plain(a: Eds, b: Eds, differences: Sequence[EdsDifference], node_id: int | None) -> dict[str, object]:
-    """Return the comparison for JSON: counts by group, and every difference; lines count from 1 (0: none)."""
+    """Return the comparison for JSON: counts by group, and each difference; lines count from 1 (0: none)."""
     counts = Counter(each.group for each in differences)
     return {
         "a": a.source,
@@ -83,7 +83,7 @@ def _file(eds: Eds) -> str:
 
 
 def _runs(found: Sequence[EdsDifference]) -> Iterator[list[EdsDifference]]:
-    """Return neighbouring sub-indices of which the same is to be said together."""
+    """Yield runs of neighbouring sub-indices with the same difference."""
     run: list[EdsDifference] = []
     for each in found:
         if run and not _follows(run[-1], each):

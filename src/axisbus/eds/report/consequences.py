@@ -1,4 +1,4 @@
-"""What a difference between two EDS files of a drive means for the master that runs it; empty texts where probably nothing."""
+"""The consequences of a difference between two EDS files for the master of the drive; empty texts if there is probably none."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _LIMIT = "another default limit of motion or torque"
 _STOP_OBJECTS = {option.index: option.title for option in options.ALL}
 _OPTIONS = {(option.index, option.subindex): option for option in options.ALL}
 
-# By object of the first axis, all sub-indices: what another default means.
+# By object of the first axis, all sub-indices: the consequence of another default.
 _DEFAULTS = {
     cia301.DEVICE_TYPE: "another kind of device or another profile",
     cia301.COB_ID_EMCY: "emergency messages come under another identifier",
@@ -74,17 +74,17 @@ _DEFAULTS = {
 
 
 def modes(change: str) -> str:
-    """Return what it means that 6502h no longer claims a mode, or newly does."""
+    """Return the consequence of a mode that 6502h no longer lists, or newly lists."""
     return "commands that use these modes will be refused" if change.startswith("no") else "new ways to move"
 
 
 def pdo(one: PdoLayout | None) -> str:
-    """Return what it means that only one file has a PDO: the first (``one``), or the second (None)."""
+    """Return the consequence of a PDO that only one file has: the first (``one``), or the second (None)."""
     return f"the drive has no {one.name} any more" if one is not None else ""
 
 
 def mapping(one: PdoLayout, other: PdoLayout) -> str:
-    """Return what another mapping of one PDO means."""
+    """Return the consequence of another mapping of a PDO."""
     before = {slot.mapped for slot in one.slots}
     after = {slot.mapped for slot in other.slots}
     lost = [slot.address for slot in one.slots if slot.mapped not in after]
@@ -98,7 +98,7 @@ def mapping(one: PdoLayout, other: PdoLayout) -> str:
 
 
 def data_type(a: Variable, b: Variable, _: int | None) -> str:
-    """Return what another data type means."""
+    """Return the consequence of another data type."""
     if a.bits != b.bits:
         return "transfers of the other size are refused, and a mapping entry needs another length"
     if a.data_type.integer and b.data_type.integer and a.data_type.signed is not b.data_type.signed:
@@ -107,7 +107,7 @@ def data_type(a: Variable, b: Variable, _: int | None) -> str:
 
 
 def access(a: Variable, b: Variable, _: int | None) -> str:
-    """Return what another access type means."""
+    """Return the consequence of another access type."""
     lost = []
     if a.writable and not b.writable:
         lost.append("written")
@@ -121,19 +121,19 @@ def access(a: Variable, b: Variable, _: int | None) -> str:
 
 
 def mappable(a: Variable, _: Variable, __: int | None) -> str:
-    """Return what another PDOMapping means."""
+    """Return the consequence of another PDOMapping."""
     return "can no longer be mapped into a PDO" if a.pdo_mapping else ""
 
 
 def low_limit(a: Variable, b: Variable, node_id: int | None) -> str:
-    """Return what another LowLimit means."""
+    """Return the consequence of another LowLimit."""
     before, after = _number(a.low, node_id), _number(b.low, node_id)
     bottom = a.data_type.range[0] if a.data_type.integer else -math.inf
     return _NARROWER if after is not None and after > (bottom if before is None else before) else ""
 
 
 def high_limit(a: Variable, b: Variable, node_id: int | None) -> str:
-    """Return what another HighLimit means."""
+    """Return the consequence of another HighLimit."""
     before, after = _number(a.high, node_id), _number(b.high, node_id)
     top = a.data_type.range[1] if a.data_type.integer else math.inf
     return _NARROWER if after is not None and after < (top if before is None else before) else ""
@@ -143,7 +143,7 @@ _NARROWER = "values that were allowed may be refused"
 
 
 def default(a: Variable, b: Variable, node_id: int | None) -> str:
-    """Return what another default or parameter value means."""
+    """Return the consequence of another default or parameter value."""
     before, after = a.initial(node_id), b.initial(node_id)
     if cia301.is_pdo_parameter(a.index):
         return _pdo_parameter(a, before, after)
@@ -160,7 +160,7 @@ def default(a: Variable, b: Variable, node_id: int | None) -> str:
     return "" if a.subindex == 0 and index in _ARRAYS else _DEFAULTS.get(index, "")
 
 
-# Their sub-index 0 only counts.
+# Their sub-index 0 is only a count.
 _ARRAYS = frozenset(
     (
         *(cia301.CONSUMER_HEARTBEAT, cia402.ENCODER_RESOLUTION, cia402.GEAR_RATIO, cia402.FEED_CONSTANT),
@@ -170,7 +170,7 @@ _ARRAYS = frozenset(
 
 
 def presence(eds: Eds, index: int, subindex: int | None, removed: bool) -> str:
-    """Return what it means that the object or entry of ``eds`` is not in the other file, which came before or (removed) after."""
+    """Return the consequence of an object or entry of ``eds`` that is missing in the newer (``removed``) or the older file."""
     if not removed:
         return ""
     first = first_axis(index)
@@ -182,7 +182,7 @@ def presence(eds: Eds, index: int, subindex: int | None, removed: bool) -> str:
     if first in _STOP_OBJECTS:
         return f"what {_STOP_OBJECTS[first]} does can no longer be set"
     if subindex is None and cia301.is_pdo_parameter(index):
-        return ""  # said of the PDO as a whole
+        return ""  # reported for the PDO as a whole
     carried = [
         each.name
         for each in layout.layouts(eds, None)
@@ -194,7 +194,7 @@ def presence(eds: Eds, index: int, subindex: int | None, removed: bool) -> str:
 
 
 def _sync(before: object, after: object) -> str:
-    """Return what another value of 1005h means: bit 30 tells whether the device produces SYNC (CiA 301 7.5.2.6)."""
+    """Return the consequence of another value of 1005h; bit 30 says whether the device produces SYNC (CiA 301 7.5.2.6)."""
     if not isinstance(before, int) or not isinstance(after, int):
         return ""
     if (before ^ after) & cob.ID_MASK_29:

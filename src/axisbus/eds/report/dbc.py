@@ -1,4 +1,4 @@
-"""The frames of one node as a DBC file, written by cantools, an optional extra."""
+"""The frames of one node as a DBC file, written by cantools, an optional dependency."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Dbc:
-    """A DBC as text, and what it could not hold, a sentence each."""
+    """A DBC as text, and the parts that it cannot contain, a sentence each."""
 
     text: str
     left_out: tuple[str, ...]
 
 
 def dumps(eds: Eds, node_id: int | None, *, switched_off: bool = False, words: bool = False) -> Dbc:
-    """Return the DBC of a device as node ``node_id`` (1 to 127); PDOs that are switched off only where they are wanted.
+    """Return the DBC of a device as node ``node_id`` (1 to 127); with ``switched_off``, disabled PDOs are included.
 
-    A statusword is one signal for each bit, with ``words`` one signal of 16 bits.
+    A statusword is one signal for each bit, or with ``words`` one signal of 16 bits.
 
     Raises:
         ArgumentError: ``node_id`` is None; the identifiers depend on it.
@@ -91,5 +91,5 @@ def _signal(each: PdoSignal, receiver: str) -> Signal:
 
 
 def _ascii(text: str) -> str:
-    """Return a text that every reader of DBC takes: no quotation marks, ASCII only."""
+    """Return a text that all readers of DBC accept: no quotation marks, ASCII only."""
     return text.replace('"', "'").replace("\\", "/").encode("ascii", "replace").decode()

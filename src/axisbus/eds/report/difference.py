@@ -7,7 +7,7 @@ from enum import Enum
 
 
 class DifferenceGroup(Enum):
-    """What a difference is about, the weightier first."""
+    """The subject of a difference, the most important first."""
 
     IDENTITY = "identity"
     PDO = "PDOs"
@@ -23,8 +23,8 @@ class DifferenceGroup(Enum):
 class EdsDifference:
     """One difference between file A and file B.
 
-    ``what`` names it, ``a`` and ``b`` are the two sides as texts (empty: absent), ``matters`` says what it means for a master
-    (empty: probably nothing). ``line_a`` and ``line_b`` count from 1, 0 where there is none.
+    ``what`` names it, ``a`` and ``b`` are the two sides as texts (empty: absent), ``matters`` is the consequence for a master
+    (empty: probably none). ``line_a`` and ``line_b`` count from 1, 0 if there is no line.
     """
 
     group: DifferenceGroup

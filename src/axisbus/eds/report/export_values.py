@@ -1,4 +1,4 @@
-"""Every entry of an EDS as plain values for other programs, and as CSV (a row for each) and JSON."""
+"""All entries of an EDS as plain values for other programs, and as CSV (a row for each) and JSON."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Plain = int | float | str | None
 class EntryFacts(TypedDict):
     """One entry; values are numbers or texts, bytes are hexadecimal digits, None is absent.
 
-    A value that depends on the node ID is a text such as ``$NODEID+0x180`` until a node ID resolves it. ``line`` counts from 1
+    A value that depends on the node-ID is a text such as ``$NODEID+0x180`` until a node-ID resolves it. ``line`` counts from 1
     (0: implied by the file, not written in it). ``pdo`` is ``TPDO``, ``RPDO``, ``TPDO/RPDO`` or empty.
     """
 
@@ -56,7 +56,7 @@ class SlotFacts(TypedDict):
 
 
 class PdoFacts(TypedDict):
-    """One PDO; ``cob_id`` is the CAN identifier without flags, None where it is not known."""
+    """One PDO; ``cob_id`` is the CAN identifier without flags, None if it is unknown."""
 
     name: str
     number: int
@@ -73,7 +73,7 @@ class PdoFacts(TypedDict):
 
 
 class ModeSupport(TypedDict):
-    """What the file says of one mode of operation on one axis; ``claimed`` is None where 6502h has no value."""
+    """The file's information about one mode of operation on one axis; ``claimed`` is None if 6502h has no value."""
 
     axis: int
     mode: str
@@ -82,7 +82,7 @@ class ModeSupport(TypedDict):
 
 
 class DeviceFacts(TypedDict):
-    """What kind of device it is."""
+    """The kind of device."""
 
     vendor: str
     product: str
@@ -108,7 +108,7 @@ class Whole(TypedDict):
 
 
 def whole(eds: Eds, node_id: int | None) -> Whole:
-    """Return everything that the file says, values as for ``node_id`` (1 to 127; None leaves formulas)."""
+    """Return the whole contents of the file; values are those for ``node_id`` (1 to 127; None leaves formulas)."""
     return {
         "file": eds.source,
         "node_id": node_id,
@@ -121,8 +121,8 @@ def whole(eds: Eds, node_id: int | None) -> Whole:
 def csv_text(eds: Eds, node_id: int | None) -> str:
     """Return all entries as CSV (RFC 4180, lines end with LF), the columns those of ``EntryFacts``.
 
-    Index and sub-index are hexadecimal (``0x1018``, ``0x01``), other numbers decimal; absent values are empty. Values are those
-    for ``node_id`` (1 to 127); without one, what depends on it stays a formula such as ``$NODEID+0x180``.
+    Index and sub-index are hexadecimal (``0x1018``, ``0x01``), other numbers decimal; absent values are empty. Values are those for
+    ``node_id`` (1 to 127); without one, values that depend on it are formulas such as ``$NODEID+0x180``.
     """
     out = io.StringIO()
     writer = csv.DictWriter(out, _COLUMNS, lineterminator="\n")
@@ -133,12 +133,12 @@ def csv_text(eds: Eds, node_id: int | None) -> str:
 
 
 def json_text(eds: Eds, node_id: int | None) -> str:
-    """Return the whole file as JSON, as ``whole`` has it, with a line feed at the end."""
+    """Return the result of ``whole`` as JSON, with a line feed at the end."""
     return json.dumps(whole(eds, node_id), indent=2, ensure_ascii=False) + "\n"
 
 
 def entries(eds: Eds, node_id: int | None) -> Iterator[EntryFacts]:
-    """Return all entries in the order of index and sub-index."""
+    """Yield all entries in the order of index and sub-index."""
     for owner in eds:
         for sub in owner.subs.values():
             yield entry(owner, sub, node_id)
@@ -166,7 +166,7 @@ def entry(owner: Object, sub: Variable, node_id: int | None) -> EntryFacts:
 
 
 def device(eds: Eds, node_id: int | None) -> DeviceFacts:
-    """Return what kind of device the file describes."""
+    """Return the kind of device that the file describes."""
     seen = overview.overview(eds, node_id)
     return {
         "vendor": seen.vendor,

@@ -1,4 +1,4 @@
-"""The CAN frames of one node as plain values: its PDOs with a field for each mapped object, and the services around them."""
+"""The CAN frames of one node as plain values: its PDOs with a field for each mapped object, and the other services."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ _REALS = (DataType.REAL32, DataType.REAL64)
 class PdoSignal:
     """One signal: ``first_bit`` counts from the least significant of byte 0 (Intel), factor 1, no offset.
 
-    ``low`` and ``high`` are the object's limits, None where the file gives none; ``unit`` is that of one count, empty where neither
-    the standard nor the file says it.
+    ``low`` and ``high`` are the object's limits, None if the file gives none; ``unit`` is the unit of one count, empty if neither
+    the standard nor the file defines it.
     """
 
     name: str
@@ -48,7 +48,7 @@ class PdoSignal:
 
 @dataclass(frozen=True, slots=True)
 class PdoMessage:
-    """One message: its CAN identifier, data bytes, who sends it, and what is in it."""
+    """One message: its CAN identifier, number of data bytes, sender, and signals."""
 
     name: str
     identifier: int
@@ -62,10 +62,10 @@ class PdoMessage:
 def frames(
     eds: Eds, node_id: int, *, switched_off: bool = False, words: bool = False
 ) -> tuple[tuple[PdoMessage, ...], tuple[str, ...]]:
-    """Return the frames of a node (1 to 127), services, RPDOs, TPDOs, and a sentence about each PDO that cannot be among them.
+    """Return the frames of a node (1 to 127): services, RPDOs, TPDOs; and a sentence about each PDO that is left out.
 
-    Left out is a PDO without a known identifier, one that is switched off (unless these are wanted) or whose identifier another
-    frame has, and one of more than 64 bits. A statusword is a signal for each of its bits, with ``words`` one signal.
+    A PDO is left out if its identifier is unknown or used by another frame, if it has more than 64 bits or none, or if it is
+    disabled (unless ``switched_off`` is set). A statusword is one signal for each bit, or with ``words`` one signal.
     """
     kept: dict[tuple[int, bool], PdoMessage] = {}
     left_out: list[str] = []
@@ -82,7 +82,7 @@ def frames(
 
 
 def _obstacle(each: PdoLayout, kept: Mapping[tuple[int, bool], PdoMessage], switched_off: bool) -> str:
-    """Return why a PDO cannot be in the DBC; empty where it can."""
+    """Return the reason why a PDO is left out; empty if it is included."""
     if each.identifier is None:
         return "the file gives no COB-ID"
     if not each.valid and not switched_off:
@@ -121,7 +121,7 @@ def _field_name(slot: PdoSlot) -> str:
 
 
 def _suffix(slots: tuple[PdoSlot, ...], number: int) -> str:
-    """Return the address, and the place too where one object is mapped twice."""
+    """Return the address, with the slot's number if the same object is mapped twice."""
     address = _address(slots[number])
     twice = sum(slot.mapped[:2] == slots[number].mapped[:2] for slot in slots) > 1
     return f"{address}_{number + 1}" if twice else address
@@ -132,7 +132,7 @@ def _address(slot: PdoSlot) -> str:
 
 
 def _fields(eds: Eds, slot: PdoSlot, name: str, node_id: int, words: bool) -> Iterator[PdoSignal]:
-    """Yield the signal of a mapped object; a signal for each bit of a statusword, with what 0 and 1 mean, not with ``words``."""
+    """Yield the signal of a mapped object; of a statusword (without ``words``) one for each bit, with the meaning of 0 and 1."""
     whole = _field(eds, slot, name, node_id)
     if words or first_axis(slot.mapped.index) != cia402.STATUSWORD or slot.bits != len(_STATUS):
         yield whole
@@ -147,7 +147,7 @@ def _fields(eds: Eds, slot: PdoSlot, name: str, node_id: int, words: bool) -> It
 
 
 def _limits(slot: PdoSlot, node_id: int) -> tuple[float | None, float | None]:
-    """Return the limits that the file gives an object, where its place in the PDO can hold them."""
+    """Return the object's limits in the file, if the mapped length is that of the object."""
     if (
         slot.variable is None
         or slot.data_type is None
@@ -166,7 +166,7 @@ def _limits(slot: PdoSlot, node_id: int) -> tuple[float | None, float | None]:
 
 
 def _unit(eds: Eds, slot: PdoSlot, node_id: int) -> str:
-    """Return what one count of an object is: by CiA 402 where it fixes that, else by the SI unit that the file gives (60A8h …)."""
+    """Return the unit of one count: by CiA 402 if it is defined there, else the SI unit of the file (60A8h …)."""
     index = first_axis(slot.mapped.index)
     if index in _UNITS:
         return _UNITS[index]
@@ -202,11 +202,11 @@ _STATUS = {
     if each.key == "bit"
     for bit, text in each.rows
 }
-_PLAIN_BITS = frozenset(  # whose 1 is what their name says
+_PLAIN_BITS = frozenset(  # bits whose name is the meaning of 1
     bit for bit, text in _STATUS.items() if "specific" not in text and "(" not in text
 )
 _QUICK_STOP = {5: {0: "quick_stop_active", 1: "no_quick_stop"}}
-# Units of one count that CiA 402-2 fixes; per thousand are of the rated value (6075h, 6076h).
+# Units of one count that CiA 402-2 defines; thousandths are of the rated value (6075h, 6076h).
 _UNITS = {
     **dict.fromkeys((0x6071, 0x6072, 0x6074, 0x6077, 0x60B2, 0x60E0, 0x60E1), "0.1% rated torque"),
     **dict.fromkeys((0x6073, 0x6078), "0.1% rated current"),
@@ -215,7 +215,7 @@ _UNITS = {
     0x6079: "mV",
     **dict.fromkeys((0x6063, 0x60FC), "inc"),
 }
-# SI unit objects (CiA 402-2), each with the objects that are in that unit.
+# SI unit objects (CiA 402-2), each with the objects in that unit.
 _SI_UNITS = {
     0x60A8: frozenset((0x6062, 0x6064, 0x6065, 0x6067, 0x607A, 0x607C, 0x60B0, 0x60F4)),
     0x60A9: frozenset((0x606B, 0x606C, 0x6080, 0x607F, 0x6081, 0x60B1, 0x60FF)),
@@ -224,7 +224,7 @@ _MODES = {mode.value: facts.short for mode, facts in modes.FACTS.items()}
 
 
 def _services(eds: Eds, node_id: int) -> Iterator[PdoMessage]:
-    """Return the frames of NMT, SYNC, EMCY, SDO and heartbeat (CiA 301 7.2, 7.3.5)."""
+    """Yield the frames of NMT, SYNC, EMCY, SDO and heartbeat (CiA 301 7.2, 7.3.5)."""
     node = node_name(node_id)
     yield PdoMessage("NMT", cob.NMT, 2, MASTER, "node control (CiA 301 7.2.8.3.1)", _NMT)
     sync = _cob_id(eds, cia301.COB_ID_SYNC, node_id)
@@ -269,7 +269,7 @@ _STATE = (
 
 
 def _cob_id(eds: Eds, index: int, node_id: int) -> tuple[int, bool] | None:
-    """Return identifier and whether it has 29 bits, None where the file gives no value or the service is switched off."""
+    """Return the identifier and whether it has 29 bits; None if the file gives no value or the service is disabled."""
     given = _number(eds, index, node_id)
     if given is None or (index == cia301.COB_ID_EMCY and given & cob.INVALID):
         return None
@@ -284,5 +284,5 @@ def _number(eds: Eds, index: int, node_id: int) -> int | None:
 
 
 def node_name(node_id: int) -> str:
-    """Return what a node is called as sender and receiver."""
+    """Return the name of a node as sender and receiver."""
     return f"Node{node_id}"

@@ -1,10 +1,10 @@
-"""A C header: where each entry of an EDS is, its type, and functions that read and make the data of each PDO, of it or of a cell.
+"""A C header: the address and type of each entry of an EDS, and functions that pack and unpack each PDO of a device or a cell.
 
-Theory of operation. The text depends on what is given and nothing else. It needs ``stdint.h`` and nothing else, and compiles
-without a warning as C99 and as C++: no bit fields and no packed structures, whose order of bits and bytes a compiler chooses,
-but shifts. The names of entries are those of ``codegen``, behind a prefix of their file; in the header of a cell those of PDOs
-begin with the cell and the node. Several headers may be included by one source: what stands in two of them counts once, and where
-two give one name to different things, that is an error of the compiler, never the one that happens to come first.
+Theory of operation. The text depends only on the arguments. The header needs only ``stdint.h``, and compiles without a warning as
+C99 and as C++. It uses shifts instead of bit fields and packed structures, whose order of bits and bytes depends on the compiler.
+The names of entries are those of ``codegen``, with a prefix for their file. In the header of a cell, the names of PDOs begin with
+the cell and the node. One source may include several headers. Parts that are in two of them are compiled once. If two headers
+define one name differently, the compiler reports an error; it never silently takes the first definition.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _REALS = {DataType.REAL32: ("float", 32), DataType.REAL64: ("double", 64)}
 _NONE = 1 << 31  # of a COB-ID: not valid
 _MOST_TYPE = 0xFF
 _WORD = re.compile(r"[^ -~]|\*/|/\*")
-# What a member of a structure cannot be called: words of C and C++.
+# Forbidden names of structure members: words of C and C++.
 _OF_C = """
 alignas alignof and and_eq asm auto bitand bitor bool break case catch char class compl const constexpr continue decltype default
 delete do double else enum explicit export extern false float for friend goto if inline int long mutable namespace new noexcept not
@@ -69,7 +69,7 @@ union {lower}_real64 {{ uint64_t bits; double value; }};
 
 @dataclass(frozen=True, slots=True)
 class NodePdos:
-    """What travels of a node: its PDOs (``layout.of_pdo``), its EDS, and in ``words`` what it is for; ``notes`` are for people."""
+    """The PDOs of a node (``layout.of_pdo``), its EDS, and in ``words`` its purpose; ``notes`` are for readers."""
 
     node_id: int
     words: str
@@ -79,14 +79,14 @@ class NodePdos:
 
 
 class _Names(NamedTuple):
-    """What names begin with: the PDOs' of one device, and the functions' of the whole header."""
+    """The prefixes of names: of one device's PDOs, and of the functions of the whole header."""
 
     pdos: str
     helpers: str
 
 
 def header(eds: Eds, node_id: int | None = None) -> str:
-    """Return the text of the header; COB-IDs are those of ``node_id`` (1 to 127), without one they take the node ID as argument."""
+    """Return the text of the header; COB-IDs are those for ``node_id`` (1 to 127); without one they are macros of the node-ID."""
     name = _prefix(eds)
     found = [each for each in layouts(eds, node_id) if each.slots]
     title = f"The object dictionary of {_words(overview.overview(eds).title)}, from {_words(PurePath(eds.source).name)}."
@@ -95,7 +95,7 @@ def header(eds: Eds, node_id: int | None = None) -> str:
 
 
 def of_cell(file: str, nodes: Sequence[NodePdos]) -> str:
-    """Return the header of a cell: the entries of each of its EDS files, and the PDOs of these nodes; ``file`` names it."""
+    """Return the header of a cell: the entries of each of its EDS files, and the PDOs of these nodes; ``file`` is its name."""
     name = naming.constant(PurePath(file).stem, "CELL")
     title = (
         f"The PDOs of {_words(PurePath(file).name)}, as boot-up configures them where each drive takes what its EDS says,",
@@ -118,7 +118,7 @@ def _text(name: str, title: Sequence[str], body: Sequence[str]) -> str:
 
 
 def _once(what: str, name: str, lines: Sequence[str]) -> list[str]:
-    """Guard lines that may be included again; others of the same name are refused."""
+    """Add an include guard; the compiler refuses different lines with the same guard."""
     guard, sign = f"AXISBUS_{what}", f"0x{zlib.crc32(chr(10).join(lines).encode()):08X}u"
     return [
         f"#ifndef {guard}",
@@ -139,7 +139,7 @@ def _prefix(eds: Eds) -> str:
 
 
 def _prefixes(nodes: Sequence[NodePdos]) -> list[tuple[str, Eds]]:
-    """Return each EDS once, with what its names begin with: no name of one can be a name of another."""
+    """Return each EDS once, with a unique prefix: a name of one EDS can never be a name of another."""
     files = list({node.eds.source: node.eds for node in nodes}.values())
     names = [_prefix(eds) for eds in files]
     doubtful = any(f"{one}_".startswith(f"{other}_") for one, other in itertools.permutations(names, 2))
@@ -157,12 +157,12 @@ def _node(node: NodePdos, cell: str) -> Iterator[str]:
 
 
 def _words(text: str) -> str:
-    """Return a text that can stand in a comment."""
+    """Return a text that is safe in a comment."""
     return _WORD.sub("?", text)
 
 
 def _dictionary(eds: Eds, name: str) -> list[str]:
-    """Where each entry is, which the headers of several cells may have."""
+    """Return the addresses of the entries, which the headers of several cells may contain."""
     return _once(f"{name}_DICTIONARY", name, list(_entries(eds, name)))
 
 
@@ -178,7 +178,7 @@ def _entries(eds: Eds, name: str) -> Iterator[str]:
 
 
 def _c_type(data_type: DataType) -> str | None:
-    """Return the type of C that holds a value; None where none of a fixed size does."""
+    """Return the C type of a value; None if there is none of fixed size."""
     if data_type in _REALS:
         return _REALS[data_type][0]
     return _integer(data_type.bits or 0, signed=data_type.signed) if data_type.integer else None
@@ -222,7 +222,7 @@ def _identifier(pdo: PdoLayout, macro: str, node_id: int | None) -> Iterator[str
 
 
 def _members(pdo: PdoLayout) -> list[tuple[PdoSlot, str]]:
-    """Return what a structure has of a PDO, with names that differ; spaces are left out."""
+    """Return the members of a PDO's structure, with unique names; dummies are left out."""
     slots = [slot for slot in pdo.slots if not slot.mapped.is_dummy and slot.bits and slot.end <= 64]
     wanted = {slot.first_bit: _name(slot) for slot in slots}
     names = naming.unique(wanted, str, _KEYWORDS)

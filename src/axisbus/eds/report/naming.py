@@ -1,4 +1,4 @@
-"""Identifiers for Python and DBC from the names in an EDS, which are free text and not unique."""
+"""Identifiers for Python, C and DBC from the names in an EDS, which are free text and not unique."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SPOKEN = {"+": " plus ", "°": " deg ", "µ": "u", "μ": "u", "Ω": " ohm ", "%
 
 
 def snake(text: str) -> str:
-    """Return words joined by ``_`` in their own case, ASCII only; empty where nothing of the text is left."""
+    """Return words joined by ``_`` in their own case, ASCII only; empty if nothing of the text remains."""
     for sign, word in _SPOKEN.items():
         text = text.replace(sign, word)
     plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
@@ -26,7 +26,7 @@ def snake(text: str) -> str:
 
 
 def constant(text: str, otherwise: str) -> str:
-    """Return a name such as ``TARGET_POSITION``; ``otherwise`` leads where the text gives none, or one that begins with a digit."""
+    """Return a name such as ``TARGET_POSITION``; ``otherwise`` replaces an empty name, or precedes a leading digit."""
     name = snake(text).upper()
     if not name:
         return otherwise
@@ -42,9 +42,9 @@ def camel(text: str, otherwise: str) -> str:
 def unique(
     wanted: Mapping[_Key, str], suffix: Callable[[_Key], str], taken: Collection[str] = ()
 ) -> dict[_Key, str]:
-    """Return a name of its own for each key: the one wanted, with ``suffix`` behind it where it is not the only one or is taken.
+    """Return a unique name for each key: the wanted one, with ``suffix`` if it is not unique or is taken.
 
-    All that share a name get the suffix, so that none depends on the order of the file. Keywords of Python count as taken.
+    All keys that share a name get the suffix, so that no name depends on the order of the file. Keywords of Python count as taken.
     """
     counts = Counter(wanted.values())
     alone = {key for key, name in wanted.items() if counts[name] == 1 and _free(name, taken)}

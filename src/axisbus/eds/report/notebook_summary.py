@@ -1,4 +1,4 @@
-"""What a notebook shows of a file: whose it is, for which device, and how many objects it has of each kind."""
+"""The display of a file in a notebook: its maker, its device, and its number of objects of each kind."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from axisbus.markup import guarded, table
 from axisbus.wording import counted
 
-if TYPE_CHECKING:  # a file is shown by this module, which so cannot import it
+if TYPE_CHECKING:  # the model imports this module to display a file, so this module cannot import the model
     from axisbus.eds.model import Eds
 
-_MANY = 5000  # objects: what is odd in such a file is not looked for by the way
+_MANY = 5000  # objects: larger files are not searched for oddities here
 # CiA 301 table 1: the areas of an object dictionary.
 _AREAS = (
     (range(0x1000, 0x2000), "communication, 1000h to 1FFFh"),

@@ -1,4 +1,4 @@
-"""What kind of device an EDS describes: identity, profile, axes, claimed modes of operation, bit rates, areas of the dictionary."""
+"""The kind of device that an EDS describes: identity, profile, axes, modes of operation, bit rates, areas of the dictionary."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)  # kbit/s, keys of [DeviceInf
 
 @dataclass(frozen=True, slots=True)
 class ModeClaim:
-    """What a file says of one mode of operation on one axis (counted from 1).
+    """The file's information about one mode of operation on one axis (counted from 1).
 
-    ``claimed`` by 6502h is None where the file gives it no value; ``missing`` are the mandatory objects that are not there.
+    ``claimed`` by 6502h is None if the file gives it no value; ``missing`` are the missing mandatory objects.
     """
 
     axis: int
@@ -46,7 +46,7 @@ class Area:
 
 @dataclass(frozen=True, slots=True)
 class EdsOverview:
-    """What stands at the head of every report about a file; texts are empty, and numbers None, where the file does not say."""
+    """The head of each report about a file; texts are empty, and numbers None, if the file does not contain them."""
 
     vendor: str
     product: str
@@ -67,7 +67,7 @@ class EdsOverview:
 
     @property
     def modes_known(self) -> bool:
-        """Whether 6502h says which modes are supported."""
+        """Whether 6502h has a value."""
         return any(claim.claimed is not None for claim in self.claims)
 
 
@@ -91,7 +91,7 @@ def overview(eds: Eds, node_id: int | None = None) -> EdsOverview:
 
 
 def axis_count(eds: Eds) -> int:
-    """Return how many axes of CiA 402 the file describes: each has a controlword and statusword at its own +800h."""
+    """Return the number of CiA 402 axes that the file describes: each has a controlword and statusword at its own +800h."""
     return sum(
         own_index(cia402.CONTROLWORD, axis) in eds and own_index(cia402.STATUSWORD, axis) in eds
         for axis in range(1, COUNT + 1)
@@ -99,7 +99,7 @@ def axis_count(eds: Eds) -> int:
 
 
 def claims(eds: Eds, axis: int, node_id: int | None = None) -> tuple[ModeClaim, ...]:
-    """Return what the file says of each mode of CiA 402 on ``axis`` (from 1)."""
+    """Return the file's information about each mode of CiA 402 on ``axis`` (from 1)."""
     supported = eds.get(own_index(cia402.SUPPORTED_DRIVE_MODES, axis))
     word = supported.initial(node_id) if supported is not None else None
     claimed = set(modes.supported(word)) if isinstance(word, int) else None
@@ -115,7 +115,7 @@ def claims(eds: Eds, axis: int, node_id: int | None = None) -> tuple[ModeClaim, 
 
 
 def areas(eds: Eds) -> tuple[Area, ...]:
-    """Return the areas that hold objects, in the order of their indices; each axis or logical device is an area of its own."""
+    """Return the areas that contain objects, in the order of their indices; each axis or logical device is an area of its own."""
     found = []
     for title, indices in _areas(eds):
         objects = tuple(entry for entry in eds if entry.index in indices)
@@ -125,7 +125,7 @@ def areas(eds: Eds) -> tuple[Area, ...]:
 
 
 def file_version(info: Mapping[str, str]) -> str:
-    """Return FileVersion and FileRevision of [FileInfo] as ``1.5``, also where they are written 0x01 and 05; empty without them."""
+    """Return FileVersion and FileRevision of [FileInfo] as ``1.5``, even if written 0x01 and 05; empty without them."""
     given = [text for key in ("fileversion", "filerevision") if (text := info.get(key, ""))]
     numbers = [values.integer(text).value for text in given]
     return ".".join(
@@ -153,7 +153,7 @@ def _areas(eds: Eds) -> list[tuple[str, range]]:
 
 
 def _profile(eds: Eds) -> tuple[str, str]:
-    """Return what +800h is called in the file's profile, and the title of the profile's area."""
+    """Return the name of an +800h range in the file's profile, and the title of the profile's area."""
     number = (eds.device_type or 0) & 0xFFFF
     if number == cia402.PROFILE_NUMBER or (not number and axis_count(eds)):
         return "axis", "Device profile CiA 402"

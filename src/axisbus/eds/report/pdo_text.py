@@ -14,7 +14,7 @@ from axisbus.wording import counted
 _BYTES = 8
 _ROWS = (8, 4, 2, 1)  # bytes that may share a row
 _SCALES = (2, 1)  # characters for each bit, the wider first
-_NARROWEST = 2  # a box is a border and one letter at least
+_NARROWEST = 2  # a box has at least a border and one letter
 _ROOM_FOR_ADDRESS = 4
 _LETTERS = string.ascii_letters + string.digits + "@#"  # for 64 boxes of one bit
 
@@ -39,7 +39,7 @@ ASCII = Style("-", "|", "+++", "+++", "|-", "`-", "~")
 def draw(layout: PdoLayout, width: int, style: Style = BOXES) -> list[str]:
     """Return the lines of the drawing, at most ``width`` characters wide; an empty PDO has none.
 
-    Bit 0 of each byte is on the left. A box that is too narrow for its label has the letter of its row in ``legend``.
+    Bit 0 of each byte is on the left. A box that is too narrow for its label shows the letter of its row in ``legend``.
     """
     if not layout.bits:
         return []
@@ -52,7 +52,7 @@ def draw(layout: PdoLayout, width: int, style: Style = BOXES) -> list[str]:
 
 
 def legend(layout: PdoLayout, width: int) -> list[tuple[str, str, str, str, str]]:
-    """Return letter (empty where the box of ``draw`` has its address), place, address, name and type of each mapped object."""
+    """Return letter (empty if the box of ``draw`` shows the address), position, address, name and type of each mapped object."""
     scale = _scale(layout, width)[0] if layout.bits else 1
     return [
         (
@@ -77,7 +77,7 @@ def heading(layout: PdoLayout) -> str:
 
 
 def identifier(layout: PdoLayout) -> str:
-    """Return the COB-ID for a person, with its formula, and whether the PDO is switched off."""
+    """Return the COB-ID for display, with its formula, and whether the PDO is disabled."""
     given = layout.formula
     if given is None:
         return "no COB-ID in the file"
@@ -108,7 +108,7 @@ def transmission(layout: PdoLayout) -> str:
 
 
 def kind(slot: PdoSlot) -> str:
-    """Return the data type of a mapped object, and how much of it travels where that is not the whole."""
+    """Return the data type of a mapped object, with the number of mapped bits if that is not the whole object."""
     name = slot.data_type.name if slot.data_type else "type unknown"
     if slot.data_type is not None and slot.data_type.bits == slot.bits:
         return name
@@ -116,7 +116,7 @@ def kind(slot: PdoSlot) -> str:
 
 
 def lines(layout: PdoLayout, width: int, style: Style = BOXES) -> Iterator[str]:
-    """Return the whole picture of a PDO: heading, drawing, list, notes."""
+    """Yield the whole picture of a PDO: heading, drawing, list, notes."""
     yield f"{layout.name}  {heading(layout)}"
     for line in draw(layout, width - 2, style):
         yield f"  {line}"
@@ -132,7 +132,7 @@ def lines(layout: PdoLayout, width: int, style: Style = BOXES) -> Iterator[str]:
 
 
 def _scale(layout: PdoLayout, width: int) -> tuple[int, int]:
-    """Return characters per bit and bytes per row: all bytes in one row if that can be, with boxes as wide as may be."""
+    """Return characters per bit and bytes per row: all bytes in one row if possible, with the widest possible boxes."""
     smallest = min(slot.bits for slot in layout.slots if slot.bits)
     for in_row in _ROWS:
         for scale in _SCALES:
@@ -146,7 +146,7 @@ def _narrow(slot: PdoSlot, scale: int) -> bool:
 
 
 def letter(number: int) -> str:
-    """Return the letter of the mapped object at place ``number`` (from 0), for boxes too narrow for more."""
+    """Return the letter of the mapped object ``number`` (from 0), for boxes too narrow for an address."""
     return _LETTERS[number % len(_LETTERS)]
 
 
@@ -166,7 +166,7 @@ def _row(layout: PdoLayout, first: int, in_row: int, scale: int, style: Style) -
 
 
 class _Box:
-    """The part of a slot that lies in one row."""
+    """The part of a slot in one row."""
 
     def __init__(self, slot: PdoSlot, short: str, low: int, high: int, scale: int) -> None:
         self._labels = (short, "") if _narrow(slot, scale) else (slot.address, slot.name)
@@ -174,7 +174,7 @@ class _Box:
         self.room = (min(slot.end, high) - max(slot.first_bit, low)) * scale - 1
 
     def text(self, line: int, style: Style) -> str:
-        """Return its address or letter (line 0) or its name (line 1), cut to the room inside the borders."""
+        """Return its address or letter (line 0) or its name (line 1), cut to the width inside the borders."""
         words = self._labels[line]
         if self._continued and words:
             words = style.dots + words

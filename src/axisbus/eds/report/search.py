@@ -1,4 +1,4 @@
-"""Finding objects of an EDS by number, by part of a name, or by the name of a PDO."""
+"""Find objects of an EDS by number, by part of a name, or by the name of a PDO."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _PDO = re.compile(r"([rt])pdo\s*([0-9]{1,3})", re.IGNORECASE)
 
 @dataclass(frozen=True, slots=True)
 class ObjectMatch:
-    """An object that was looked for; ``subs`` are the sub-indices that were meant, None for all of them."""
+    """A found object; ``subs`` are the found sub-indices, None for all of them."""
 
     entry: Object
     subs: tuple[int, ...] | None = None
@@ -23,24 +23,24 @@ class ObjectMatch:
 
 @dataclass(frozen=True, slots=True)
 class SearchResult:
-    """What a search gave: a PDO by its name (receive or not, number from 1), or objects."""
+    """The result of a search: a PDO by its name (receive or not, number from 1), or objects."""
 
     matches: tuple[ObjectMatch, ...] = ()
     pdo: tuple[bool, int] | None = None
 
     @property
     def one(self) -> Object | None:
-        """The only object, None where there are several or none."""
+        """The only object, None if there are several or none."""
         return self.matches[0].entry if len(self.matches) == 1 else None
 
 
 def find(eds: Eds, wanted: str) -> SearchResult:
-    """Return what ``wanted`` means: ``6041``, ``0x1018:1``, ``1018sub1``, ``TPDO1``, or words that a name holds in any case.
+    """Return the result for ``wanted``: ``6041``, ``0x1018:1``, ``1018sub1``, ``TPDO1``, or words in a name in any case.
 
-    Hexadecimal digits that are an index of the file are the index; else they are a part of a name, such as ``feed``.
+    Hexadecimal digits that are an index of the file mean the index; otherwise they are a part of a name, such as ``feed``.
 
     Raises:
-        EdsError: nothing matches; the remedy names what is similar.
+        EdsError: nothing matches; the remedy names similar objects.
     """
     text = wanted.strip()
     pdo = _PDO.fullmatch(text)
@@ -83,7 +83,7 @@ def _match(entry: Object, words: list[str]) -> ObjectMatch | None:
 
 
 def _holds(name: str, owner: str, words: list[str]) -> bool:
-    """Whether a sub-index's name holds the words, some of which may be in its object's name."""
+    """Whether a sub-index's name contains the words; some of the words may be in its object's name."""
     return any(word in name for word in words) and all(word in name or word in owner for word in words)
 
 

@@ -1,4 +1,4 @@
-"""The dictionary of an EDS as a tree for a person: areas, objects, sub-indices, with the PDOs drawn above."""
+"""The dictionary of an EDS as a tree for a user: areas, objects, sub-indices, after drawings of the PDOs."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from axisbus.eds.report.pdo_text import BOXES, Style
 from axisbus.eds.report.search import ObjectMatch
 from axisbus.wording import counted
 
-PAGE = 100  # characters of a drawing where the width is not limited
+PAGE = 100  # characters of a drawing if the width is not limited
 _NARROWEST_NAME = 16
 _WIDEST_NAME = 60
 _ROOM_FOR_VALUE = 24
-_ALIKE = 3  # so many sub-indices that differ only in their number are shown as one line
+_ALIKE = 3  # at least this many sub-indices that differ only in their number are shown as one line
 _DIGITS = re.compile(r"\d+")
 
 
@@ -35,7 +35,7 @@ class TreeRow(NamedTuple):
 
 
 class Screen(NamedTuple):
-    """How to draw: ``width`` in characters (None: not limited), the characters of lines, whether like sub-indices are folded."""
+    """The display: ``width`` in characters (None: not limited), the line characters, whether equal sub-indices are combined."""
 
     width: int | None = None
     style: Style = BOXES
@@ -43,12 +43,12 @@ class Screen(NamedTuple):
 
     @property
     def drawing(self) -> int:
-        """Characters for a drawing."""
+        """The number of characters for a drawing."""
         return self.width or PAGE
 
 
 def tree(eds: Eds, node_id: int | None = None, screen: Screen = Screen()) -> Iterator[str]:  # noqa: B008  frozen
-    """Return the whole dictionary as lines; defaults are those of ``node_id`` (1 to 127) where they depend on it."""
+    """Yield the whole dictionary as lines; defaults that depend on the node-ID are those for ``node_id`` (1 to 127)."""
     yield from head(eds, node_id)
     pdos = layout.layouts(eds, node_id)
     for each in pdos:
@@ -69,13 +69,13 @@ def matches(
     node_id: int | None = None,
     screen: Screen = Screen(),  # noqa: B008  frozen
 ) -> Iterator[str]:
-    """Return what a search found as lines of the same tree."""
+    """Yield the objects of a search as lines of the same tree."""
     rows = [row for match in found for row in _object(eds, match.entry, node_id, screen, match.subs)]
     yield from _lines(rows, _columns(rows, screen.width), screen)
 
 
 def head(eds: Eds, node_id: int | None) -> Iterator[str]:
-    """Return what stands at the top: who makes it, what it is, what it can do, what was odd in the file."""
+    """Yield the head: maker, device, capabilities, and number of findings."""
     seen = overview.overview(eds, node_id)
     yield f"{seen.title} ({eds.source})"
     for title, text in (
@@ -99,7 +99,7 @@ def identity_words(seen: overview.EdsOverview) -> str:
 
 
 def modes_words(seen: overview.EdsOverview) -> str:
-    """Return the modes that the file claims for each axis; empty for what is no drive."""
+    """Return the modes that the file lists for each axis; empty if the device is no drive."""
     texts = []
     for axis in range(1, seen.axes + 1):
         claims = [claim for claim in seen.claims if claim.axis == axis]
@@ -114,7 +114,7 @@ def modes_words(seen: overview.EdsOverview) -> str:
 
 
 def findings_words(eds: Eds) -> str:
-    """Return how many findings the reading of the file had."""
+    """Return the number of findings of the reading."""
     counts = Counter(finding.severity for finding in eds.findings)
     parts = [counted(counts[severity], severity.value) for severity in Severity if counts[severity]]
     return ", ".join(parts) or "nothing odd"
@@ -135,7 +135,7 @@ def _node_words(eds: Eds, node_id: int | None) -> str:
 def _object(
     eds: Eds, entry: Object, node_id: int | None, screen: Screen, only: tuple[int, ...] | None = None
 ) -> Iterator[TreeRow]:
-    """Return the rows of one object; with ``only``, of these sub-indices."""
+    """Yield the rows of one object; with ``only``, of these sub-indices."""
     address = f"{entry.index:04X}"
     if not entry.is_record:
         for sub in entry.subs.values():
@@ -166,7 +166,7 @@ def _row(eds: Eds, sub: Variable, node_id: int | None, address: str, name: str) 
 
 
 def value_words(eds: Eds, sub: Variable, node_id: int | None) -> str:
-    """Return the value after power-up; that of a mapping entry as the object that it maps."""
+    """Return the value after power-up; for a mapping entry, the object that it maps."""
     given = sub.initial(node_id)
     if isinstance(given, int) and is_pdo_mapping(sub.index) and sub.subindex > 0:
         return layout.describe_mapped(eds, given) or "0"
@@ -174,7 +174,7 @@ def value_words(eds: Eds, sub: Variable, node_id: int | None) -> str:
 
 
 def runs(subs: list[Variable]) -> Iterator[list[Variable]]:
-    """Return neighbours that differ only in their number together, where there are enough of them."""
+    """Yield neighbours that differ only in their number as one run, if there are enough of them."""
     run: list[Variable] = []
     for sub in subs:
         if run and (_facts(sub) != _facts(run[0]) or sub.subindex != run[-1].subindex + 1):
@@ -200,7 +200,7 @@ def _facts(sub: Variable) -> tuple[str | int | bool | float | bytes | Number | N
 
 
 def _columns(rows: list[TreeRow], width: int | None) -> tuple[int, ...]:
-    """Return the widths of all columns but the last; the name gives way where the width is limited."""
+    """Return the widths of all columns but the last; if the width is limited, the name is shortened."""
     widths = [max((len(row[at]) for row in rows), default=0) for at in range(5)]
     widths[1] = min(widths[1], _WIDEST_NAME if width is None else _WIDEST_NAME // 2 + width // 8)
     if width is not None:
@@ -217,7 +217,7 @@ def _lines(rows: list[TreeRow], columns: tuple[int, ...], screen: Screen) -> Ite
 
 
 def cut(text: str, room: int | None, screen: Screen) -> str:
-    """Return a text that fits into ``room`` characters; whole where nothing limits the width of the screen."""
+    """Return a text cut to ``room`` characters; unchanged if the width of the screen is not limited."""
     if screen.width is None or room is None or len(text) <= room:
         return text
     return text[: room - 1] + screen.style.dots

@@ -1,4 +1,4 @@
-"""One object of an EDS with everything that is known of it: the file, the standard, the PDOs that carry it, its bits and values."""
+"""One object of an EDS with all available information: the file, the standard, its PDOs, its bits and values."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from axisbus.wording import counted
 # Bits of ObjFlags (DS 306 4.6.3.2).
 _FLAGS = {0: "left out when a DCF is downloaded", 1: "left out when the device is scanned"}
 
-# In which PDO an entry may be mapped (``wording.pdo_direction``), in words.
+# The PDOs into which an entry may be mapped (``wording.pdo_direction``), in words.
 DIRECTIONS = {"RPDO": "an RPDO", "TPDO": "a TPDO", "TPDO/RPDO": "a TPDO or an RPDO"}
 
 
 def object_lines(eds: Eds, match: ObjectMatch, node_id: int | None, screen: Screen) -> Iterator[str]:
-    """Return all about one object, or about the sub-indices of it that a search meant, as lines."""
+    """Yield all information about one object, or about the sub-indices found by a search, as lines."""
     entry = match.entry
     pdos = layout.layouts(eds, node_id)
     where = f"{eds.source}:{entry.line}" if entry.line else f"{eds.source}, by CompactPDO"
@@ -42,7 +42,7 @@ def object_lines(eds: Eds, match: ObjectMatch, node_id: int | None, screen: Scre
 
 
 def pdo_lines(eds: Eds, receive: bool, number: int, node_id: int | None, screen: Screen) -> Iterator[str]:
-    """Return one PDO drawn, with its parameters; nothing where the file has none of this number."""
+    """Yield one PDO drawn, with its parameters; nothing if the file has none of this number."""
     for each in layout.layouts(eds, node_id):
         if (each.receive, each.number) == (receive, number):
             yield from pdo_text.lines(each, screen.drawing, screen.style)
@@ -50,7 +50,7 @@ def pdo_lines(eds: Eds, receive: bool, number: int, node_id: int | None, screen:
 
 
 def _entry(entry: Object, sub: Variable, node_id: int | None, pdos: tuple[PdoLayout, ...]) -> Iterator[str]:
-    """Return what is to be said of one entry; a sub-index of which there is nothing beside its row is left out."""
+    """Yield the information about one entry; a sub-index without information beside its row is left out."""
     facts = list(_facts(entry, sub, node_id, pdos))
     tables = value_texts.tables(sub.index, sub.subindex)
     if entry.is_record and (facts or tables):
@@ -79,7 +79,7 @@ def _facts(
 
 
 def remarks(entry: Object, sub: Variable, pdos: tuple[PdoLayout, ...]) -> Iterator[tuple[str, str]]:
-    """Return what is to be said of an entry beside its row, as (title, text); of most sub-indices there is nothing."""
+    """Yield additional information about an entry as (title, text); most sub-indices have none."""
     if sub.denotation and sub.denotation != sub.name:
         yield "name", sub.name
     carried = ", ".join(carriers(sub, pdos))
@@ -94,7 +94,7 @@ def remarks(entry: Object, sub: Variable, pdos: tuple[PdoLayout, ...]) -> Iterat
 
 
 def carriers(sub: Variable, pdos: tuple[PdoLayout, ...]) -> list[str]:
-    """Return the PDOs that carry an entry, and where in them."""
+    """Return the PDOs that carry an entry, with its position in each."""
     return [
         f"{each.name} {slot.where}" + ("" if each.valid else " (switched off)")
         for each in pdos

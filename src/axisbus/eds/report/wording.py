@@ -1,4 +1,4 @@
-"""How values, types and places of an EDS are written for a person."""
+"""The display of values, types and addresses of an EDS."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from axisbus.eds.model import Number, Object, ObjectType, Variable
 
 Default = Number | float | str | bytes | None
 
-# 32-bit objects of the communication area that count something; the others are identifiers and bit fields.
+# 32-bit objects of the communication area that are counts or times; the others are identifiers and bit fields.
 _COUNTED = frozenset((0x1006, 0x1007, 0x1013, 0x1028))
 # Objects of CiA 402 that are read bit by bit.
 _BIT_WORDS = frozenset(
@@ -23,12 +23,12 @@ _PDO_BY_ACCESS = {"ro": "TPDO", "rwr": "TPDO", "const": "TPDO", "wo": "RPDO", "r
 
 
 def place(index: int, subindex: int | None = None) -> str:
-    """Return an address as people write it: ``6041h``, ``1018h:01``."""
+    """Return an address for display: ``6041h``, ``1018h:01``."""
     return f"{index:04X}h" if subindex is None else f"{index:04X}h:{subindex:02X}"
 
 
 def number(value: int, entry: Variable) -> str:
-    """Return an integer in hexadecimal where the entry is an identifier or a bit field, else in decimal."""
+    """Return an integer in hexadecimal if the entry is an identifier or a bit field, else in decimal."""
     if value < 0 or not in_hex(entry):
         return str(value)
     return f"0x{value:0{(entry.bits or 32) // 4}X}"
@@ -44,9 +44,9 @@ def in_hex(entry: Variable) -> bool:
 
 
 def value(given: Default, entry: Variable, node_id: int | None) -> str:
-    """Return a default, limit or parameter value as text; empty where absent.
+    """Return a default, limit or parameter value as text; empty if absent.
 
-    A formula is resolved for ``node_id`` (1 to 127) and keeps its origin behind it; without a node ID it stays a formula.
+    A formula is resolved for ``node_id`` (1 to 127) and shown after the value; without a node-ID only the formula is shown.
     """
     if given is None:
         return ""
@@ -61,7 +61,7 @@ def value(given: Default, entry: Variable, node_id: int | None) -> str:
 
 
 def initial(entry: Variable, node_id: int | None) -> str:
-    """Return the value after power-up as text: the parameter value of a DCF, beside the default that it replaces."""
+    """Return the value after power-up as text: the parameter value of a DCF, with the default that it replaces."""
     default = value(entry.default, entry, node_id)
     if entry.parameter_value is None:
         return default
@@ -70,7 +70,7 @@ def initial(entry: Variable, node_id: int | None) -> str:
 
 
 def limits(entry: Variable, node_id: int | None, *, whole: bool = False) -> str:
-    """Return the limits as ``low..high``; empty where there are none, or (unless ``whole``) only those of the data type."""
+    """Return the limits as ``low..high``; empty if there are none, or (unless ``whole``) only those of the data type."""
     if entry.low is None and entry.high is None:
         return ""
     if not whole and _only_of_type(entry):
@@ -91,12 +91,12 @@ def _only_of_type(entry: Variable) -> bool:
 
 
 def pdo_direction(entry: Variable) -> str:
-    """Return in which PDO an entry may be mapped (DS 306 4.6.3.2: rwr from, rww to the device); empty where in none."""
+    """Return the PDOs into which an entry may be mapped (DS 306 4.6.3.2: rwr from, rww to the device); empty if none."""
     return _PDO_BY_ACCESS.get(entry.access, "TPDO/RPDO") if entry.pdo_mapping else ""
 
 
 def type_name(entry: Variable) -> str:
-    """Return the data type by its name in CiA 301; one of the maker's by its number."""
+    """Return the name of the data type in CiA 301; for a maker's type, its number."""
     kind = entry.data_type
     if not kind:
         return "no type"
@@ -104,7 +104,7 @@ def type_name(entry: Variable) -> str:
 
 
 def full_name(entry: Object, sub: Variable) -> str:
-    """Return a name that says what an entry is by itself: a sub-index goes behind the name of its object."""
+    """Return a name that identifies an entry: for a sub-index, the name of its object before its own."""
     name = sub.denotation or sub.name
     return f"{entry.name}: {name}" if entry.is_record else name or entry.name
 
