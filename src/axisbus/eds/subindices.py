@@ -1,4 +1,4 @@
-"""Which sub-index of an object seems to be missing, by what the object itself counts."""
+"""Determine which sub-index of an object is probably missing, from the object's own counts."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ STRUCTURE = 0xFF  # sub-index FFh holds the object's own type and size (CiA 301 
 
 
 def is_compact(head: Section) -> bool:
-    """Whether an object describes its sub-indices in short, also where their number is not understood."""
+    """Whether an object uses CompactSubObj, even if its number is not valid."""
     given = head.entries.get("compactsubobj", "")
     return bool(given) and values.plain(given) != 0
 
 
 def count_of(entry: Object) -> int | None:
-    """Return the default of sub-index 0, None where it is no number."""
+    """Return the default of sub-index 0, None if it is no number."""
     count = entry.subs.get(0)
     return count.default.value if count is not None and isinstance(count.default, Number) else None
 
@@ -28,7 +28,7 @@ def one_is_missing(head: Section, there: int) -> bool:
 
 
 def missing(entry: Object, head: Section, there: int) -> int | None:
-    """Return the sub-index whose section is missing, where SubNumber and sub-index 0 leave no other; None where they do.
+    """Return the sub-index whose section is missing; None unless SubNumber and sub-index 0 leave only one possibility.
 
     ``there`` is the number of sub-indices that have a section.
     """
@@ -36,6 +36,6 @@ def missing(entry: Object, head: Section, there: int) -> int | None:
         return None
     if 0 not in entry.subs:
         return 0
-    highest = min(count_of(entry) or 0, MAX_ENTRIES)  # what the file says may be any number
+    highest = min(count_of(entry) or 0, MAX_ENTRIES)  # the file may contain any number
     absent = [sub for sub in range(1, highest + 1) if sub not in entry.subs]
     return absent[0] if len(absent) == 1 else None

@@ -1,4 +1,4 @@
-"""A document or a model back to bytes: a file that was read to those that it came from, a model made by hand to a new EDS."""
+"""Convert a document or a model to bytes: an unchanged file to the bytes that were read, a model made in a program to a new EDS."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from axisbus.eds.model import Eds
 def dumps(source: EdsText | EdsParseResult | Eds) -> bytes:
     """Return the bytes of an EDS or DCF.
 
-    A document, a reading, and an ``Eds`` as ``load`` returned it give the bytes they were read from; a document that
-    ``edit.apply`` changed gives those with the changed lines. An ``Eds`` whose objects or information sections are no file's (made
-    in a program, or replaced) is written anew in ASCII by ``compose``.
+    A document, a parse result, and an ``Eds`` returned by ``load`` give the bytes that were read. A document changed by
+    ``edit.apply`` gives the same bytes with the changed lines. If the objects or information sections of an ``Eds`` are not from a
+    file (made in a program, or replaced), ``compose`` writes a new file in ASCII.
 
     Raises:
-        ArgumentError: a text of a model made in a program cannot stand in an EDS.
+        ArgumentError: a text of a model made in a program is not allowed in an EDS.
     """
     if isinstance(source, Eds):
         objects = source.objects

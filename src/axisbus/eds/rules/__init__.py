@@ -1,1 +1,1 @@
-"""The rules of ``axisbus eds check``: one table of what they say, and one small function each."""
+"""The rules of ``axisbus eds check``: one table of their texts, and one small function for each."""

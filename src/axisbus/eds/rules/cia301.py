@@ -1,4 +1,4 @@
-"""Rules over the communication objects (CiA 301 7.5.2)."""
+"""Rules for the communication objects (CiA 301 7.5.2)."""
 
 from __future__ import annotations
 
@@ -68,10 +68,10 @@ def object_types(sheet: RuleContext) -> Iterator[Hit]:
 def wrong_object_type(
     sheet: RuleContext, index: int, wanted: ObjectType, standard_name: str, severity: Severity | None = None
 ) -> Iterator[Hit]:
-    """Yield a hit where an object has another object type than the standard's."""
+    """Yield a hit if an object's type differs from the standard's."""
     entry, head = sheet.eds.objects[index], sheet.heads[index]
     if not head.entries.get("objecttype"):
-        return  # what is assumed is not the file's mistake; O006 and O031 name it
+        return  # an assumed type is not the file's mistake; O006 and O031 report it
     if entry.object_type is not wanted and not (
         wanted is ObjectType.VAR and entry.object_type is ObjectType.DOMAIN
     ):
@@ -202,7 +202,7 @@ def emergency_id(sheet: RuleContext) -> Iterator[Hit]:
     if entry is None or value is None or value.value & cob.INVALID:
         return
     base = value.value & cob.ID_MASK_29
-    if value.plus_node_id and base != cob.EMCY and not restricted(value):  # else C016 speaks of it
+    if value.plus_node_id and base != cob.EMCY and not restricted(value):  # else C016 reports it
         text = f"[1014] is $NODEID+0x{base:X}, $NODEID+0x80 is the identifier of EMCY"
         yield sheet.at(section, start_key(entry), text, o.COB_ID_EMCY)
 

@@ -1,4 +1,4 @@
-"""Rules over the objects of a drive: types, access, what can be mapped (CiA 402-2)."""
+"""Rules for the objects of a drive: types, access, PDO mapping (CiA 402-2)."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from axisbus.eds.rules.cia301 import wrong_object_type
 from axisbus.eds.rules.context import Described, Hit, Looks, RuleContext, start_key
 from axisbus.eds.rules.drive import axes
 
-# Reactions that are defined (CiA 402-2 8.4); negative ones are the maker's.
+# Defined reactions (CiA 402-2 8.4); negative ones are the maker's.
 _REACTIONS = {option.index: option.meanings for option in options.ALL if option.index in FIRST_AXIS}
-_COASTING = {  # the value with which the motor is left to itself
+_COASTING = {  # the value with which the motor coasts
     o.QUICK_STOP_OPTION: "a quick stop",
     o.HALT_OPTION: "a halt",
     o.DISABLE_OPERATION_OPTION: "disabling operation",
     o.FAULT_REACTION_OPTION: "a fault",
 }
-_RANGES = (0x607B, 0x607D)  # position range limit, software position limit: sub-index 1 the least, 2 the most
+_RANGES = (0x607B, 0x607D)  # position range limit, software limit: sub-index 1 lower, 2 upper
 _NEEDED_ENTRIES = tuple(
     row for row in dictionary.ROWS if row.standard == dictionary.CIA_402 and row.subindex and row.mandatory
 )
@@ -63,7 +63,7 @@ def access(sheet: RuleContext) -> Iterator[Hit]:
 
 def mappable(sheet: RuleContext) -> Iterator[Hit]:
     """M005."""
-    mapped = {slot.mapped.index for slot in mapping.slots(sheet)}  # of which P004 speaks
+    mapped = {slot.mapped.index for slot in mapping.slots(sheet)}  # P004 reports these
     for entry, row in _rows(sheet):
         if row.index not in standard.CYCLIC or row.subindex or entry.variable.pdo_mapping:
             continue
@@ -78,7 +78,7 @@ def no_sub_index(sheet: RuleContext) -> Iterator[Hit]:
             entry, subindex = sheet.eds.objects.get(axis.offset + row.index), row.subindex
             if entry is None or not entry.is_record or subindex in entry.subs:
                 continue
-            if len(entry.subs) > 1:  # without any sub-index O008 speaks
+            if len(entry.subs) > 1:  # without any sub-index, O008 reports it
                 head = sheet.heads.get(entry.index)
                 text = f"[{entry.index:04X}] has no sub-index {subindex} ({row.name})"
                 yield sheet.at(head, "", text, entry.index, subindex, _mild(row.sure))
@@ -148,7 +148,7 @@ def _value(sheet: RuleContext, index: int, message: str) -> Hit:
 
 
 def _rows(sheet: RuleContext) -> Iterator[tuple[Described, StandardObject]]:
-    """Yield the entries of all axes with what CiA 402 says of each."""
+    """Yield the entries of all axes, each with the row of CiA 402."""
     for axis in axes(sheet):
         for entry in sheet.described:
             if axis.owns(entry.variable.index):
@@ -158,7 +158,7 @@ def _rows(sheet: RuleContext) -> Iterator[tuple[Described, StandardObject]]:
 
 
 def _same_shape(sheet: RuleContext, entry: Described) -> bool:
-    """Whether file and standard agree on whether the object has sub-indices; else M003 says so, and its entries are others."""
+    """Whether file and standard agree that the object has sub-indices or not; else M003 reports it, and its entries differ."""
     index = entry.variable.index
     whole = dictionary.whole(index)
     return whole is None or (whole.object_type == "VAR") is not sheet.eds.objects[index].is_record

@@ -1,4 +1,4 @@
-"""Rules over CompactSubObj, [xxxxName], [xxxxValue], [xxxxDenotation] and [xxxxObjectLinks] (DS 306 4.6.3.2, 4.6.4)."""
+"""Rules for CompactSubObj, [xxxxName], [xxxxValue], [xxxxDenotation] and [xxxxObjectLinks] (DS 306 4.6.3.2, 4.6.4)."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def link_targets(sheet: RuleContext) -> Iterator[Hit]:
 
 
 def names_beyond(sheet: RuleContext) -> Iterator[Hit]:
-    """O013, of names; of values and denotations reading says it."""
+    """O013, for names; the reader reports it for values and denotations."""
     for (index, kind), section in sheet.reading.parts.beside.items():
         head = sheet.heads.get(index)
         count = values.plain(head.entries.get("compactsubobj", "")) if head is not None else None

@@ -1,4 +1,4 @@
-"""Rules over concise DCFs in 1F22h: whole, and in an order that a device accepts (CiA 302-3 4.3)."""
+"""Rules for concise DCFs in 1F22h: complete, and in an order that devices accept (CiA 302-3 4.3)."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def verification_last(sheet: RuleContext) -> Iterator[Hit]:
 
 
 def _streams(sheet: RuleContext) -> Iterator[tuple[Described, str, bytes]]:
-    """Yield every concise DCF that the file holds, with its entry and key."""
+    """Yield each concise DCF in the file, with its entry and key."""
     for entry in sheet.described:
         variable = entry.variable
         if variable.index == CONCISE_DCF and variable.subindex:

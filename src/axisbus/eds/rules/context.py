@@ -1,4 +1,4 @@
-"""One file as the rules look at it: the reading, with each entry beside the section that describes it."""
+"""One file for the rules: the parse result, with each entry and the section that describes it."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ LISTS = {
     "optionalobjects": "OptionalObjects",
     "manufacturerobjects": "ManufacturerObjects",
 }
-COMMISSIONING = ("devicecomissioning", "devicecommissioning")  # as DS 306 spells it, and as most people do
+COMMISSIONING = ("devicecomissioning", "devicecommissioning")  # the spelling of DS 306, and the common one
 
 
 class Hit(NamedTuple):
-    """One breach of a rule: where, and what was seen.
+    """One breach of a rule: its location, and the observation.
 
-    ``severity`` is None where it is the rule's own; a hit may be milder than its rule (a less certain row of a table), never worse.
+    ``severity`` is None for the rule's own severity; a hit may be milder than its rule (an uncertain row of a table), never worse.
     """
 
     line: int
@@ -38,24 +38,24 @@ class Hit(NamedTuple):
 
 
 class Described(NamedTuple):
-    """An entry of the model with the section that describes it (that of the object itself, where it is implied by it)."""
+    """An entry of the model with the section that describes it (the object's section, if the object implies the entry)."""
 
     variable: Variable
     section: Section
 
     def text(self, key: str) -> str:
-        """Return what the file writes for ``key`` (in lower case), empty where it says nothing."""
+        """Return the file's text for ``key`` (in lower case), empty if there is none."""
         return self.section.entries.get(key, "")
 
     @property
     def says_access(self) -> bool:
-        """Whether the file gives an access; else one is assumed, which no rule should judge (O003 says so)."""
+        """Whether the file gives a valid access; else an access is assumed, which no rule should check (O003 reports it)."""
         words = self.text("accesstype").lower().split()
         return bool(words) and words[0].rstrip(";") in ACCESS_TYPES
 
 
 class RuleContext:
-    """A reading made easy to look things up in; frozen, what it derives is worked out once on first use."""
+    """A parse result with look-ups for the rules; frozen, derived values are calculated once on first use."""
 
     def __init__(self, reading: EdsParseResult) -> None:
         self.reading = reading
@@ -70,12 +70,12 @@ class RuleContext:
 
     @cached_property
     def text(self) -> str:
-        """The whole text: to see that something is nowhere in it is quicker than a look at each line."""
+        """The whole text, for a quick search before each line is examined."""
         return self.document.newline.join(self.document.lines)
 
     @cached_property
     def starts(self) -> tuple[int, ...]:
-        """The lines at which sections begin, ascending; 0 before them, for what stands in no section."""
+        """The lines at which sections begin, ascending; 0 as the first, for lines before all sections."""
         every = (*self.document.sections.values(), *self.document.repeated)
         return (0, *sorted(section.line for section in every))
 
@@ -96,7 +96,7 @@ class RuleContext:
 
     @cached_property
     def is_dcf(self) -> bool:
-        """Whether it is the configuration of one node: by its sections, or by its name."""
+        """Whether the file is the configuration of one node: by its sections, or by its name."""
         return self.commissioning is not None or self.named_dcf
 
     @cached_property
@@ -106,12 +106,12 @@ class RuleContext:
 
     @cached_property
     def modular(self) -> bool:
-        """Whether modules may add objects that the file does not describe by themselves (DS 306 6)."""
+        """Whether modules may add objects that the file does not describe directly (DS 306 6)."""
         return self.section("supportedmodules") is not None
 
     @cached_property
     def described(self) -> tuple[Described, ...]:
-        """Every entry that has a section of its own, in the order of the indices."""
+        """All entries that have a section of their own, in the order of the indices."""
         return tuple(self._described())
 
     def _described(self) -> Iterator[Described]:
@@ -128,7 +128,7 @@ class RuleContext:
 
     @cached_property
     def blocks(self) -> Mapping[int, tuple[Object, ...]]:
-        """The objects in blocks of 200h, as many as there may be PDO parameters of a kind, by their index divided by 200h."""
+        """The objects in blocks of 200h (the size of each PDO parameter area), by their index divided by 200h."""
         found: dict[int, list[Object]] = {}
         for index, entry in self.eds.objects.items():
             found.setdefault(index // PDOS_OF_A_KIND, []).append(entry)
@@ -136,7 +136,7 @@ class RuleContext:
 
     @cached_property
     def records(self) -> tuple[tuple[Object, Section], ...]:
-        """Every ARRAY, RECORD and DEFSTRUCT that has a section of its own."""
+        """Each ARRAY, RECORD and DEFSTRUCT that has a section of its own."""
         return tuple(
             (entry, self.heads[entry.index])
             for entry in self.eds
@@ -157,20 +157,20 @@ class RuleContext:
         subindex: int | None = None,
         severity: Severity | None = None,
     ) -> Hit:
-        """Return a hit at the value of ``key``; at the section's line where it has no such key; line 0 where there is none."""
+        """Return a hit at the value of ``key``; at the section's line if it has no such key; at line 0 without a section."""
         if section is None:
             return Hit(0, 0, message, index, subindex, severity)
         line, column = self.document.place(section, key) if key else (section.line, 1)
         return Hit(line, column, message, index, subindex, severity)
 
     def on(self, entry: Described, key: str, message: str, severity: Severity | None = None) -> Hit:
-        """Return a hit at the value of ``key`` of an entry, whose section's name begins the message."""
+        """Return a hit at the value of ``key`` of an entry; the message begins with the section's name."""
         variable = entry.variable
         text = f"[{entry.section.name}] {message}"
         return self.at(entry.section, key, text, variable.index, variable.subindex, severity)
 
     def where_missing(self, index: int) -> Section | None:
-        """Return the place to report that an object is missing: the list in which it would be."""
+        """Return the section for reporting a missing object: the list that should contain it."""
         if index in (0x1000, 0x1001, 0x1018):
             name = "mandatoryobjects"
         else:
@@ -178,42 +178,42 @@ class RuleContext:
         return self.section(name)
 
     def number(self, index: int, subindex: int = 0) -> int | None:
-        """Return the integer that an entry holds after power-up (without the node ID), None where the file does not say."""
+        """Return an entry's integer after power-up (without the node-ID), None if the file does not give it."""
         entry = self.eds.get(index, subindex)
         return None if entry is None else number_of(entry)
 
 
-Look = Callable[[RuleContext], Iterable[Hit]]  # what a rule is in code
+Look = Callable[[RuleContext], Iterable[Hit]]  # the function of a rule
 Looks = Mapping[str, Look]  # by the rule's id
 
 
 def number_of(entry: Variable) -> int | None:
-    """Return the integer that an entry holds after power-up: the DCF's value, else the default; None where unknown."""
+    """Return an entry's integer after power-up: the DCF's value, else the default; None if unknown."""
     value = start_value(entry)
     return value.value if value is not None else None
 
 
 def start_value(entry: Variable) -> Number | None:
-    """Return the number (or formula) that an entry holds after power-up, None where unknown."""
+    """Return an entry's number (or formula) after power-up, None if unknown."""
     value = entry.parameter_value if entry.parameter_value is not None else entry.default
     return value if isinstance(value, Number) else None
 
 
 def start_key(entry: Variable) -> str:
-    """Return the key that gives the value after power-up."""
+    """Return the key of the value after power-up."""
     return "parametervalue" if entry.parameter_value is not None else "defaultvalue"
 
 
 def number(section: Section | None, key: str) -> int | None:
-    """Return the number that a key of an information section holds, None where it is absent or no number."""
+    """Return the number of a key in an information section, None if it is absent or no number."""
     return None if section is None else values.plain(section.entries.get(key, ""))
 
 
 def short(text: str, length: int = 40) -> str:
-    """Return a text from a file, cut to a length that fits into a message."""
+    """Return a text from a file, shortened to fit into a message."""
     return text if len(text) <= length else text[: length - 3] + "..."
 
 
 def an(kind: ObjectType) -> str:
-    """Return an object type with its article, as a message has it."""
+    """Return an object type with its article, for messages."""
     return f"an {kind.name}" if kind is ObjectType.ARRAY else f"a {kind.name}"

@@ -1,4 +1,4 @@
-"""Rules over a DCF: the node's settings and parameter values (DS 306 5)."""
+"""Rules for a DCF: the node's settings and parameter values (DS 306 5)."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def read_only_values(sheet: RuleContext) -> Iterator[Hit]:
     for entry in sheet.described:
         variable = entry.variable
         if variable.writable or variable.parameter_value is None or variable.default is None:
-            continue  # without a default nobody knows that the device has another value
+            continue  # without a default it is unknown whether the device has another value
         if variable.parameter_value != variable.default:
             text = f"is {variable.access}, but has a ParameterValue other than its default"
             yield sheet.on(entry, "parametervalue", text)

@@ -1,4 +1,4 @@
-"""Rules over [DeviceInfo], [DummyUsage] and [Comments] (DS 306 4.5, 4.6.2, 4.6.5)."""
+"""Rules for [DeviceInfo], [DummyUsage] and [Comments] (DS 306 4.5, 4.6.2, 4.6.5)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The axes of a drive as a file describes them, and the modes of operation that it claims for each."""
+"""The axes of a drive in a file, and the modes of operation of each axis."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from axisbus.eds.rules.context import RuleContext
 
 _M = ModeOfOperation
 
-# Objects that serve one mode of operation, or one and its cyclic sibling: a file that has none of them does not mean it.
+# Objects that belong to one mode of operation, or to one and its cyclic counterpart: without any of them, the mode is not intended.
 OWN: Mapping[ModeOfOperation, tuple[int, ...]] = {
     _M.PROFILE_POSITION: (o.TARGET_POSITION, o.PROFILE_VELOCITY),
     _M.VELOCITY: (0x6042, 0x6043, 0x6044, 0x6046, 0x6048),
@@ -29,7 +29,7 @@ OWN: Mapping[ModeOfOperation, tuple[int, ...]] = {
     _M.CYCLIC_SYNC_TORQUE: (o.TARGET_TORQUE, o.INTERPOLATION_TIME_PERIOD, 0x60B2),
     _M.CYCLIC_SYNC_TORQUE_ANGLE: (0x60EA,),
 }
-# Objects that serve one mode alone, without a cyclic sibling.
+# Objects that belong to only one mode, without a cyclic counterpart.
 ALONE: Mapping[ModeOfOperation, tuple[int, ...]] = {
     _M.PROFILE_POSITION: (o.PROFILE_VELOCITY,),
     _M.VELOCITY: (0x6042, 0x6043, 0x6044, 0x6046, 0x6048),
@@ -37,13 +37,13 @@ ALONE: Mapping[ModeOfOperation, tuple[int, ...]] = {
     _M.HOMING: (o.HOMING_METHOD, o.HOMING_SPEEDS, o.HOMING_ACCELERATION),
     _M.INTERPOLATED_POSITION: (0x60C1,),
 }
-# Targets, and the modes of which one must be there for each.
+# Targets, each with the modes of which one must be complete.
 TARGETS: Mapping[int, tuple[ModeOfOperation, ...]] = {
     o.TARGET_POSITION: (_M.PROFILE_POSITION, _M.CYCLIC_SYNC_POSITION),
     o.TARGET_VELOCITY: (_M.PROFILE_VELOCITY, _M.CYCLIC_SYNC_VELOCITY),
     o.TARGET_TORQUE: (_M.PROFILE_TORQUE, _M.CYCLIC_SYNC_TORQUE),
 }
-# Objects that show a mode by being there; the cyclic modes have none of their own.
+# Objects whose presence indicates a mode; the cyclic modes have none of their own.
 SHOWING: Mapping[ModeOfOperation, tuple[int, ...]] = {
     mode: facts.required
     for mode, facts in FACTS.items()
@@ -53,13 +53,13 @@ SHOWING: Mapping[ModeOfOperation, tuple[int, ...]] = {
 
 @dataclass(frozen=True, slots=True)
 class EdsAxis:
-    """One axis: its number from 1, and what is added to the indices of the first."""
+    """One axis: its number from 1, and the offset of its indices from those of the first axis."""
 
     number: int
 
     @property
     def offset(self) -> int:
-        """800h for each axis before it."""
+        """800h for each preceding axis."""
         return offset(self.number)
 
     def owns(self, index: int) -> bool:
@@ -68,13 +68,13 @@ class EdsAxis:
 
 
 def axes(sheet: RuleContext) -> tuple[EdsAxis, ...]:
-    """Return the axes that the file describes; none where the device is no drive."""
+    """Return the axes that the file describes; none if the device is no drive."""
     found = tuple(axis for axis in map(EdsAxis, range(1, COUNT + 1)) if _is_axis(sheet, axis))
     return found or ((EdsAxis(1),) if says_drive(sheet) else ())
 
 
 def row(sheet: RuleContext, index: int, subindex: int) -> StandardObject | None:
-    """Return what the standards say of an entry; what CiA 402 says only where the file describes an axis to which it belongs."""
+    """Return the standard's row for an entry; rows of CiA 402 only if the file describes the axis of the entry."""
     if index < PROFILE_AREA.start or any(axis.owns(index) for axis in axes(sheet)):
         return standard.row(index, subindex)
     return None
@@ -87,7 +87,7 @@ def says_drive(sheet: RuleContext) -> bool:
 
 
 def _is_axis(sheet: RuleContext, axis: EdsAxis) -> bool:
-    """Whether the words that every drive has are there; other profiles use one or the other of these indices."""
+    """Whether the file has the objects that every drive has; other profiles use some of these indices."""
     there = [
         axis.offset + index in sheet.eds for index in (o.CONTROLWORD, o.STATUSWORD, o.MODES_OF_OPERATION)
     ]
@@ -95,7 +95,7 @@ def _is_axis(sheet: RuleContext, axis: EdsAxis) -> bool:
 
 
 def claimed(sheet: RuleContext, axis: EdsAxis) -> tuple[ModeOfOperation, ...] | None:
-    """Return the modes that 6502h claims, None where the file does not say."""
+    """Return the modes that 6502h lists, None if the file gives it no value."""
     word = sheet.number(axis.offset + o.SUPPORTED_DRIVE_MODES)
     return None if word is None else tuple(modes.supported(word))
 
@@ -113,5 +113,5 @@ def missing(sheet: RuleContext, axis: EdsAxis, mode: ModeOfOperation) -> tuple[i
 
 
 def meant(sheet: RuleContext, axis: EdsAxis, mode: ModeOfOperation) -> bool:
-    """Whether at least one object of the mode's own is described."""
+    """Whether at least one object that belongs to the mode is described."""
     return any(axis.offset + index in sheet.eds for index in OWN[mode])

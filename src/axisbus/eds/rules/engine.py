@@ -1,7 +1,7 @@
-"""All rules run over one reading, and what they find put into order.
+"""Run all rules for one parse result, and sort their findings.
 
-The families are modules beside this one; each has a table ``LOOKS`` of functions by rule id, which take a ``RuleContext`` and yield
-``Hit``s. What reading meets by itself (``Eds.findings``) comes in the same shape and is added here.
+The families of rules are other modules of this package; each has a table ``LOOKS`` of functions by rule id, which take a
+``RuleContext`` and yield ``Hit``s. The reader's own findings (``Eds.findings``) have the same form and are added here.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from axisbus.eds.rules.table import Rule, rules
 from axisbus.errors import EdsError
 from axisbus.wording import counted
 
-MAX_OF_A_RULE = 10_000  # a file of noise must not fill the memory
+MAX_OF_A_RULE = 10_000  # a file of random data must not fill the memory
 MORE, UNREADABLE = "S099", "S000"
 
 _FAMILIES = (
@@ -60,9 +60,9 @@ LOOKS: dict[str, Look] = {rule: look for family in _FAMILIES for rule, look in f
 
 
 def check(reading: EdsParseResult, wanted: Callable[[str], bool]) -> tuple[EdsFinding, ...]:
-    """Return what the rules that are ``wanted`` (by id) find, in the order of lines and columns, then of the rules' ids.
+    """Return the findings of the ``wanted`` rules (by id), in the order of lines and columns, then of the rules' ids.
 
-    All rules are run, also those that are not wanted: what follows from a finding stays left out where that one is not shown.
+    All rules are run, even unwanted ones: a consequence of a finding is left out even if that finding is not shown.
     """
     sheet = RuleContext(reading)
     found = list(reading.eds.findings)
@@ -86,7 +86,7 @@ def _findings(rule: Rule, hits: Iterable[Hit]) -> Iterator[EdsFinding]:
 
 
 def finding(rule: Rule, hit: Hit) -> EdsFinding:
-    """Return a hit with what the table says of its rule."""
+    """Return a hit as a finding, with the rule's data from the table."""
     severity = rule.severity if hit.severity is None else hit.severity
     return EdsFinding(
         rule.id, severity, hit.line, hit.column, hit.message, rule.remedy, hit.index, hit.subindex
@@ -98,7 +98,7 @@ def _place(found: EdsFinding) -> tuple[int, int, str]:
 
 
 def unreadable(error: EdsError) -> EdsFinding:
-    """Return the finding that stands for a file which cannot be checked at all."""
+    """Return the finding for a file that cannot be checked at all."""
     observed = f": {error.observed}" if error.observed else ""
     message = error.message.removeprefix(f"{error.file}: ")
     found = finding(rules()[UNREADABLE], Hit(0, 0, f"{message}{observed}"))

@@ -1,4 +1,4 @@
-"""Rules over [FileInfo] (DS 306 4.4)."""
+"""Rules for [FileInfo] (DS 306 4.4)."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def other_name(sheet: RuleContext) -> Iterator[Hit]:
     """F002."""
     given = _entry(sheet, "filename")
     actual = PurePath(sheet.eds.source).name
-    named = PureWindowsPath(given).name  # takes both kinds of slashes
+    named = PureWindowsPath(given).name  # accepts both kinds of slashes
     if named and actual and named.lower() != actual.lower():
         yield _at(sheet, "filename", f"FileName={short(given)}, but the file is {actual}")
 

@@ -1,4 +1,4 @@
-"""Rules over [MandatoryObjects], [OptionalObjects] and [ManufacturerObjects] (DS 306 4.6.3.1)."""
+"""Rules for [MandatoryObjects], [OptionalObjects] and [ManufacturerObjects] (DS 306 4.6.3.1)."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from axisbus.eds.rules.context import LISTS, Hit, Looks, RuleContext, short
 from axisbus.wording import counted
 
 MANDATORY = frozenset((0x1000, 0x1001, 0x1018))
-_FIRST_OBJECT = 0x1000  # below lie data types, which no list names
+_FIRST_OBJECT = 0x1000  # indices below are data types, which no list contains
 
 
 class Listed(NamedTuple):
-    """One line of a list: its key and text as written, and the index it names (None: none)."""
+    """One line of a list: its key and text as written, and its index (None: no valid index)."""
 
     section: Section
     key: str
@@ -46,7 +46,7 @@ def counts(sheet: RuleContext) -> Iterator[Hit]:
         entries = list(_entries(section))
         there = len(entries)
         if given is None or values.plain(given) == there or (entries and given == entries[-1].key):
-            continue  # where the last number is right, one between is missing: L004
+            continue  # the last number is right, but one before it is missing: L004
         text = f"[{section.name}] says SupportedObjects={short(given)}, but names {counted(there, 'object')}"
         yield sheet.at(section, "supportedobjects", text)
 
@@ -85,14 +85,14 @@ def not_listed(sheet: RuleContext) -> Iterator[Hit]:
     for section in _lists(sheet):
         unlisted = _unlisted(sheet, section)
         if len(unlisted) == 1 == _slips(sheet, section):
-            continue  # the one wrong entry of the list stands for it, as L005, L007 or L009 says
+            continue  # the one wrong entry of the list is the cause; L005, L007 or L009 reports it
         for index in unlisted:
             head = sheet.heads[index]
             yield sheet.at(head, "", f"[{head.name}] is described, but in no list of objects", index)
 
 
 def _unlisted(sheet: RuleContext, section: Section) -> list[int]:
-    """Return the objects that belong into a list, and stand in none."""
+    """Return the objects that belong in a list, but are in none."""
     listed = {each.target for each in _all(sheet)}
     name = section.name.lower()
     return [
@@ -103,7 +103,7 @@ def _unlisted(sheet: RuleContext, section: Section) -> list[int]:
 
 
 def _slips(sheet: RuleContext, section: Section) -> int:
-    """Return how many entries of a list are no object of the file, or one that is listed before."""
+    """Return the number of entries that are no object of the file, or that repeat an earlier entry."""
     seen: set[int] = set()
     slips = 0
     for listed in _entries(section):
@@ -132,7 +132,7 @@ def wrong_list(sheet: RuleContext) -> Iterator[Hit]:
     for listed in _all(sheet):
         name = listed.section.name.lower()
         if listed.target is None or name == "mandatoryobjects":
-            continue  # a profile or a maker may call more objects mandatory
+            continue  # a profile or a maker may define more mandatory objects
         proper = _proper(listed.target)
         if proper != name:
             text = f"{listed.target:04X} stands in [{listed.section.name}], it belongs to [{LISTS[proper]}]"
@@ -140,7 +140,7 @@ def wrong_list(sheet: RuleContext) -> Iterator[Hit]:
 
 
 def _proper(index: int) -> str:
-    """Return the list in which an object belongs."""
+    """Return the list to which an object belongs."""
     if index in MANDATORY:
         return "mandatoryobjects"
     return "manufacturerobjects" if 0x2000 <= index < 0x6000 else "optionalobjects"

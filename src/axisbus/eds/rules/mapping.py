@@ -1,4 +1,4 @@
-"""The default mappings of a file's PDOs, entry by entry, as the rules look at them (CiA 301 7.5.2.36, 7.5.2.38)."""
+"""The default mappings of a file's PDOs, entry by entry, for the rules (CiA 301 7.5.2.36, 7.5.2.38)."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from axisbus.eds.model import Object, Variable
 from axisbus.eds.rules.context import RuleContext, number_of, start_value
 
 MAX_ENTRIES = 64
-MULTIPLEXED = (0xFE, 0xFF)  # sub-index 0 of an MPDO, whose entries mean something else (CiA 301 7.5.2.36)
+MULTIPLEXED = (0xFE, 0xFF)  # sub-index 0 of an MPDO, whose entries have another meaning (CiA 301 7.5.2.36)
 NETWORK_VARIABLES = range(0xA000, 0xB000)  # made by the tool that configures the network (CiA 302-4)
 DATA_TYPES = range(0x0001, 0x0020)
 
 
 @dataclass(frozen=True, slots=True)
 class MappingEntry:
-    """One entry of a mapping: what it maps, the entry of 16xxh or 1Axxh that says so, and whether sub-index 0 counts it."""
+    """One entry of a mapping: the mapped object, the entry of 16xxh or 1Axxh that maps it, and whether sub-index 0 counts it."""
 
     receive: bool
     holder: Variable
@@ -27,14 +27,14 @@ class MappingEntry:
 
     @property
     def name(self) -> str:
-        """The section of the entry, as a person writes it."""
+        """The section of the entry, for messages."""
         return f"{self.holder.index:04X}sub{self.holder.subindex:X}"
 
 
 def maps(sheet: RuleContext) -> Iterator[tuple[bool, Object]]:
-    """Yield every mapping parameter, with whether it is of an RPDO.
+    """Yield each mapping parameter, with whether it belongs to an RPDO.
 
-    One that a DCF configures comes twice: as it is configured, and as the device has it by default.
+    A mapping that a DCF configures comes twice: as configured, and with the device's defaults.
     """
     for first, receive in ((o.RPDO_MAPPING, True), (o.TPDO_MAPPING, False)):
         for entry in _objects(sheet, first):
@@ -45,7 +45,7 @@ def maps(sheet: RuleContext) -> Iterator[tuple[bool, Object]]:
 
 
 def communications(sheet: RuleContext) -> Iterator[tuple[bool, Object]]:
-    """Yield every communication parameter, with whether it is of an RPDO."""
+    """Yield each communication parameter, with whether it belongs to an RPDO."""
     for first, receive in ((o.RPDO_COMMUNICATION, True), (o.TPDO_COMMUNICATION, False)):
         for entry in _objects(sheet, first):
             yield receive, entry
@@ -56,20 +56,20 @@ def _objects(sheet: RuleContext, first: int) -> Iterator[Object]:
 
 
 def used(sheet: RuleContext, entry: Object) -> list[Variable]:
-    """Return the entries of a mapping that its sub-index 0 puts in use; all that are not 0 where it gives no number."""
+    """Return the entries of a mapping that its sub-index 0 counts; all that are not 0 if it gives no number."""
     count = number_of(entry.subs[0]) if 0 in entry.subs else None
     if count in MULTIPLEXED:
         return []
     there = [sub for subindex, sub in entry.subs.items() if 1 <= subindex <= MAX_ENTRIES]
     if count is None and 0 in entry.subs and not understood(sheet, entry.subs[0]):
-        return []  # V001 and its kin speak of it
+        return []  # V001 and similar rules report it
     if count is None:
         return [sub for sub in there if number_of(sub)]
     return [sub for sub in there if sub.subindex <= count]
 
 
 def unused(entry: Object) -> list[Variable]:
-    """Return the entries of a mapping that its sub-index 0 leaves out, if it is a number."""
+    """Return the entries of a mapping that its sub-index 0 does not count, if it is a number."""
     count = number_of(entry.subs[0]) if 0 in entry.subs else None
     if count is None or count in MULTIPLEXED:
         return []
@@ -77,20 +77,20 @@ def unused(entry: Object) -> list[Variable]:
 
 
 def slots(sheet: RuleContext) -> Iterator[MappingEntry]:
-    """Yield every entry in use of every mapping that maps something."""
+    """Yield each mapped object in use of each mapping."""
     for receive, entry in maps(sheet):
         yield from slots_of(sheet, receive, entry)
 
 
 def every_slot(sheet: RuleContext) -> Iterator[MappingEntry]:
-    """Yield every entry of every mapping that maps something, also those that sub-index 0 leaves out."""
+    """Yield each mapped object of each mapping, including entries that sub-index 0 does not count."""
     yield from slots(sheet)
     for receive, entry in maps(sheet):
         yield from filled(unused(entry), receive, active=False)
 
 
 def slots_of(sheet: RuleContext, receive: bool, entry: Object) -> list[MappingEntry]:
-    """Return the entries in use of one mapping that map something."""
+    """Return the mapped objects in use of one mapping."""
     return list(filled(used(sheet, entry), receive))
 
 
@@ -103,6 +103,6 @@ def filled(holders: Iterable[Variable], receive: bool, active: bool = True) -> I
 
 
 def understood(sheet: RuleContext, entry: Variable) -> bool:
-    """Whether the value after power-up is one, or there is none; else the reading has reported what is written there."""
+    """Whether the value after power-up is valid, or there is none; else the reader has reported it."""
     section = sheet.section_of(entry.index, entry.subindex)
     return section is None or not section.entries.get("defaultvalue") or entry.default is not None

@@ -1,4 +1,4 @@
-"""Rules over modes of operation: what each that the file claims needs (CiA 402-2, objects 6060h, 6061h, 6502h)."""
+"""Rules for modes of operation: the objects that each listed mode needs (CiA 402-2, objects 6060h, 6061h, 6502h)."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from axisbus.wording import counted
 _M = ModeOfOperation
 _DEFINED_BITS = sum(1 << facts.supported_bit for facts in FACTS.values())
 _RESERVED_BITS = 0xFFFF & ~_DEFINED_BITS  # the high word is the maker's
-_MAKER_OR_NONE = 0  # values of 6060h up to here are the maker's, or no mode
-# Mandatory in DSP 402 V2 and left out by many since, or not certain from what is public.
+_MAKER_OR_NONE = 0  # values of 6060h up to this are the maker's, or no mode
+# Mandatory in DSP 402 V2 but missing in many later files, or uncertain by public documents.
 _USUAL: Mapping[ModeOfOperation, tuple[int, ...]] = {
     _M.PROFILE_POSITION: (o.MOTION_PROFILE_TYPE,),
     _M.PROFILE_VELOCITY: (0x6069, o.VELOCITY_DEMAND),
@@ -112,7 +112,7 @@ def half_a_mode(sheet: RuleContext) -> Iterator[Hit]:
 
 
 def _lonely_targets(sheet: RuleContext, axis: EdsAxis) -> Iterator[Hit]:
-    """Yield a hit for each target of which no mode is complete, nor told of by an object of its own."""
+    """Yield a hit for each target without a complete mode, unless another object of one of its modes is reported."""
     for target, modes in TARGETS.items():
         there = axis.offset + target
         lacking = {mode: missing(sheet, axis, mode) for mode in modes}
@@ -155,7 +155,7 @@ def unsupported_default(sheet: RuleContext) -> Iterator[Hit]:
 def _wrong_mode(
     sheet: RuleContext, axis: EdsAxis, mode: ModeOfOperation, claimed: Collection[ModeOfOperation] | None
 ) -> str:
-    """Return why a drive does not begin in a mode, empty where it may."""
+    """Return the reason why a drive cannot start in a mode, empty if it can."""
     if mode not in FACTS:
         return "a mode that CiA 402 does not have"
     if claimed is not None:
@@ -167,7 +167,7 @@ def no_mode_display(sheet: RuleContext) -> Iterator[Hit]:
     """M020."""
     for axis in axes(sheet):
         mode, display = (axis.offset + index for index in _ONE_OF_SEVERAL)
-        told = len(claimed(sheet, axis) or ()) > 1  # M001c speaks of it
+        told = len(claimed(sheet, axis) or ()) > 1  # M001c reports it
         if mode in sheet.eds and display not in sheet.eds and not told:
             here, there = (_named(axis, index) for index in _ONE_OF_SEVERAL)
             yield sheet.at(sheet.heads.get(mode), "", f"{here} is there without {there}", display)
@@ -222,7 +222,7 @@ def _named(axis: EdsAxis, index: int) -> str:
 
 
 def _mild(index: int) -> Severity | None:
-    """Return a note for an object of which it is not certain that it is mandatory."""
+    """Return NOTE for an object that is not certainly mandatory, else None (the rule's own severity)."""
     whole = dictionary.whole(index)
     return None if whole is not None and whole.sure else Severity.NOTE
 
@@ -234,7 +234,7 @@ def _at_claim(
     index: int | None = None,
     severity: Severity | None = None,
 ) -> Hit:
-    """Return a hit at the value of 6502h; ``index`` (on the first axis) is what is missing."""
+    """Return a hit at the value of 6502h; ``index`` (on the first axis) is the missing object."""
     word = axis.offset + o.SUPPORTED_DRIVE_MODES
     entry = sheet.eds.get(word)
     key = start_key(entry) if entry is not None else ""

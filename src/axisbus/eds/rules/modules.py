@@ -1,4 +1,4 @@
-"""Rules over modular devices: what each module brings, and which are connected (DS 306 6)."""
+"""Rules for modular devices: the contents of each module, and the connected modules (DS 306 6)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rules over the sections of single values: which keys, which names (DS 306 4.6.3.2)."""
+"""Rules for the sections of single values: keys and names (DS 306 4.6.3.2)."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from axisbus.wording import counted
 
 MAX_NAME = 241
 _KNOWN_FLAGS = 0b11  # refuse write on download, refuse read on scan (DS 306 4.6.3.3)
-_FIRST_OWN_TYPE = 0x40  # below lie the types of CiA 301 (table 44)
+_FIRST_OWN_TYPE = 0x40  # smaller numbers are the types of CiA 301 (table 44)
 _ACTIONS = (
     0x1010,
     0x1011,
     *range(0x1F50, 0x1F60),
-)  # a write to these does something: store, restore, program
+)  # writing these starts an action: store, restore, program
 _LIMITS = {"lowlimit": "LowLimit", "highlimit": "HighLimit"}
 
 
 def is_communication(index: int) -> bool:
-    """Whether an object is a communication parameter of a PDO, whose sub-index 4 is usually left out."""
+    """Whether an object is a communication parameter of a PDO, whose sub-index 4 is usually missing."""
     return 0x1400 <= index <= 0x15FF or 0x1800 <= index <= 0x19FF
 
 
 def is_mapping(index: int) -> bool:
-    """Whether an object is a PDO mapping parameter, whose sub-index 0 counts what is mapped."""
+    """Whether an object is a PDO mapping parameter, whose sub-index 0 is the number of mapped objects."""
     return 0x1600 <= index <= 0x17FF or 0x1A00 <= index <= 0x1BFF
 
 

@@ -1,4 +1,4 @@
-"""Rules over what each default mapping of a PDO holds (CiA 301 7.5.2.36, 7.5.2.38)."""
+"""Rules for the contents of each default mapping of a PDO (CiA 301 7.5.2.36, 7.5.2.38)."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def repeated(sheet: RuleContext) -> Iterator[Hit]:
 
 
 def _misshapen(sheet: RuleContext, index: int, subindex: int) -> bool:
-    """Whether the entry has a section, which a wrong ObjectType hides (O008, O011)."""
+    """Whether the entry has a section that is hidden by a wrong ObjectType (O008, O011)."""
     entry, head = sheet.eds.objects.get(index), sheet.heads.get(index)
     if entry is None or head is None:
         return False
@@ -110,12 +110,12 @@ def wrong_size(sheet: RuleContext) -> Iterator[Hit]:
 
 
 def _bits(mapped: MappedObject) -> int | None:
-    """Return the size of a dummy entry, None for what is none."""
+    """Return the size of a dummy entry in bits, None if the entry is no dummy."""
     return DataType(mapped.index).bits if mapped.is_dummy else None
 
 
 def _right_by_standard(sheet: RuleContext, target: Variable | None, mapped: MappedObject) -> bool:
-    """Whether the mapping is as the standard has it: then the object's type is wrong, and C003 or M002 says so."""
+    """Whether the mapping matches the standard: then the object's type is wrong, and C003 or M002 reports it."""
     if target is None:
         return False
     row = drive.row(sheet, target.index, target.subindex)
@@ -149,7 +149,7 @@ def _at_object(sheet: RuleContext, section: Section, mapping: list[MappingEntry]
 
 
 def is_cyclic(sheet: RuleContext, target: Variable) -> bool:
-    """Whether every drive lets the object be mapped: then its PDOMapping is wrong, not the mapping."""
+    """Whether the object is mappable in every drive: then its PDOMapping is wrong, not the mapping."""
     known = drive.row(sheet, target.index, target.subindex) is not None
     return known and target.subindex == 0 and first_axis(target.index) in standard.CYCLIC
 
@@ -166,7 +166,7 @@ def wrong_direction(sheet: RuleContext) -> Iterator[Hit]:
 
 
 def _access_is_the_fault(sheet: RuleContext, target: Variable, allowed: frozenset[str]) -> bool:
-    """Whether the standard allows this direction: then the object's access is wrong, and C004 or M004 says so."""
+    """Whether the standard allows this direction: then the object's access is wrong, and C004 or M004 reports it."""
     row = drive.row(sheet, target.index, target.subindex)
     return (
         row is not None and bool(row.access & allowed) and not standard.access_fits(target.access, row.access)
@@ -178,7 +178,7 @@ def too_long(sheet: RuleContext) -> Iterator[Hit]:
     for receive, entry in maps(sheet):
         every = slots_of(sheet, receive, entry)
         if sum(_right_bits(sheet, slot) for slot in every) <= MAX_BITS:
-            continue  # else too long only by a wrong size, of which P003 speaks
+            continue  # not too long with the right sizes; P003 reports wrong sizes
         total, whole = 0, sum(slot.mapped.bits for slot in every)
         for slot in every:
             before, total = total, total + slot.mapped.bits
@@ -188,7 +188,7 @@ def too_long(sheet: RuleContext) -> Iterator[Hit]:
 
 
 def _right_bits(sheet: RuleContext, slot: MappingEntry) -> int:
-    """Return the bits that an entry would take by its target's type where P003 finds fault with it, else those that it takes."""
+    """Return the bits of an entry: by its target's type if P003 reports the entry, else as mapped."""
     target = _target(sheet, slot)
     bits = slot.mapped.bits if target is None or target.bits is None else target.bits
     return slot.mapped.bits if _right_by_standard(sheet, target, slot.mapped) else bits
@@ -236,7 +236,7 @@ def carries_nothing(sheet: RuleContext) -> Iterator[Hit]:
 
 
 def _is_on(sheet: RuleContext, mapping: int) -> bool:
-    """Whether the PDO of a mapping exists after power-up."""
+    """Whether the PDO of a mapping is enabled after power-up."""
     identifier = sheet.number(mapping - PDOS_OF_A_KIND, 1)
     return identifier is not None and not identifier & cob.INVALID
 

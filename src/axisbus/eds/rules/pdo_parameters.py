@@ -1,4 +1,4 @@
-"""Rules over the parameters of PDOs: types, transmission types and COB-IDs (CiA 301 7.5.2.35, 7.5.2.37)."""
+"""Rules for the parameters of PDOs: types, transmission types and COB-IDs (CiA 301 7.5.2.35, 7.5.2.37)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _RESERVED_TYPES = {
     True: range(241, 254),
     False: range(241, 252),
 }  # by direction: receive, transmit (tables 69, 72)
-# Identifiers that no PDO may have (CiA 301 table 41).
+# Identifiers that no PDO may use (CiA 301 table 41).
 _RESTRICTED = (
     range(0x080),
     range(0x101, 0x181),
@@ -50,7 +50,7 @@ def parameter_types(sheet: RuleContext) -> Iterator[Hit]:
 
 
 def standard_type(index: int, subindex: int) -> DataType:
-    """Return the data type that CiA 301 gives a sub-index (not 0) of a communication or mapping parameter."""
+    """Return CiA 301's data type of a sub-index (not 0) of a communication or mapping parameter."""
     mapping = o.is_pdo_mapping(index)
     return DataType.UNSIGNED32 if mapping else _PARAMETERS.get(subindex, DataType.UNSIGNED8)
 
@@ -105,7 +105,7 @@ def shared_ids(sheet: RuleContext) -> Iterator[Hit]:
 
 
 def _valid_cob_ids(sheet: RuleContext) -> Iterator[tuple[bool, Variable, Number]]:
-    """Yield the identifiers of the PDOs that exist after power-up, with whether it is an RPDO."""
+    """Yield the identifiers of the PDOs that are enabled after power-up, with whether each is an RPDO."""
     for receive, entry in communications(sheet):
         sub = entry.subs.get(1)
         value = start_value(sub) if sub is not None else None
@@ -119,7 +119,7 @@ def _valid_cob_ids(sheet: RuleContext) -> Iterator[tuple[bool, Variable, Number]
 
 
 def restricted(value: Number) -> str:
-    """Return the COB-ID that another service has, and for which node IDs; empty where there is none."""
+    """Return the COB-ID that belongs to another service, and the node-IDs that lead to it; empty if there is none."""
     base = value.value & cob.ID_MASK_29
     if not value.plus_node_id:
         return f"the COB-ID 0x{base:X}" if _is_restricted(base) else ""
@@ -133,7 +133,7 @@ def restricted(value: Number) -> str:
 
 
 def too_long(value: Number) -> str:
-    """Return what is wrong with a COB-ID of 11 bits (bit 29 is 0) that has more; empty for others."""
+    """Return the problem of a COB-ID with bit 29 at 0 that needs more than 11 bits; empty if there is none."""
     identifier = value.value & cob.ID_MASK_29
     highest = identifier + (cob.NODE_IDS[-1] if value.plus_node_id else 0)
     if value.value & cob.EXTENDED or highest <= cob.ID_MASK_11:

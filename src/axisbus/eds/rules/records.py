@@ -1,4 +1,4 @@
-"""Rules over objects with sub-indices: how many there are, their names and types (DS 306 4.6.3.2, CiA 301 7.4.4)."""
+"""Rules for objects with sub-indices: their number, names and types (DS 306 4.6.3.2, CiA 301 7.4.4)."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from axisbus.wording import counted
 
 _ERROR_FIELD = 0x1003
 _PDOS_SUPPORTED = (
-    0x1004  # of DS 301 V3: all its sub-indices are UNSIGNED32, also 0, the number of synchronous PDOs
+    0x1004  # of DS 301 V3: all its sub-indices are UNSIGNED32, even 0, the number of synchronous PDOs
 )
-_OWN_COUNT = (_ERROR_FIELD, _PDOS_SUPPORTED)  # whose sub-index 0 is not the highest sub-index
-_ON_DATA = {  # what belongs to the sub-indices of an object, not to the object
+_OWN_COUNT = (_ERROR_FIELD, _PDOS_SUPPORTED)  # their sub-index 0 is not the highest sub-index
+_ON_DATA = {  # keys that belong to the sub-indices of an object, not to the object
     "defaultvalue": "DefaultValue",
     "parametervalue": "ParameterValue",
     "lowlimit": "LowLimit",
@@ -38,13 +38,13 @@ def sub_number(sheet: RuleContext) -> Iterator[Hit]:
         if not given or subindices.is_compact(head) or number == there:
             continue
         if subindices.missing(entry, head, there) == 0:
-            continue  # it counts sub-index 0, which O008 misses
+            continue  # it counts sub-index 0; O008 reports that as missing
         text = f"[{head.name}] says SubNumber={short(given)}, but has {counted(there, 'sub-index', 'sub-indices')}"
         yield sheet.at(head, "subnumber", f"{text}{_gap(sheet, entry)}", entry.index)
 
 
 def _gap(sheet: RuleContext, entry: Object) -> str:
-    """Name the sub-index whose section is missing, where SubNumber and sub-index 0 leave no other."""
+    """Return a text with the missing sub-index, if SubNumber and sub-index 0 leave only one possibility."""
     absent = subindices.missing(entry, sheet.heads[entry.index], len(_own_subs(sheet, entry)))
     known = absent is not None and not is_communication(entry.index)
     return f"; sub-index {absent:X} seems to be missing" if known else ""
@@ -67,7 +67,7 @@ def no_sub_zero(sheet: RuleContext) -> Iterator[Hit]:
 
 
 def _seems_a_var(entry: Object, head: Section) -> bool:
-    """Whether all but the ObjectType is that of a single value; then O008 says so, and the other rules of records are silent."""
+    """Whether only the ObjectType is not that of a single value; then O008 reports it, and other rules of records are skipped."""
     return not entry.subs and "datatype" in head.entries and "subnumber" not in head.entries
 
 
@@ -78,7 +78,7 @@ def type_of_sub_zero(sheet: RuleContext) -> Iterator[Hit]:
         section = sheet.subs.get(entry.index, {}).get(0)
         if count is None or section is None or count.data_type is type_of_count(entry.index):
             continue
-        if section.entries.get("datatype"):  # O002 says that it is missing
+        if section.entries.get("datatype"):  # O002 reports a missing type
             wanted = type_of_count(entry.index).name
             text = f"[{section.name}] is {count.data_type.name}, a sub-index 0 is {wanted}"
             yield sheet.at(section, "datatype", text, entry.index, 0)
@@ -107,7 +107,7 @@ def highest_sub_index(sheet: RuleContext) -> Iterator[Hit]:
 
 
 def _counts_itself(sheet: RuleContext, entry: Object) -> bool:
-    """Whether sub-index 0 says how many are in use, not how many there are."""
+    """Whether sub-index 0 is the number of sub-indices in use, not the highest sub-index."""
     return entry.index in _OWN_COUNT or is_mapping(entry.index) or sheet.modular
 
 

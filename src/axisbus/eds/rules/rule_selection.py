@@ -1,4 +1,4 @@
-"""Which rules are wanted, by ids and by beginnings of ids."""
+"""Select rules by ids and by beginnings of ids."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from collections.abc import Callable, Collection, Iterable
 from axisbus.eds.rules.table import rules
 from axisbus.errors import ArgumentError
 
-_ALL = 0  # length of the empty prefix, which every id begins with
+_ALL = 0  # length of the empty prefix, with which every id begins
 _NONE = -1
 
 
 def chooser(
     select: str | Iterable[str] = (), ignore: str | Iterable[str] = (), of: RuleIds | None = None
 ) -> Callable[[str], bool]:
-    """Return a test for ids: selected (all, where nothing is selected) and not ignored.
+    """Return a test for ids: selected (all, if nothing is selected) and not ignored.
 
-    ``V`` stands for every id that begins with it, a whole id (``V003``) for that rule alone; letters may be small. The longer of
-    two counts: ignoring ``V`` and selecting ``V003`` leaves V003. ``of`` are the rules, those of EDS files where it is None.
+    ``V`` means all ids that begin with it, a complete id (``V003``) only that rule; case does not matter. If both options match,
+    the longer text decides: ignoring ``V`` and selecting ``V003`` leaves V003. ``of`` are the rules; None means those of EDS files.
 
     Raises:
-        ArgumentError: no rule's id begins so.
+        ArgumentError: no rule's id begins with a given text.
     """
     known = RuleIds(rules()) if of is None else of
     wanted, unwanted = known.named(select, "select"), known.named(ignore, "ignore")
@@ -34,14 +34,14 @@ def chooser(
 
 
 class RuleIds:
-    """The ids that there are; ``command`` prints all of them with ``--list``."""
+    """The existing ids; ``command`` prints all of them with ``--list``."""
 
     def __init__(self, ids: Collection[str], command: str = "axisbus eds check") -> None:
         self._ids = ids
         self._command = command
 
     def named(self, given: str | Iterable[str], option: str) -> frozenset[str]:
-        """Return ids and beginnings of ids as the table writes them; raises ``ArgumentError`` if no id begins so."""
+        """Return ids and beginnings of ids in the case of the table; raises ``ArgumentError`` if no id begins with a text."""
         texts = (given,) if isinstance(given, str) else given
         return frozenset(self._as_printed(text.strip(), option) for text in texts)
 
@@ -56,12 +56,12 @@ class RuleIds:
         return found[0][: len(text)]
 
     def starting(self, text: str) -> list[str]:
-        """Return the ids that begin with this text, in small letters or capitals; the rule alone where it is a whole id."""
+        """Return the ids that begin with this text in any case; only the rule itself if it is a complete id."""
         exact = [rule for rule in self._ids if rule.lower() == text.lower()]
         return exact or [rule for rule in self._ids if rule.lower().startswith(text.lower())]
 
     def longest(self, rule: str, prefixes: Collection[str]) -> int:
-        """Return the length of the longest prefix that means a rule."""
+        """Return the length of the longest prefix that matches a rule."""
         meant = [len(prefix) for prefix in prefixes if rule == prefix or self._begins(rule, prefix)]
         return max(meant, default=_NONE)
 

@@ -1,4 +1,4 @@
-"""Findings as SARIF 2.1.0 (OASIS), in which code hosts take what checkers find and show it in a diff."""
+"""Findings as SARIF 2.1.0 (OASIS), the format in which code hosts read the findings of checkers and show them in a diff."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def log(
 ) -> dict[str, Any]:
     """Return a SARIF log of the findings by file; files below ``root`` get a URI relative to it.
 
-    ``version`` is that of axisbus, ``command`` what found them, and ``known`` its rules: those of EDS files where it is None. All
-    rules are in it with their texts, also those that found nothing.
+    ``version`` is that of axisbus, ``command`` is the checker, and ``known`` are its rules (None: those of EDS files). The log
+    contains all rules with their texts, even those without findings.
     """
     known = rules() if known is None else known
     driver = {

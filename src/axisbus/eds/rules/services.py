@@ -1,4 +1,4 @@
-"""Rules over the identifiers of SYNC, TIME, EMCY, node guarding and SDO (CiA 301 7.3.5, 7.5.2)."""
+"""Rules for the identifiers of SYNC, TIME, EMCY, node guarding and SDO (CiA 301 7.3.5, 7.5.2)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _HIGHEST_NODE_ID = cob.NODE_IDS[-1]
 
 
 class _Service(NamedTuple):
-    """A service by name, and what the node ID is added to; None where all nodes share one identifier."""
+    """A service by name, and the identifier to which the node-ID is added; None if all nodes share one identifier."""
 
     name: str
     base: int | None = None
@@ -53,7 +53,7 @@ def _wrong(service: _Service, value: Number) -> str:
     if not value.plus_node_id:
         node = (value.value & cob.ID_MASK_29) - service.base
         if 0 <= node <= _HIGHEST_NODE_ID:
-            return ""  # V007 and V019 speak of it
+            return ""  # V007 and V019 report it
         return f"has no $NODEID: every node would use 0x{value.value & cob.ID_MASK_29:X} for {service.name}"
     if service.base == cob.HEARTBEAT:
         right = value.value & cob.ID_MASK_29 == service.base
@@ -72,7 +72,7 @@ def _wrong_of_all(service: _Service, value: Number) -> str:
 
 
 def sdo_types(sheet: RuleContext) -> Iterator[Hit]:
-    """C003, of the SDO parameters."""
+    """C003, for the SDO parameters."""
     for sub in _sdo_entries(sheet):
         kind = SDO_TYPES.get(sub.subindex, sub.data_type)
         if sub.data_type and sub.data_type is not kind:
@@ -91,7 +91,7 @@ def sdo_without_ids(sheet: RuleContext) -> Iterator[Hit]:
     """C017."""
     for index, entry in sheet.eds.objects.items():
         if index not in SDO_PARAMETERS or not entry.is_record or len(entry.subs) < 2:
-            continue  # without any sub-index O008 speaks
+            continue  # without any sub-index, O008 reports it
         for subindex, what in _SDO_NEEDED.items():
             if subindex not in entry.subs:
                 text = f"[{index:04X}] has no sub-index {subindex}, {what}"

@@ -1,4 +1,4 @@
-"""What a file says of an entry beside what CiA 301 and CiA 402 say of it, for the rules and for a person."""
+"""Compare entries of a file with CiA 301 and CiA 402, for the rules and for display."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from axisbus.eds.model import Variable
 
 READ_ONLY = frozenset(("ro", "const"))
 _WRITABLE = frozenset(("rw", "rww", "rwr"))
-_FITTING = {  # what a file may say for an access of the standard: process data has names of its own, const is always ro
+_FITTING = {  # accesses in a file that match one of the standard: process data has names of its own, const is always ro
     "ro": READ_ONLY,
     "const": READ_ONLY,
     "rw": _WRITABLE,
     "wo": frozenset(("wo", *_WRITABLE)),
 }
 
-# What a master moves in PDOs on every cycle; the PDO attributes of the other objects are not public.
+# Objects that a master transfers in PDOs in every cycle; the PDO attributes of the other objects are not public.
 CYCLIC = frozenset(
     (
         *(
@@ -32,14 +32,14 @@ CYCLIC = frozenset(
 
 
 def access_fits(access: str, wanted: frozenset[str]) -> bool:
-    """Whether what a file says means what the standard says."""
+    """Whether a file's access is equivalent to the standard's."""
     return not wanted or any(access in _FITTING[each] for each in wanted)
 
 
 def row(index: int, subindex: int) -> StandardObject | None:
-    """Return what CiA 301 or CiA 402 (on any axis) says of an entry, None where it says nothing.
+    """Return the row of CiA 301 or CiA 402 (on any axis) for an entry, None if there is none.
 
-    The row of an ARRAY stands for each of its elements. Of PDO parameters and the like, which come in numbers, nothing is said.
+    The row of an ARRAY applies to each of its elements. PDO parameters and other objects that exist many times have no row.
     """
     whole = dictionary.whole(index)
     if whole is None or not whole.single:
@@ -49,7 +49,7 @@ def row(index: int, subindex: int) -> StandardObject | None:
 
 
 def words(index: int, subindex: int) -> str:
-    """Return such as ``CiA 402: Statusword, UNSIGNED16, ro, TPDO, mandatory``; empty where the standards say nothing."""
+    """Return a text such as ``CiA 402: Statusword, UNSIGNED16, ro, TPDO, mandatory``; empty if the entry is not in a standard."""
     found = dictionary.entry(index, subindex)
     if found is None:
         return ""
@@ -60,7 +60,7 @@ def words(index: int, subindex: int) -> str:
 
 
 def agrees(entry: Variable) -> bool:
-    """Whether type and access are those of the standard (a constant counts as read-only), or the standard says nothing."""
+    """Whether type and access match the standard (a constant counts as read-only), or the standard does not define the entry."""
     found = dictionary.entry(entry.index, entry.subindex)
     if found is None:
         return True

@@ -1,7 +1,7 @@
-"""One defect, one finding: what only follows from another finding is left out.
+"""One defect, one finding: leave out findings that are only consequences of others.
 
-What reading found is looked at again with the whole entry in view: at which of two lines it is to be mended, and whether the
-standard leaves it open.
+Some findings of the reader are corrected here with the whole entry in view: which of two lines is wrong, and whether the standard
+leaves the point open.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from axisbus.eds.rules import pdo_parameters, records, services, standard, trunc
 from axisbus.eds.rules.context import RuleContext
 
 _WRONG_TYPE = frozenset(("C003", "M002", "O009", "P009"))  # the data type is not the standard's
-_OF_A_VALUE = frozenset(  # what the data type decides
+_OF_A_VALUE = frozenset(  # findings that depend on the data type
     (
         *("V001", "V002", "V003", "V004", "V005", "V009", "V010", "V011", "V012", "V014"),
         *("V016", "V017", "V018", "D004"),
     )
 )
-_WRONG_SHAPE = frozenset(("O004", "O008", "O011"))  # whether the object has sub-indices is not clear
-_OF_A_SHAPE = frozenset(  # what is asked of the one kind of object or the other
+_WRONG_SHAPE = frozenset(("O004", "O008", "O011"))  # it is uncertain whether the object has sub-indices
+_OF_A_SHAPE = frozenset(  # findings that depend on the kind of object
     ("O002", "O003", "O017", "O018", "O020", "O028", "O031", "C005", "C008", "M006", "M014", "P008", "P011")
 )
-# By rule, what it explains where both speak of the same object.
+# A rule, and the rules that it explains if both have a finding for the same object.
 _EXPLAINS = {
     "B001": frozenset(("O010",)),
     "O003": frozenset(("O028",)),
@@ -37,14 +37,14 @@ _EXPLAINS = {
     "P008": frozenset(("P015",)),
 }
 _MISSPELT = "S017"
-_MISSING = frozenset(  # what is told at the header of the section with the misspelt key
+_MISSING = frozenset(  # findings at the header of the section with the misspelt key
     ("O001", "O002", "O003", "O006", "O020", "O024", "O025", "O031", "C005", "L001", "M005", "M006", "P004")
 )
 _MIXED, _IDENTITY = "O026", "D004"
 
 
 def causes(sheet: RuleContext, found: Iterable[EdsFinding]) -> list[EdsFinding]:
-    """Return the findings without those that only follow from others."""
+    """Return the findings without consequences of other findings."""
     whole = truncated_file.without_consequences(sheet, found)
     every = [_JUDGED[each.rule](sheet, each) if each.rule in _JUDGED else each for each in whole]
     typed = {(each.index, each.subindex) for each in every if each.rule in _WRONG_TYPE}
@@ -64,12 +64,12 @@ def causes(sheet: RuleContext, found: Iterable[EdsFinding]) -> list[EdsFinding]:
 
 
 def _header(sheet: RuleContext, line: int) -> int:
-    """Return the line of the section in which a line stands, 0 where it stands in none."""
+    """Return the line of the section that contains a line, 0 if there is none."""
     return sheet.starts[bisect_right(sheet.starts, line) - 1]
 
 
 def _right(sheet: RuleContext, finding: EdsFinding) -> bool:
-    """Whether a value of which a finding speaks would be in order if the data type were the standard's."""
+    """Whether the value of a finding would be valid if the data type were the standard's."""
     kinds = _standard_types(sheet, finding.index or 0, finding.subindex or 0)
     if not finding.line or not kinds:
         return False
@@ -90,7 +90,7 @@ def _standard_types(sheet: RuleContext, index: int, subindex: int) -> tuple[Data
 
 
 def _blamed(sheet: RuleContext, finding: EdsFinding) -> EdsFinding:
-    """Return the finding of crossed limits at HighLimit, where it is that one which the default (else 0) contradicts."""
+    """Return the finding of crossed limits at HighLimit, if that is the limit that contradicts the default (else 0)."""
     section = sheet.section_of(finding.index or 0, finding.subindex or 0)
     entry = sheet.eds.get(finding.index or 0, finding.subindex or 0)
     if section is None or entry is None:
@@ -104,13 +104,13 @@ def _blamed(sheet: RuleContext, finding: EdsFinding) -> EdsFinding:
 
 
 def _letters(sheet: RuleContext, finding: EdsFinding) -> EdsFinding:
-    """Return the finding of a formula as a note where only the case of $NODEID is another, which most tools take."""
+    """Return the finding of a formula as a note if only the case of $NODEID is wrong, which most tools accept."""
     _, text = entry_of(sheet.document.lines[finding.line - 1])
     return replace(finding, severity=Severity.NOTE) if text.startswith("$") else finding
 
 
 def _time(sheet: RuleContext, finding: EdsFinding) -> EdsFinding:
-    """Return the finding of a time that is not understood as a note: DS 306 does not say how a time is written."""
+    """Return the finding of an unknown time as a note: DS 306 does not define the notation of times."""
     entry = sheet.eds.get(finding.index or 0, finding.subindex or 0)
     if entry is None or entry.data_type not in (DataType.TIME_OF_DAY, DataType.TIME_DIFFERENCE):
         return finding

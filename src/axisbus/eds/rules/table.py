@@ -1,4 +1,4 @@
-"""Every rule that an EDS or DCF is checked by, as one table: how bad a breach is, where the rule stands, and what to do."""
+"""The table of all rules for an EDS or DCF: the severity of a breach, the clause of the rule, and the remedy."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from axisbus.eds.model import Severity
 class Rule(NamedTuple):
     """One rule, by its stable ``id``.
 
-    ``severity`` is the worst that a breach can be, ``clause`` where the rule stands, ``title`` a sentence that says what is found,
-    ``remedy`` what to do first, ``explanation`` why it matters.
+    ``severity`` is the highest severity of a breach, ``clause`` is the clause of the standard, ``title`` a sentence with the
+    finding, ``remedy`` the first remedy, ``explanation`` the reason for the rule.
     """
 
     id: str
@@ -32,9 +32,9 @@ def rules() -> Mapping[str, Rule]:
 
 
 def rows_of(package: str, name: str) -> list[dict[str, str]]:
-    """Return the rows of a table of rules that ships beside the code of a package."""
+    """Return the rows of a table of rules that ships with the code of a package."""
     from axisbus.cia301 import (
-        tables,  # reading a clean file asks for no rule, and start-up is spared its imports
+        tables,  # imported only here: reading a clean file needs no rule, so start-up is faster
     )
 
     return tables.rows(package, name)

@@ -1,4 +1,4 @@
-"""Rules over the text itself: lines, spaces, comments and keys (DS 306 4.2)."""
+"""Rules for the text itself: lines, spaces, comments and keys (DS 306 4.2)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from axisbus.eds.rules.context import DEVICE_INFO, FILE_INFO, LISTS, Hit, Looks,
 from axisbus.wording import counted
 
 MAX_LINE = 255
-_MAX_FOREIGN = 200  # different keys; to look for what each is like takes long
+_MAX_FOREIGN = 200  # different keys; the search for similar keys is slow
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 _SPACED_KEY = re.compile(r"[^;\[\s=][^=]*?(\s+)=")
@@ -37,7 +37,7 @@ FILE_KEYS = frozenset(
     )
 )
 BAUD_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
-# Of older versions: not to be used any more, and no mistake (DS 306 4.5). What begins with LMT_ belongs to them.
+# Keys of older versions: no longer in use, but no mistake (DS 306 4.5). Keys that begin with LMT_ are old, too.
 RESERVED_DEVICE_KEYS = frozenset(
     ("productversion", "productrevision", "extendedbootupmaster", "extendedbootupslave")
 )
@@ -95,7 +95,7 @@ def mixed_line_ends(sheet: RuleContext) -> Iterator[Hit]:
     """S015."""
     if "\r" not in sheet.text:
         return
-    lines = sheet.document.lines[:-1]  # what follows the last line end has none
+    lines = sheet.document.lines[:-1]  # the text after the last line end has none
     carriage = [number for number, line in enumerate(lines, 1) if line.endswith("\r")]
     if not carriage or len(carriage) == len(lines):
         return
@@ -142,7 +142,7 @@ def misspelt_keys(sheet: RuleContext) -> Iterator[Hit]:
 
 
 def _foreign_keys(sheet: RuleContext) -> Iterator[tuple[Section, str]]:
-    """Yield what is no key of DS 306, where the standard knows all keys of the section; of a file of noise only the first."""
+    """Yield the keys that are not in DS 306, in sections whose keys the standard defines; only the first of very many."""
     seen: set[str] = set()
     for section, key in _all_foreign_keys(sheet):
         seen.add(key)
@@ -189,7 +189,7 @@ def _object_sections(sheet: RuleContext) -> Iterator[Section]:
 def _may_be_there(name: str, key: str) -> bool:
     if name in LISTS:
         return key[:1].isdigit()
-    return name == DEVICE_INFO and key.startswith(("baudrate", "lmt_"))  # D011 judges the rates
+    return name == DEVICE_INFO and key.startswith(("baudrate", "lmt_"))  # D011 checks the rates
 
 
 def _keys_of(section: Section) -> frozenset[str]:
@@ -198,7 +198,7 @@ def _keys_of(section: Section) -> frozenset[str]:
 
 @lru_cache(maxsize=512)
 def _meant(key: str, known: frozenset[str]) -> str:
-    """Return the key of which this one is a misspelling, empty where it is like none."""
+    """Return the known key that this one misspells, empty if none is similar."""
     bare = key.replace(" ", "").replace("_", "").replace("-", "")
     if bare in known:
         return bare
@@ -209,7 +209,7 @@ def _meant(key: str, known: frozenset[str]) -> str:
 def _matches(
     sheet: RuleContext, pattern: re.Pattern[str], part: str, other: str
 ) -> list[tuple[int, re.Match[str]]]:
-    """Return the lines that begin as ``pattern`` says; ``part`` or ``other`` must be there, a quick test."""
+    """Return the lines that match ``pattern``; they must contain ``part`` or ``other``, which is a quick test."""
     if part not in sheet.text and other not in sheet.text:
         return []
     return [
@@ -220,7 +220,7 @@ def _matches(
 
 
 def _and_more(found: Iterable[object]) -> str:
-    """Return ``, and 3 more`` for a finding that stands for several."""
+    """Return ``, and 3 more`` for a finding that represents several."""
     others = len(list(found)) - 1
     return f", and {others} more like it" if others else ""
 

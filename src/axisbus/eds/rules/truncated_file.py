@@ -1,4 +1,4 @@
-"""The rule over a file that ends in the middle, and what follows from that alone (DS 306 4.6.3)."""
+"""The rule for a file that ends in the middle, and the findings that are only its consequences (DS 306 4.6.3)."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from axisbus.eds.subindices import STRUCTURE, is_compact
 from axisbus.wording import counted
 
 RULE = "S020"
-_SEVERAL = 2  # listed objects that are missing at the end; a single one may be a slip
+_SEVERAL = 2  # missing listed objects at the end; a single one may be a mistake
 _NEEDED = ("parametername", "datatype", "accesstype")
-# What is only missing because the rest of the file is.
+# Rules about parts that are missing because the rest of the file is missing.
 CONSEQUENCES = frozenset(
     (
         *("L001", "L005", "D006", "B004", "K002", "P001", "P002", "P007"),
@@ -26,7 +26,7 @@ CONSEQUENCES = frozenset(
 
 
 class FileTruncation(NamedTuple):
-    """Where a file breaks off: its last section, the object of that, and the listed objects that do not come any more."""
+    """The end of a truncated file: its last section, the object of that section, and the listed objects that are missing."""
 
     section: Section
     index: int | None  # type: ignore[assignment]  # hides tuple.index, which nobody wants here
@@ -34,7 +34,7 @@ class FileTruncation(NamedTuple):
 
 
 def ending(sheet: RuleContext) -> FileTruncation | None:
-    """Return where a file ends early, None where it ends as it should, or it cannot be told."""
+    """Return the end of a file that ends early; None if it ends correctly, or if that is uncertain."""
     every = (*sheet.document.sections.values(), *sheet.document.repeated)
     *before, last = sorted(every, key=lambda section: section.line)
     index = _index_of(sheet, last)
@@ -46,13 +46,13 @@ def ending(sheet: RuleContext) -> FileTruncation | None:
     unended = unfinished and sheet.document.lines[-1] != ""
     if not (early or unended):
         return None
-    if index is None and before:  # half a header: the object before it may go on
+    if index is None and before:  # half a header: the object before it may be incomplete
         index = _index_of(sheet, before[-1])
     return FileTruncation(last, index, absent)
 
 
 def _breaks_off(sheet: RuleContext) -> bool:
-    """Whether the last line has no line end, and is no whole line."""
+    """Whether the last line has no line end and is incomplete."""
     line = sheet.document.lines[-1].strip()
     if not line or line[0] == ";":
         return False
@@ -62,7 +62,7 @@ def _breaks_off(sheet: RuleContext) -> bool:
 
 
 def _absent_at_the_end(sheet: RuleContext) -> tuple[int, ...]:
-    """Return the listed objects that have no section, if they are the last by the lists or by their indices."""
+    """Return the listed objects that have no section, if they are the last ones by the lists or by their indices."""
     lists = sorted(filter(None, map(sheet.section, LISTS)), key=lambda section: section.line)
     listed = [
         index
@@ -86,13 +86,13 @@ def _index_of(sheet: RuleContext, section: Section) -> int | None:
 
 
 def _announces(sheet: RuleContext, last: Section, index: int) -> bool:
-    """Whether the last section announces sub-indices, of which none comes."""
+    """Whether the last section announces sub-indices, but none follows."""
     bare = last is sheet.heads.get(index) and index not in sheet.subs and sheet.eds.objects[index].is_record
     return bare and not is_compact(last) and bool(values.plain(last.entries.get("subnumber", "")))
 
 
 def _is_unfinished(sheet: RuleContext, last: Section, index: int) -> bool:
-    """Whether the last section, or the object to which it belongs, lacks what it must have."""
+    """Whether the last section, or its object, lacks a mandatory part."""
     entry, head = sheet.eds.objects[index], sheet.heads.get(index, last)
     if entry.is_record and last is head and index not in sheet.subs and not is_compact(head):
         return True
@@ -118,7 +118,7 @@ def ends_early(sheet: RuleContext) -> Iterator[Hit]:
 
 
 def without_consequences(sheet: RuleContext, found: Iterable[EdsFinding]) -> list[EdsFinding]:
-    """Return the findings without those that only follow from the end of the file."""
+    """Return the findings without consequences of the early end of the file."""
     every = list(found)
     end = ending(sheet) if any(each.rule == RULE for each in every) else None
     if end is None:

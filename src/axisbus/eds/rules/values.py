@@ -1,4 +1,4 @@
-"""Rules over values and limits, beyond what reading one value by itself shows (DS 306 4.3)."""
+"""Rules for values and limits that need more than a single value (DS 306 4.3)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _WITHOUT_LIMITS = frozenset(
 )
 _HIGHEST_NODE_ID = cob.NODE_IDS[-1]
 COB_ID_GUARDING = 0x100E  # of DS 301 V3
-# Identifiers that follow from the node ID (CiA 301 7.3.5), by the entry that holds them.
+# Identifiers that depend on the node-ID (CiA 301 7.3.5), by their entry.
 NODE_COB_IDS = {
     **{(o.RPDO_COMMUNICATION + number, 1): base for number, base in enumerate(cob.RPDO)},
     **{(o.TPDO_COMMUNICATION + number, 1): base for number, base in enumerate(cob.TPDO)},
@@ -52,7 +52,7 @@ def _crossed(value: Default, variable: Variable) -> str:
 
 
 def _less(left: Limit, right: Limit) -> bool:
-    """Whether ``left`` is less for every node ID."""
+    """Whether ``left`` is less for every node-ID."""
     if left is None or right is None:
         return False
     both = _formula(left) and _formula(right)
