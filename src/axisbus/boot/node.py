@@ -140,7 +140,7 @@ class NodeBoot:
         self._by_dcf = 0
 
     def run(self) -> Booted:
-        """Do all steps; an error goes into the report and is not raised.
+        """Do all steps; the report contains an error, which is not raised.
 
         Blocks for several dozen SDO transfers, and for minutes if the node's program is replaced.
         """

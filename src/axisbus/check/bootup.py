@@ -7,7 +7,7 @@ from axisbus.cia301 import objects as cia301
 
 
 def version(case: CheckContext) -> Problems:
-    """Check that date and time of a configuration are both given, and that the node keeps them (1020h)."""
+    """Check that date and time of a configuration are both given, and that the node stores them (1020h)."""
     for node in case.cell.nodes.values():
         given = [key for key in ("configuration_date", "configuration_time") if node.at.gives(key)]
         if len(given) == 1:

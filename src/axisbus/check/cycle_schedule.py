@@ -74,7 +74,7 @@ class CycleSlot:
 
     @property
     def rank(self) -> tuple[int, int]:
-        """The rank in the arbitration, lowest first: the first 11 bits, then 11-bit before 29-bit identifiers, then the rest."""
+        """The arbitration rank, lowest first: the first 11 bits, then 11-bit before 29-bit identifiers, then the 18 others."""
         extended = self.can_id > cob.ID_MASK_11
         return (self.can_id >> 18, 1 + self.can_id) if extended else (self.can_id, 0)
 

@@ -184,7 +184,7 @@ _SINGLE = (
 
 
 def one_axis_per_object(case: CheckContext) -> Problems:
-    """Reject a device that keeps several axes in the sub-indices of one object, which CiA 402 does not define."""
+    """Reject a device that has several axes in the sub-indices of one object, which CiA 402 does not define."""
     for drive in case.drives:
         split = tuple(
             index for index in _SINGLE if drive.has(index) and drive.eds.objects[drive.index(index)].is_record

@@ -11,7 +11,7 @@ from axisbus.check.run import check_cell
 
 
 def checked(path: str | Path, beside: bool = False) -> CellConfig:
-    """Return the cell of a file in which ``check`` finds no error; ``beside`` overrides the key of the file. Blocks for its files.
+    """Return the cell of a file in which ``check`` finds no error; ``beside``: as if the file said so. Blocks for its files.
 
     Raises:
         ConfigError: there is an error; it contains the first error, and lists the others.

@@ -85,7 +85,7 @@ def _asked(drive: Drive) -> Iterator[tuple[ModeOfOperation, int, str]]:
 
 
 def _turns_only(drive: Drive) -> bool:
-    """Whether the default velocity may be meant for move_velocity, as on a drive that runs only velocities."""
+    """Whether the drive can run pv: then its default velocity may be meant for move_velocity."""
     return _M.PROFILE_VELOCITY in drive.runnable
 
 

@@ -20,7 +20,7 @@ _HEAD = struct.Struct("<HBI")
 class ConciseWrite(NamedTuple):
     """One write to a device: ``data`` as SDO sends it, little endian."""
 
-    index: int  # type: ignore[assignment]  # hides tuple.index, which nobody wants here
+    index: int  # type: ignore[assignment]  # hides tuple.index, which is not used
     subindex: int
     data: bytes
 

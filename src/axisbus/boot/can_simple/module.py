@@ -77,7 +77,7 @@ class ModuleBoot:
         self._parameters: dict[str, AxisParameters] = {}
 
     def run(self) -> Booted:
-        """Do all steps; an error goes into the report and is not raised.
+        """Do all steps; the report contains an error, which is not raised.
 
         Blocks for about a second, and for up to ``find_time`` if no module answers.
         """

@@ -1,1 +1,1 @@
-"""The needs of an axis's cyclic modes in its PDOs: offsets of feed-forward, and the target of ip."""
+"""The values that an axis's cyclic modes need in its PDOs: offsets of feed-forward, and the target of ip."""

@@ -18,7 +18,7 @@ Pair = tuple[GantryConfig, AxisConfig, AxisConfig]
 
 
 def _pairs(case: CheckContext) -> Iterator[Pair]:
-    """Yield the pairs of which both axes exist."""
+    """Yield the pairs whose two axes exist."""
     for gantry in case.cell.gantries.values():
         if (
             gantry.at.sound("axes")
@@ -30,7 +30,7 @@ def _pairs(case: CheckContext) -> Iterator[Pair]:
 
 
 def _driven(case: CheckContext) -> Iterator[Pair]:
-    """Yield the pairs of which both axes have a drive."""
+    """Yield the pairs whose two axes have a drive."""
     return (pair for pair in _pairs(case) if not (pair[1].virtual or pair[2].virtual))
 
 
@@ -101,7 +101,7 @@ _SMALLER: tuple[tuple[str, Callable[[AxisConfig], Any]], ...] = (
 
 
 def alike(case: CheckContext) -> Problems:
-    """Warn of settings that make the axes of a pair behave differently; note limits of which the smaller one applies."""
+    """Warn of settings that make the axes of a pair behave differently; note limits that differ: the smaller one applies."""
     for gantry, first, second in _driven(case):
         for key, why, value in _SAME:
             a, b = value(first), value(second)

@@ -21,7 +21,7 @@ class LineEdit(NamedTuple):
     """Replace ``count`` lines from ``line`` on (from 1) by ``lines``, which have no line ends; with ``count`` 0 only insert."""
 
     line: int
-    count: int  # type: ignore[assignment]  # hides tuple.count, which nobody wants here
+    count: int  # type: ignore[assignment]  # hides tuple.count, which is not used
     lines: tuple[str, ...] = ()
 
 

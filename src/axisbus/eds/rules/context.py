@@ -32,7 +32,7 @@ class Hit(NamedTuple):
     line: int
     column: int
     message: str
-    index: int | None = None  # type: ignore[assignment]  # hides tuple.index, which nobody wants here
+    index: int | None = None  # type: ignore[assignment]  # hides tuple.index, which is not used
     subindex: int | None = None
     severity: Severity | None = None
 

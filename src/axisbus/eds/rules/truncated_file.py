@@ -29,7 +29,7 @@ class FileTruncation(NamedTuple):
     """The end of a truncated file: its last section, the object of that section, and the listed objects that are missing."""
 
     section: Section
-    index: int | None  # type: ignore[assignment]  # hides tuple.index, which nobody wants here
+    index: int | None  # type: ignore[assignment]  # hides tuple.index, which is not used
     absent: tuple[int, ...]
 
 
