@@ -1,1 +1,1 @@
-"""CiA 305 (LSS) as pure dialogues: finding, naming and configuring nodes that have no node ID yet."""
+"""CiA 305 (LSS) as pure dialogues: find and configure nodes that have no node-ID yet."""

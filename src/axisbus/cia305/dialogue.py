@@ -1,15 +1,15 @@
-"""How an LSS master and its slaves talk, without a bus or a clock: requests and waits out, answers with their delays in.
+"""The dialogue of an LSS master with its slaves, independent of bus and clock.
 
 Theory of operation
 -------------------
-A *dialogue* is a generator. It yields an ``LssRequest`` (a frame, which answers count, how long to wait) and is sent ``LssReplies``
-(what came, each answer with the seconds since its request). Whoever runs it owns bus and clock: ``axisbus.bus.lss`` does so in real
-time, a test in no time at all.
+A *dialogue* is a generator. It yields an ``LssRequest``: a frame, the kind of answer that it expects, and the time to wait. The
+caller sends back ``LssReplies``: the answers, each with the seconds since its request. The caller owns the bus and the clock.
+``axisbus.bus.lss`` runs dialogues in real time; tests run them without waiting.
 
-LSS answers carry no number that ties them to a request, and silence is an answer too: in a fast scan it means "nobody". So the wait
-decides between right and wrong, and ``AdaptiveLssTimeout`` sets it: at least ``floor``, and half as long again as the slowest
-answer seen. After an answer the line is listened to for ``settle``, so that what slower slaves say to this request is not taken for
-the next one's.
+An LSS answer contains no number that assigns it to a request. Silence is an answer too: in a fast scan it means that no slave
+matches. The length of the wait therefore decides whether a result is right. ``AdaptiveLssTimeout`` sets it to the larger of
+``floor`` and 1.5 times the delay of the slowest answer seen, but no more than ``ceiling``. After an answer the master listens for
+another ``settle`` seconds, so that it does not take answers of slower slaves for answers to the next request.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from axisbus.wording import counted
 
 T = TypeVar("T")
 
-_MARGIN = 1.5  # on the slowest answer seen
-_RESULT = 3  # bytes of an answer with an error code and the maker's own; what is cut short tells none
+_MARGIN = 1.5  # factor on the delay of the slowest answer seen
+_RESULT = 3  # bytes of an answer with error code and manufacturer-specific error; a shorter one has neither
 _NUMBERS = {**dict.fromkeys(INQUIRIES, 5), LssService.INQUIRE_NODE_ID: 2}  # bytes of the others
-CONFIRM_WAIT = 0.5  # s for a confirmed service at its first try; costs only where nobody answers
+CONFIRM_WAIT = 0.5  # s for a confirmed service at its first try; only an unanswered request takes that long
 STORE_WAIT = 5.0  # s; some memories are erased first
 
 
@@ -48,7 +48,7 @@ class LssReply(NamedTuple):
 
 
 class LssReplies(NamedTuple):
-    """The answers to an ``LssRequest`` of the expected kind, and the delays of answers too late for an earlier request."""
+    """Answers of the expected kind to an ``LssRequest``, and delays (s) of answers that came too late for an earlier request."""
 
     answers: tuple[LssReply, ...] = ()
     late: tuple[float, ...] = ()
@@ -56,9 +56,9 @@ class LssReplies(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class LssRequest:
-    """Send ``frame``; wait ``wait`` s for an answer that begins with ``expects`` (None: just wait), then ``settle`` s for more.
+    """Send ``frame``; wait ``wait`` s for an answer that begins with ``expects`` (None: only wait), then ``settle`` s for more.
 
-    ``found`` and ``bits`` (0 to 128) tell how far a scan has come.
+    ``found`` (slaves) and ``bits`` (0 to 128) are the progress of a scan.
     """
 
     frame: bytes
@@ -74,9 +74,13 @@ Dialogue = Generator[LssRequest, LssReplies, T]
 
 @dataclass(frozen=True, slots=True)
 class LssTiming:
-    """Waits in s. ``floor``: the least wait for an answer, to be raised for slow slaves. ``first``: the wait while nothing is
-    known of the slaves, and where silence means that none is left. ``gap``: after an answer, and after a request that has none.
-    ``ceiling``: the most that the wait may grow to. ``tries``: how often each request is sent before it counts as unanswered.
+    """Waiting times in seconds.
+
+    - ``floor``: the minimum wait for an answer; raise it for slow slaves.
+    - ``first``: the wait before any delay of the slaves is known, and the minimum wait if silence means that no slave is left.
+    - ``gap``: the minimum time to listen after an answer, and the pause after a request that has no answer.
+    - ``ceiling``: the maximum wait.
+    - ``tries``: how often each request is sent before it counts as unanswered.
     """
 
     floor: float = 0.015
@@ -101,7 +105,7 @@ class LssTiming:
 
 
 class AdaptiveLssTimeout:
-    """How long to wait; holds the delays seen, and how much trust is left in them."""
+    """Waiting times of a dialogue; holds the delays seen so far, and a factor that grows when answers contradict each other."""
 
     def __init__(self, timing: LssTiming | None = None) -> None:
         self.timing = timing or LssTiming()
@@ -111,7 +115,7 @@ class AdaptiveLssTimeout:
 
     @property
     def timeout(self) -> float:
-        """Seconds after which no answer means that nobody answers."""
+        """Seconds without an answer after which no slave is assumed to answer."""
         timing = self.timing
         if self.slowest is None:
             return max(timing.floor, timing.first)
@@ -119,17 +123,17 @@ class AdaptiveLssTimeout:
 
     @property
     def patience(self) -> float:
-        """Seconds to wait where a whole search ends on silence."""
+        """Seconds to wait for an answer if silence ends a whole search."""
         return max(self.timeout, self.timing.first)
 
     @property
     def settle(self) -> float:
-        """Seconds to go on listening after an answer; no more than the ceiling, however long somebody goes on talking."""
+        """Seconds to listen after an answer, at most ``ceiling``, even if slaves continue to answer."""
         settled = max(self.timing.gap, _MARGIN * self._spread)
         return min(self.timing.ceiling, settled if self._factor == 1.0 else max(settled, self.timeout))
 
     def learn(self, heard: LssReplies) -> None:
-        """Take note of how quick the slaves are."""
+        """Update the slowest delay and the spread of the delays."""
         delays = [answer.delay for answer in heard.answers]
         if len(delays) > 1:
             self._spread = max(self._spread, delays[-1] - delays[0])
@@ -137,14 +141,14 @@ class AdaptiveLssTimeout:
             self.slowest = max(delay, self.slowest or 0.0)
 
     def distrust(self) -> None:
-        """Answers contradicted each other: wait twice as long from now on, and listen as long after every answer."""
+        """Double the wait after answers that contradicted each other, and listen at least as long after every answer."""
         self._factor *= 2.0
 
 
 def ask(
     pace: AdaptiveLssTimeout, frame: bytes, wait: float | None = None, *, found: int = 0, bits: int = 0
 ) -> Dialogue[LssReplies]:
-    """Send a frame once; wait for its answers (``wait`` s instead of the pace's) and learn from them."""
+    """Send a frame once, wait for its answers (``wait`` s; None: the timeout of ``pace``) and learn from their delays."""
     expects = ANSWERS[LssService(frame[0])]
     heard = yield LssRequest(frame, expects, pace.timeout if wait is None else wait, pace.settle, found, bits)
     pace.learn(heard)
@@ -152,18 +156,18 @@ def ask(
 
 
 def say(pace: AdaptiveLssTimeout, frame: bytes, pause: float | None = None) -> Dialogue[None]:
-    """Send a frame that has no answer, and give the slaves ``pause`` s (None: the pace's gap)."""
+    """Send a frame that has no answer, then pause ``pause`` s (None: the gap of ``pace``)."""
     pace.learn((yield LssRequest(frame, None, pace.timing.gap if pause is None else pause)))
 
 
 def all_waiting(pace: AdaptiveLssTimeout) -> Dialogue[None]:
-    """Switch every slave to *waiting*; twice, because nobody would tell that one had not heard it and obeys the next request."""
+    """Switch every slave to *waiting*, twice: no answer would show that a slave missed the frame and obeys the next request."""
     for _ in range(2):
         yield from say(pace, switch_global(LssState.WAITING))
 
 
 def select(pace: AdaptiveLssTimeout, address: LssAddress, pause: float | None = None) -> Dialogue[int]:
-    """Switch one slave from *waiting* to *configuration*, once; return how many answered."""
+    """Switch one slave from *waiting* to *configuration* with one attempt; return the number of answers."""
     *numbers, last = switch_selective(address)
     for frame in numbers:
         yield from say(pace, frame, pause)
@@ -172,18 +176,18 @@ def select(pace: AdaptiveLssTimeout, address: LssAddress, pause: float | None = 
 
 
 def enter(pace: AdaptiveLssTimeout, address: LssAddress | None) -> Dialogue[None]:
-    """Have exactly one slave in *configuration*: that with ``address``, or (None) every slave, where there is only one.
+    """Switch exactly one slave to *configuration*: the one with ``address``; if None, all slaves, which must be only one.
 
     Raises:
         LssTimeout: no slave has this address.
-        LssError: several have.
+        LssError: several slaves have it.
     """
     for attempt in range(pace.timing.tries):
         yield from all_waiting(pace)
         if address is None:
             yield from say(pace, switch_global(LssState.CONFIGURATION))
             return
-        # A slave that lost a number of the address may need more time between them.
+        # A slave that missed one of the four numbers may need more time between them.
         count = yield from select(pace, address, pace.timeout if attempt else None)
         if count > 1:
             count = yield from count_again(pace, address)
@@ -196,14 +200,14 @@ def enter(pace: AdaptiveLssTimeout, address: LssAddress | None) -> Dialogue[None
 
 
 def count_again(pace: AdaptiveLssTimeout, address: LssAddress) -> Dialogue[int]:
-    """Return how many answer to an address when all that was late has had time to come."""
+    """Return the number of slaves that answer to an address, after a pause in which late answers can arrive."""
     yield from all_waiting(pace)
     yield from say(pace, switch_global(LssState.WAITING), pace.patience)
     return (yield from select(pace, address))
 
 
 def duplicate_addresses(address: LssAddress, count: int) -> LssError:
-    """Return the error that ``count`` slaves answer to one address."""
+    """Return the error for ``count`` slaves that answer to one address."""
     return LssError(
         f"{counted(count, 'LSS slave')} have the same identity {address}",
         service=LssService.SWITCH_STATE_SELECTIVE.text,
@@ -214,7 +218,7 @@ def duplicate_addresses(address: LssAddress, count: int) -> LssError:
 
 
 def absent(pace: AdaptiveLssTimeout, address: LssAddress) -> LssTimeout:
-    """Return the error that nobody answers to an address."""
+    """Return the error for an address that no slave answers to."""
     return LssTimeout(
         f"no LSS slave has the identity {address}",
         service=LssService.SWITCH_STATE_SELECTIVE.text,
@@ -229,7 +233,7 @@ def absent(pace: AdaptiveLssTimeout, address: LssAddress) -> LssTimeout:
 def confirmed(
     pace: AdaptiveLssTimeout, frame: bytes, slave: str, wait: float = CONFIRM_WAIT, *, many: bool = False
 ) -> Dialogue[bytes]:
-    """Carry out a confirmed service with the slave in *configuration* (``many``: with all of them); return its answer.
+    """Request a confirmed service from the slave in *configuration* (``many``: from all slaves there); return the answer.
 
     Raises:
         LssTimeout: no answer, after all tries.
@@ -242,7 +246,7 @@ def confirmed(
             answer.data for answer in heard.answers if len(answer.data) >= _NUMBERS.get(service, _RESULT)
         ]
         answers = [data.ljust(8, b"\0") for data in whole]
-        # At a later try the same answer again may be the late one to the try before.
+        # From the second try on, a second equal answer may be the late answer to the try before.
         if len(set(answers)) > 1 or (len(answers) > 1 and not attempt and not many):
             raise _several(service, slave, answers)
         if answers:
@@ -269,10 +273,10 @@ def _several(service: LssService, slave: str, answers: list[bytes]) -> LssError:
 def configured(
     pace: AdaptiveLssTimeout, frame: bytes, slave: str, wait: float = CONFIRM_WAIT, *, many: bool = False
 ) -> Dialogue[None]:
-    """Carry out one of the services that answer with an error code.
+    """Request a service whose answer contains an error code.
 
     Raises:
-        LssRefused: the slave says no.
+        LssRefused: the slave reported an error.
         LssTimeout, LssError: as ``confirmed``.
     """
     answer = yield from confirmed(pace, frame, slave, wait, many=many)

@@ -1,19 +1,22 @@
-"""LSS fast scan beside slaves that go on answering it after they were found: each is excluded by its address.
+"""LSS fast scan on a bus with slaves that continue to answer after they were found.
 
 Theory of operation
 -------------------
-CiA 305 has fast scan answered in *waiting* only; a slave that was found is in *configuration* and silent. Some go on answering, so
-that the usual search finds them again and again. Answers carry no address: what a slave that answers on says cannot be told from
-what others say, except in branches of the tree of addresses that it is not in. So:
+By CiA 305 a slave answers fast scan only in *waiting*. Once found, a slave is in *configuration* and silent. Some slaves continue
+to answer there, so the usual search finds them again and again. Answers contain no address. The answers of such a slave cannot be
+distinguished from those of others, except in branches of the address tree that do not contain its address. Therefore:
 
-* every slave found is put aside by selective switching, alone, and asked once more by its own address. Who is silent then is out of
-  the way. Who answers is *excluded*: its numbers are read from it, and it stays in *waiting*, where it answers by its address.
-* the tree is walked from its root. Of a branch that holds somebody excluded both halves are looked at; one that holds nobody
-  excluded is asked for. Silence closes it; an answer can only be somebody else's, who is then searched for in this branch.
-* silence may be a lost frame, so the walk ends when it has gone through the whole tree ``WALKS`` times without finding anybody.
+* Each found slave is set aside: it is selected alone by switch state selective, then asked once more by its own address. If it is
+  silent, it stays in *configuration*. If it answers, it is *excluded*: the master reads its numbers and leaves it in *waiting*,
+  where it answers by its address.
+* The master walks the tree from its root. If a branch contains an excluded slave, the master looks at both halves. Otherwise it
+  sends a request for the branch. Silence closes the branch. An answer can only come from another slave, and the master then
+  searches for that slave in this branch.
+* Silence may also mean a lost frame. The walk therefore ends only after ``WALKS`` passes through the whole tree without a new
+  slave.
 
-What cannot be told is said: whether somebody has the same address as one that is excluded (LSS has no means), and that the search
-was given up, where addresses go on being answered for that nobody can be selected by.
+The result reports two uncertainties. LSS cannot show whether another slave has the same address as an excluded one. The search is
+given up if too many addresses are answered although no slave can be selected by them.
 """
 
 from __future__ import annotations
@@ -27,9 +30,9 @@ from axisbus.cia305.services import LssAddress, LssState, switch_global
 from axisbus.cia305.tree import DEPTH, PART_BITS, ROOT, Branch, Questions, of
 from axisbus.errors import LssError
 
-WALKS = 2  # through the whole tree, with nobody found
-RESTARTS = 6  # searches in one branch, each more patient than the last
-MOST_DOUBTFUL = 3  # addresses that are answered for and cannot be selected
+WALKS = 2  # passes through the whole tree without a new slave
+RESTARTS = 6  # searches in one branch; from the third on, each waits twice as long as the last
+MOST_DOUBTFUL = 3  # addresses that are answered but cannot be selected
 
 GIVEN_UP = (
     f"more than {MOST_DOUBTFUL} addresses are answered for that nobody can be selected by: most likely a slave answers "
@@ -39,20 +42,20 @@ CONTRADICTED = "answers contradicted each other in the range from {low} to {high
 
 
 class _NobodyError(Exception):
-    """Somebody answered for a branch, and nobody for either half of it; never leaves this module."""
+    """A branch was answered, but neither of its halves; never leaves this module."""
 
 
 class _OthersError(Exception):
-    """Those who answered for a branch are not as ``KnownIdentity`` says; never leaves this module."""
+    """The slaves that answered for a branch do not match ``KnownIdentity``; never leaves this module."""
 
 
 class ExcludingScan:
-    """The rest of a scan; holds who is put aside in *configuration*, who is excluded, and which branches are still open."""
+    """The rest of a scan; holds the slaves set aside in *configuration*, the excluded slaves, and the branches still open."""
 
     def __init__(
         self, pace: AdaptiveLssTimeout, known: KnownIdentity, most: int, found: Sequence[Unconfigured]
     ) -> None:
-        """``found`` are those that the usual search found, each of whom is checked first; at most ``most`` are found in all."""
+        """Prepare; ``found`` are the results of the usual search, each checked first; ``most`` limits the number of slaves."""
         self._pace = pace
         self._known = known.parts
         self._most = most
@@ -71,7 +74,7 @@ class ExcludingScan:
         return [*self._aside, *self._excluded]
 
     def run(self) -> Dialogue[Scanned]:
-        """Find them all; those put aside are in *configuration* at the end, those excluded in *waiting*."""
+        """Find all slaves; at the end slaves set aside are in *configuration*, excluded slaves in *waiting*."""
         for slave in self._candidates:
             yield from self._sort_out(slave.address, slave.twins)
         walks = 0
@@ -96,7 +99,7 @@ class ExcludingScan:
     # -- the tree -----------------------------------------------------------------------------------------------------------------
 
     def _walk(self) -> Dialogue[None]:
-        """Go through all branches once; a branch in which somebody was found is looked at again."""
+        """Pass through all branches once; a branch in which a slave was found is looked at again."""
         yield from self._put_aside()
         self._open = [ROOT]
         while self._open and not self._is_over():
@@ -107,9 +110,9 @@ class ExcludingScan:
                 yield from self._look(branch)
 
     def _look(self, branch: Branch) -> Dialogue[None]:
-        """Ask for a branch that nobody excluded is in."""
+        """Send a request for a branch that contains no excluded slave."""
         if not branch.within(self._known) and (self._others or self._seen_others):
-            return  # those are only mentioned, and one walk is enough for that
+            return  # slaves that do not match are only mentioned, and one walk is enough for that
         if not (yield from self._questions.anybody(branch)):
             return
         try:
@@ -123,13 +126,13 @@ class ExcludingScan:
             yield from self._sort_out(leaf.address)
             if len(self._found) > count:
                 self._open.append(branch)
-            else:  # nobody has it, or somebody has come back who was put aside
+            else:  # no slave has this address, or a slave that was set aside answered again
                 self._search_again(branch)
 
     def _search_again(self, branch: Branch) -> None:
         count = self._searches[branch] = self._searches.get(branch, 0) + 1
         self._questions.forget()
-        if count > 1:  # once is an accident
+        if count > 1:  # one contradiction may be an accident
             self._pace.distrust()
         if count < RESTARTS:
             self._open.append(branch)
@@ -138,13 +141,13 @@ class ExcludingScan:
             self._incomplete = CONTRADICTED.format(low=branch.address, high=last.address)
 
     def _descend(self, branch: Branch) -> Dialogue[Branch]:
-        """Return the leaf of somebody in a branch that was answered for, the lowest unless a guess was right."""
+        """Return the leaf of a slave in a branch that was answered: the lowest address unless a guess was right."""
         while branch.depth < DEPTH:
             branch = (yield from self._guessed(branch)) or (yield from self._half(branch))
         return branch
 
     def _guessed(self, branch: Branch) -> Dialogue[Branch | None]:
-        """Go down a whole part, if somebody has the number of the last slave found there: often there are several of a kind."""
+        """Descend a whole part if a slave has the same number as the last slave found: machines often have several of a kind."""
         if branch.depth % PART_BITS or not self._found:
             return None
         part = branch.depth // PART_BITS
@@ -169,7 +172,7 @@ class ExcludingScan:
     # -- one slave ----------------------------------------------------------------------------------------------------------------
 
     def _sort_out(self, address: LssAddress, twins: bool = False) -> Dialogue[None]:
-        """Put a slave aside if it lets itself be, else exclude it; an address that nobody has is dropped."""
+        """Set a slave aside if it is silent in *configuration*, else exclude it; drop an address that no slave answers to."""
         before = [slave for slave in self._aside if slave.address == address]
         self._aside = [slave for slave in self._aside if slave.address != address]
         yield from self._put_aside()
@@ -184,7 +187,7 @@ class ExcludingScan:
             yield from self._put_aside()
 
     def _put_aside(self) -> Dialogue[None]:
-        """Have those in *configuration* who are silent there, and all others in *waiting*."""
+        """Switch the slaves that are silent in *configuration* to *configuration*, and all others to *waiting*."""
         yield from all_waiting(self._pace)
         for slave in self._aside:
             if not (yield from select(self._pace, slave.address)):
@@ -201,19 +204,19 @@ class ExcludingScan:
         return 0
 
     def _inquire(self, address: LssAddress, selectable: bool) -> Dialogue[tuple[Check, int | None]]:
-        """Read the numbers and the node-ID of a slave that is alone in *configuration*."""
+        """Read the four numbers and the node-ID of a slave that is alone in *configuration*."""
         if not selectable:
             return Check.UNSELECTABLE, None
         for _ in range(self._pace.timing.tries):
             yield from all_waiting(self._pace)
             yield from say(
                 self._pace, switch_global(LssState.WAITING), self._pace.patience
-            )  # what is late may come
+            )  # time for late answers to arrive
             if (yield from select(self._pace, address)):
                 break
         try:
             numbers, node_id = yield from numbers_of(self._pace, address)
-        except LssError:  # several answered, and not the same
+        except LssError:  # several slaves answered, with different numbers
             return Check.OTHERWISE, None
         if numbers is None:
             return Check.SILENT, node_id

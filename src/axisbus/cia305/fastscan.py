@@ -1,25 +1,27 @@
-"""LSS fast scan (CiA 305): finds every slave without a node-ID, one after another, by asking for its address bit by bit.
+"""LSS fast scan (CiA 305): find every slave without a node-ID, one after another, by its address bit by bit.
 
 Theory of operation
 -------------------
-Slaves in *waiting* without a node-ID answer a request when their part ``LSSSub`` agrees with ``IDNumber`` from bit 31 down to
-``BitCheck``. Several answer at once with the same frame, so an answer means "somebody", and the search follows the lowest address:
+A slave in *waiting* without a node-ID answers a request if its part ``LSSSub`` agrees with ``IDNumber`` from bit 31 down to
+``BitCheck``. All matching slaves answer at once with the same frame, so an answer means "at least one". The search follows the
+lowest address:
 
-* bit by bit the prefix with a 0 is asked for; silence means that nobody has it, and then the prefix with a 1 *must* be answered. So
-  every bit is confirmed by an answer, and a lost frame shows as silence to both, which is asked again with more patience.
-* a part that is complete is confirmed with ``LSSNext`` = the following part, and the slaves that agree go on to that. After the
-  last part the one slave left switches to *configuration*, where fast scan does not reach it, and the next search finds the next.
-* answers that contradict each other (an answer came so late that it was taken for the next one's, or a confirmation was lost after
-  the slave had moved on) begin the search for this slave again. The parts that were complete are then only guesses, at one request
-  each, as are the first three parts of the slave found before: machines often have several of a kind.
-* if the very last confirmation is lost, the slave may be in *configuration* already. All are then switched to *waiting*, those
-  found before are put aside by selective switching, and selective switching says whether the new one exists.
+* For each bit the master first requests the prefix with a 0. Silence means that no slave has it; then the prefix with a 1 *must* be
+  answered. So every bit is confirmed by an answer. If a frame is lost, both prefixes stay unanswered, and the master repeats both
+  with a longer wait.
+* A complete part is confirmed with ``LSSNext`` = the following part, and the slaves that agree advance to that part. After the last
+  part the one remaining slave switches to *configuration*, where fast scan does not reach it. The next search finds the next slave.
+* If answers contradict each other, the search for this slave starts again. The cause is an answer so late that it was taken for the
+  next one, or a confirmation lost after the slave had advanced. The parts that were complete are then only guesses, at one request
+  each. So are the first three parts of the slave found before: machines often have several of a kind.
+* If the very last confirmation is lost, the slave may be in *configuration* already. The master then switches all slaves to
+  *waiting* and sets those found before aside by switch state selective. The same service then shows whether the new slave exists.
 
-A slave that is found again although it was put aside, or answers that contradict each other after somebody was found, mean that a
-slave goes on answering in *configuration*: the rest is then searched by ``lss_exclude``, which walks around such slaves.
+A slave may continue to answer in *configuration*. Two signs show it: a slave is found again although it was set aside, or answers
+contradict each other after a slave was found. ``ExcludingScan`` then searches the rest; it walks around such slaves.
 
-Every slave that was found is in *configuration* when the scan ends (one that answers on is in *waiting*); nothing else about it has
-changed.
+When the scan ends, every slave found is in *configuration*, and one that continues to answer is in *waiting*. The scan changes
+nothing else in the slaves.
 """
 
 from __future__ import annotations
@@ -31,30 +33,30 @@ from axisbus.cia305.services import ALL_BITS, LssAddress, LssState, fastscan, sw
 from axisbus.errors import LssError, LssTimeout
 from axisbus.wording import counted
 
-_MOST = 127  # there are no more node-IDs
+_MOST = 127  # a network has no more node-IDs
 _PARTS = 4
 _BITS = 32
 
 
 class _ContradictionError(Exception):
-    """Nobody is what earlier answers said; never leaves this module."""
+    """No slave matches the earlier answers; never leaves this module."""
 
 
 class _AnswersOnError(Exception):
-    """Somebody who was found seems to go on answering; never leaves this module."""
+    """A slave that was found seems to continue to answer; never leaves this module."""
 
 
 class _NobodyKnownError(Exception):
-    """Nobody is left who has the numbers in ``KnownIdentity``; never leaves this module."""
+    """No slave is left that has the numbers in ``KnownIdentity``; never leaves this module."""
 
 
 class FastScan:
-    """One scan; holds the slaves found, the guesses for the next, and who was found twice."""
+    """One scan; holds the slaves found, the guesses for the next slave, and the addresses found twice."""
 
     def __init__(
         self, pace: AdaptiveLssTimeout, known: KnownIdentity | None = None, most: int = _MOST
     ) -> None:
-        """Prepare; ``most`` ends the scan after so many slaves."""
+        """Prepare a scan that ends after ``most`` slaves."""
         self._pace = pace
         self._wanted = known or KnownIdentity()
         self._known = self._wanted.parts
@@ -64,10 +66,10 @@ class FastScan:
         self.found: list[Unconfigured] = []
 
     def run(self) -> Dialogue[Scanned]:
-        """Find them all.
+        """Find all slaves.
 
         Raises:
-            LssTimeout: a slave went silent; LssError: answers go on contradicting each other.
+            LssTimeout: a slave went silent; LssError: answers contradict each other again and again.
         """
         try:
             yield from all_waiting(self._pace)
@@ -77,7 +79,7 @@ class FastScan:
         return Scanned(tuple(sorted(self.found, key=lambda each: each.address)), others)
 
     def _one_by_one(self) -> Dialogue[bool]:
-        """Return whether somebody is left who is not as ``KnownIdentity`` says."""
+        """Return whether slaves are left that do not match ``KnownIdentity``."""
         while len(self.found) < self._most and (yield from self._anybody()):
             try:
                 slave = yield from self._next()
@@ -87,7 +89,7 @@ class FastScan:
         return False
 
     def _remember(self, slave: Unconfigured) -> Dialogue[None]:
-        """Note a slave; one that stayed in *waiting* although it was found is put aside by selective switching, once."""
+        """Note a slave; if a found slave stayed in *waiting*, set it aside by switch state selective, once."""
         self._guess = [*slave.address.parts[: _PARTS - 1], None]
         if slave.address not in [each.address for each in self.found]:
             self.found.append(slave)
@@ -98,7 +100,7 @@ class FastScan:
         yield from select(self._pace, slave.address)
 
     def _anybody(self) -> Dialogue[bool]:
-        """Begin a search: everybody is asked, and everybody begins at the first part."""
+        """Begin a search: reset the scan of all slaves to the first part, and return whether any slave answers."""
         pace = self._pace
         for _ in range(pace.timing.tries):
             heard = yield from ask(pace, fastscan(0, ALL_BITS, 0, 0), pace.patience, found=len(self.found))
@@ -108,7 +110,7 @@ class FastScan:
 
     def _next(self) -> Dialogue[Unconfigured]:
         for attempt in range(RESTARTS):
-            if attempt > 1:  # once is an accident
+            if attempt > 1:  # one contradiction may be an accident
                 if self.found:
                     raise _AnswersOnError
                 self._pace.distrust()
@@ -180,18 +182,18 @@ class FastScan:
     def _matches(
         self, sub: int, value: int, bit: int, following: int, wait: float | None = None
     ) -> Dialogue[int]:
-        """Return how many answers say that somebody agrees down to ``bit``."""
+        """Return the number of answers from slaves that agree down to ``bit``."""
         done = sub * _BITS + _BITS - bit if following == sub else (sub + 1) * _BITS
         frame = fastscan(value, bit, sub, following)
         heard = yield from ask(self._pace, frame, wait, found=len(self.found), bits=done)
         return len(heard.answers)
 
     def _exists(self, address: LssAddress) -> Dialogue[int]:
-        """Return how many slaves have ``address``, with them and all that were found before in *configuration*."""
+        """Return how many slaves have ``address``; they and all slaves found before are then in *configuration*."""
         pace = self._pace
         for _ in range(pace.timing.tries):
             yield from all_waiting(pace)
-            yield from say(pace, switch_global(LssState.WAITING), pace.patience)  # what is late may come
+            yield from say(pace, switch_global(LssState.WAITING), pace.patience)  # for late answers
             for slave in self.found:
                 yield from select(pace, slave.address)
             count = yield from select(pace, address, pace.timeout)

@@ -1,8 +1,8 @@
-"""What an LSS master does with slaves that it can name (CiA 305): inquire, give a node-ID, a bit rate, store, activate.
+"""Services of an LSS master (CiA 305) for slaves with a known address: inquire, set node-ID and bit rate, store, activate.
 
-Each function is a dialogue (``cia305.dialogue``) that begins by switching every slave to *waiting*. Where it takes an address,
-None means "the only slave on the bus": every slave is then switched to *configuration*, which is right with one and wrong with two,
-because answers that differ collide on the wire.
+Each function is a dialogue (``axisbus.cia305.dialogue``) that first switches every slave to *waiting*. If the address is None, the
+function switches every slave to *configuration*. That is correct only with a single slave on the bus: with two, different answers
+collide on the wire.
 """
 
 from __future__ import annotations
@@ -30,27 +30,27 @@ from axisbus.cia305.services import LssAddress, LssService
 from axisbus.errors import ArgumentError, LssError, LssTimeout
 
 _ROUNDS = 5
-SHORTEST_DELAY = 0.01  # s; less leaves a slave no time to change over
+SHORTEST_DELAY = 0.01  # s; a shorter delay leaves a slave no time to change the bit rate
 
 
 @dataclass(frozen=True, slots=True)
 class Inquired:
-    """What a slave says of itself; ``node_id`` is 255 where it has none, None where it does not tell, or tells what is none."""
+    """Identity and node-ID as a slave reports them; ``node_id`` is 255 if it has none, None if unknown or out of range."""
 
     address: LssAddress
     node_id: int | None
 
     @property
     def configured(self) -> bool:
-        """Whether it has a node-ID."""
+        """Whether the slave has a node-ID."""
         return self.node_id is not None and self.node_id != services.UNCONFIGURED
 
 
 @dataclass(frozen=True, slots=True)
 class NodeIdSet:
-    """A node-ID that a slave took; ``old`` as ``Inquired.node_id``.
+    """A node-ID that a slave accepted; ``old`` as ``Inquired.node_id``.
 
-    A slave that had none uses it at once and boots; one that had a node-ID keeps that until NMT resets its communication.
+    A slave without a node-ID uses the new one at once and boots. A slave that has one keeps it until NMT *reset communication*.
     """
 
     address: LssAddress
@@ -60,21 +60,21 @@ class NodeIdSet:
 
     @property
     def at_once(self) -> bool:
-        """Whether it uses the new one already."""
+        """Whether the slave uses the new node-ID already."""
         return self.old == services.UNCONFIGURED
 
 
 def name(address: LssAddress | None) -> str:
-    """Return how a slave is called in an error."""
+    """Return the text for a slave in an error message."""
     return "the only LSS slave on the bus" if address is None else f"the LSS slave {address}"
 
 
 def inquire(pace: AdaptiveLssTimeout, address: LssAddress | None) -> Dialogue[Inquired]:
-    """Read a slave's identity and node-ID; leaves it in *configuration*.
+    """Read a slave's identity and node-ID; the slave stays in *configuration*.
 
     Raises:
-        LssTimeout: there is none, or it does not answer an inquiry of its identity.
-        LssError: several answer.
+        LssTimeout: there is no such slave, or it does not answer an inquiry of its identity.
+        LssError: several slaves answer.
     """
     yield from enter(pace, address)
     who = name(address)
@@ -89,7 +89,7 @@ def inquire(pace: AdaptiveLssTimeout, address: LssAddress | None) -> Dialogue[In
         return Inquired(found, None)
     told = answer[1]
     known = told in cob.NODE_IDS or told == services.UNCONFIGURED
-    return Inquired(found, told if known else None)  # 0 would be everybody in the commands that follow
+    return Inquired(found, told if known else None)  # 0 would address all nodes in the commands that follow
 
 
 def _own_address(pace: AdaptiveLssTimeout) -> Dialogue[LssAddress]:
@@ -103,10 +103,10 @@ def _own_address(pace: AdaptiveLssTimeout) -> Dialogue[LssAddress]:
 def numbers_of(
     pace: AdaptiveLssTimeout, address: LssAddress
 ) -> Dialogue[tuple[LssAddress | None, int | None]]:
-    """Return what the slave in *configuration* says of its address and its node-ID; None for what it does not tell.
+    """Return the address and node-ID that the slave in *configuration* reports; None for each that it does not report.
 
     Raises:
-        LssError: several slaves answer, and not the same.
+        LssError: several slaves answer, with different numbers.
     """
     numbers = []
     for service in services.INQUIRIES:
@@ -120,7 +120,7 @@ def numbers_of(
 
 
 def _told(pace: AdaptiveLssTimeout, service: LssService, address: LssAddress) -> Dialogue[bytes | None]:
-    """Inquire; None where the slave does not have the service."""
+    """Inquire one number; return None if the slave does not have the service."""
     try:
         return (
             yield from confirmed(pace, services.inquire(service), name(address), CONFIRM_WAIT / 2, many=True)
@@ -130,11 +130,11 @@ def _told(pace: AdaptiveLssTimeout, service: LssService, address: LssAddress) ->
 
 
 def _same_serial(pace: AdaptiveLssTimeout, address: LssAddress) -> Dialogue[None]:
-    """Check that the slave that answers is the one that is meant, and the only one, before anything is changed."""
+    """Before anything is changed, check that the selected slave answers, and no other."""
     service = LssService.INQUIRE_SERIAL_NUMBER
     try:
         answer = yield from confirmed(pace, services.inquire(service), name(address), CONFIRM_WAIT / 2)
-    except LssTimeout:  # it need not have this service
+    except LssTimeout:  # CiA 305 does not require this service
         return
     if services.number_in(answer) != address.serial_number:
         raise LssError(
@@ -149,11 +149,11 @@ def _same_serial(pace: AdaptiveLssTimeout, address: LssAddress) -> Dialogue[None
 def set_node_id(
     pace: AdaptiveLssTimeout, address: LssAddress | None, node_id: int, *, store: bool
 ) -> Dialogue[NodeIdSet]:
-    """Give a slave a node-ID (1 to 127; 255 takes it away), and store it if asked; leaves every slave in *waiting*.
+    """Give a slave a node-ID (1 to 127; 255 removes it), and store it if requested; leaves every slave in *waiting*.
 
     Raises:
-        ArgumentError: the node-ID is none.
-        LssRefused: the slave does not take or store it; LssTimeout, LssError: as ``inquire``.
+        ArgumentError: the node-ID is out of range.
+        LssRefused: the slave does not accept or store it; LssTimeout, LssError: as ``inquire``.
     """
     services.require_node_id(node_id)
     before = yield from inquire(pace, address)
@@ -168,11 +168,11 @@ def set_node_id(
 def set_bit_rate(
     pace: AdaptiveLssTimeout, addresses: Sequence[LssAddress] | None, bitrate: int, *, store: bool
 ) -> Dialogue[None]:
-    """Tell slaves (None: all at once) the bit rate in bit/s to be activated later; leaves every slave in *waiting*.
+    """Set the bit rate (bit/s) that slaves (None: all at once) change to when activated; leaves every slave in *waiting*.
 
     Raises:
         ArgumentError: CiA 305 has no such rate.
-        LssRefused: a slave does not take or store it; LssTimeout, LssError: as ``inquire``.
+        LssRefused: a slave does not accept or store it; LssTimeout, LssError: as ``inquire``.
     """
     frame = services.configure_bit_timing(services.bit_timing_index(bitrate))
     for address in [None] if addresses is None else addresses:
@@ -186,7 +186,7 @@ def set_bit_rate(
 
 
 def store(pace: AdaptiveLssTimeout, address: LssAddress | None) -> Dialogue[None]:
-    """Have a slave store its node-ID and bit rate; leaves every slave in *waiting*.
+    """Make a slave store its node-ID and bit rate; leaves every slave in *waiting*.
 
     Raises:
         LssRefused: it cannot; LssTimeout, LssError: as ``inquire``.
@@ -199,9 +199,9 @@ def store(pace: AdaptiveLssTimeout, address: LssAddress | None) -> Dialogue[None
 def activate(
     pace: AdaptiveLssTimeout, addresses: Sequence[LssAddress] | None, delay: float
 ) -> Dialogue[None]:
-    """Have slaves (None: all) change to the bit rate that they were told, ``delay`` s after this returns.
+    """Make slaves (None: all) change to the configured bit rate ``delay`` s after this returns.
 
-    Nothing is activated unless every slave named has answered: a bus with two bit rates is dead.
+    Nothing is activated unless every slave in ``addresses`` has answered: a bus with two bit rates does not work.
 
     Raises:
         ArgumentError: the delay is not 0.01 to 65.535 s.
@@ -255,9 +255,10 @@ def _anybody(pace: AdaptiveLssTimeout, frames: Sequence[bytes]) -> Dialogue[bool
 
 
 def _gather(pace: AdaptiveLssTimeout, addresses: Sequence[LssAddress]) -> Dialogue[None]:
-    """Have these slaves, and no others, in *configuration*, each confirmed.
+    """Switch exactly these slaves to *configuration*, each confirmed by an answer.
 
-    A slave whose answer was lost is there and silent, which only beginning again can tell from one that never heard.
+    If the answer of a slave was lost, the slave is in *configuration* and silent. Only a new start from *waiting* distinguishes it
+    from a slave that never received the request.
     """
     silent = addresses[0]
     for _ in range(_ROUNDS):

@@ -1,4 +1,4 @@
-"""What a search for LSS slaves (CiA 305) is told, and what it finds."""
+"""Input and result of a search for LSS slaves (CiA 305)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from axisbus.cia305.services import UNCONFIGURED, LssAddress
 
 
 class Check(Enum):
-    """How an address that fast scan found was checked, with a sentence each."""
+    """How the master checked an address that fast scan found; each value is a sentence for the user."""
 
     NOT_NEEDED = "its LSS did what CiA 305 says"
     CONFIRMED = "the four numbers were read from it and are the same"
@@ -21,13 +21,13 @@ class Check(Enum):
 
     @property
     def sentence(self) -> str:
-        """What it means."""
+        """The meaning as a sentence."""
         return str(self.value)
 
 
 @dataclass(frozen=True, slots=True)
 class KnownIdentity:
-    """What is known of the slaves that are looked for, None where it is not; each number that is known spares 32 bits."""
+    """Known numbers of the slaves to search for (None: unknown); each known number saves the search of 32 bits."""
 
     vendor_id: int | None = None
     product_code: int | None = None
@@ -42,11 +42,11 @@ class KnownIdentity:
 
 @dataclass(frozen=True, slots=True)
 class Unconfigured:
-    """A slave without a node-ID; ``twins`` says that more than one answered as this address, so that LSS cannot tell them apart.
+    """A slave without a node-ID; ``twins``: more than one slave answered to this address, so LSS cannot distinguish them.
 
-    On a wire their equal frames may also fall together into one, so that False does not prove that there is only one.
-    ``answers_on`` says that it goes on answering fast scan after it was found, against CiA 305; only of such a slave is asked how
-    it checks (``check``) and which node-ID it has (``node_id``, None where it does not tell), because some answer with one, too.
+    ``twins`` False does not prove that there is only one: equal frames may coincide on the wire. ``answers_on``: the slave
+    continues to answer fast scan after it was found, against CiA 305. Only such slaves are checked (``check``) and inquired for
+    their node-ID (``node_id``; None if they do not report it), because some answer although they have a node-ID.
     """
 
     address: LssAddress
@@ -57,15 +57,15 @@ class Unconfigured:
 
     @property
     def has_node_id(self) -> bool:
-        """Whether it says that it has a node-ID already."""
+        """Whether the slave reports that it already has a node-ID."""
         return self.node_id is not None and self.node_id != UNCONFIGURED
 
 
 @dataclass(frozen=True, slots=True)
 class Scanned:
-    """The slaves that were found, by address; ``others``: there are more, and none of these is as ``KnownIdentity`` says.
+    """The slaves found, by address; ``others``: there are more slaves, which do not match ``KnownIdentity``.
 
-    ``incomplete`` says why there may be slaves that were not found; it is empty where the search came to its end.
+    ``incomplete`` is the reason why slaves may have been missed; it is empty if the search was completed.
     """
 
     slaves: tuple[Unconfigured, ...]

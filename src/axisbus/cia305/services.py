@@ -1,4 +1,4 @@
-"""Layer setting services (CiA 305): the services, their frames, bit rates and error codes as tables."""
+"""Layer setting services (CiA 305): services, frames, bit rates and error codes as tables."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from enum import IntEnum
 from axisbus.errors import ArgumentError
 
 UNCONFIGURED = 255  # the node-ID of a slave that has none
-ALL_BITS = 0x80  # BitCheck of the fast scan's first request, which everybody without a node-ID answers
-MAKERS_OWN = 255  # error code: the cause is in the next byte, by the maker's own table
+ALL_BITS = 0x80  # BitCheck of the first request of fast scan, which every slave without a node-ID answers
+MAKERS_OWN = 255  # error code: the next byte is a manufacturer-specific error
 STANDARD_TABLE = 0  # table selector of the bit timings below
 LONGEST_DELAY = 65.535  # s, of activate bit timing
 
 
 class LssService(IntEnum):
-    """Command specifiers, the first byte of every frame; those of both directions (an answer mostly repeats its request's)."""
+    """Command specifiers of both directions, the first byte of every frame (an answer mostly repeats that of its request)."""
 
     SWITCH_STATE_GLOBAL = 0x04
     CONFIGURE_NODE_ID = 0x11
@@ -45,18 +45,18 @@ class LssService(IntEnum):
 
     @property
     def text(self) -> str:
-        """The standard's words, such as ``configure node-ID``."""
+        """The standard's name, such as ``configure node-ID``."""
         return self.name.lower().replace("_", " ").replace(" id", "-ID")
 
 
 class LssState(IntEnum):
-    """What *switch state global* asks for."""
+    """State requested by *switch state global*."""
 
     WAITING = 0
     CONFIGURATION = 1
 
 
-# Which answer a request has; a request that is not here has none.
+# Answer to each request; requests that are not listed have no answer.
 ANSWERS: dict[LssService, LssService] = {
     LssService.SWITCH_STATE_SELECTIVE_SERIAL_NUMBER: LssService.SWITCH_STATE_SELECTIVE,
     LssService.IDENTIFY_REMOTE_SLAVE_SERIAL_NUMBER_HIGH: LssService.IDENTIFY_SLAVE,
@@ -99,7 +99,7 @@ IDENTIFY = (
     LssService.IDENTIFY_REMOTE_SLAVE_SERIAL_NUMBER_HIGH,
 )
 
-AUTOMATIC_RATE = 9  # index in the table of bit timings: the slave finds out the rate by itself
+AUTOMATIC_RATE = 9  # index in the table of bit timings: the slave detects the rate automatically
 # Index in the standard's table of bit timings, by bit/s (index 5, once 100 kbit/s, is reserved).
 BIT_TIMINGS: dict[int, int] = {
     1_000_000: 0,
@@ -112,7 +112,7 @@ BIT_TIMINGS: dict[int, int] = {
     10_000: 8,
 }
 
-# What an error code means, and what to do first.
+# Meaning of an error code, and first remedy.
 REFUSALS: dict[LssService, dict[int, tuple[str, str]]] = {
     LssService.CONFIGURE_NODE_ID: {1: ("the node-ID is out of range", "give a node-ID from 1 to 127")},
     LssService.CONFIGURE_BIT_TIMING: {
@@ -133,7 +133,7 @@ REFUSALS: dict[LssService, dict[int, tuple[str, str]]] = {
 
 @dataclass(frozen=True, slots=True, order=True)
 class LssAddress:
-    """What identifies one slave among all devices: the four numbers of the identity object 1018h, 32 bits each."""
+    """The four 32-bit numbers of the identity object 1018h, which identify one slave among all devices."""
 
     vendor_id: int
     product_code: int
@@ -141,7 +141,7 @@ class LssAddress:
     serial_number: int
 
     def __post_init__(self) -> None:
-        """Check the numbers.
+        """Check the range of each number.
 
         Raises:
             ArgumentError: one does not fit 32 bits.
@@ -163,57 +163,60 @@ PARTS = ("vendor-ID", "product code", "revision number", "serial number")
 
 
 def switch_global(state: LssState) -> bytes:
-    """Switch every slave to *waiting* or *configuration*; no answer."""
+    """Return the frame that switches every slave to *waiting* or *configuration*; it has no answer."""
     return _frame(LssService.SWITCH_STATE_GLOBAL, bytes((state,)))
 
 
 def switch_selective(address: LssAddress) -> tuple[bytes, ...]:
-    """Switch one slave from *waiting* to *configuration*; it answers the last of the four frames."""
+    """Return the four frames that switch one slave from *waiting* to *configuration*; the slave answers the last."""
     return tuple(_number(service, part) for service, part in zip(SELECTIVE, address.parts, strict=True))
 
 
 def identify_remote(low: LssAddress, high: LssAddress) -> tuple[bytes, ...]:
-    """Ask whether a slave with this vendor-ID and product code, and revision and serial in these ranges, is there.
+    """Return the six frames that ask for slaves with this vendor-ID and product code, and revision and serial in these ranges.
 
-    All that are answer the last of the six frames, in either state.
+    All matching slaves answer the last frame, in either state.
     """
     numbers = (*low.parts[:3], high.revision_number, low.serial_number, high.serial_number)
     return tuple(_number(service, number) for service, number in zip(IDENTIFY, numbers, strict=True))
 
 
 def identify_non_configured() -> bytes:
-    """Ask whether there is any slave without a node-ID."""
+    """Return the frame that asks whether any slave has no node-ID."""
     return _frame(LssService.IDENTIFY_NON_CONFIGURED_REMOTE_SLAVE)
 
 
 def fastscan(id_number: int, bit_check: int, lss_sub: int, lss_next: int) -> bytes:
-    """Ask whether a slave's part ``lss_sub`` agrees with ``id_number`` from bit 31 down to bit ``bit_check``."""
+    """Return the frame that asks whether a slave's part ``lss_sub`` agrees with ``id_number`` from bit 31 down to ``bit_check``."""
     data = id_number.to_bytes(4, "little") + bytes((bit_check, lss_sub, lss_next))
     return _frame(LssService.FASTSCAN, data)
 
 
 def inquire(service: LssService) -> bytes:
-    """Ask the slave in *configuration* for one number of its address, or for its node-ID."""
+    """Return the frame that asks the slave in *configuration* for one number of its address, or for its node-ID."""
     return _frame(service)
 
 
 def configure_node_id(node_id: int) -> bytes:
-    """Give the slave in *configuration* a node-ID: 1 to 127, or 255 for none."""
+    """Return the frame that gives the slave in *configuration* a node-ID: 1 to 127, or 255 for none."""
     return _frame(LssService.CONFIGURE_NODE_ID, bytes((node_id,)))
 
 
 def configure_bit_timing(index: int, table: int = STANDARD_TABLE) -> bytes:
-    """Tell the slaves in *configuration* the bit rate that they will have after activation."""
+    """Return the frame that sets the bit rate of the slaves in *configuration* after activation."""
     return _frame(LssService.CONFIGURE_BIT_TIMING, bytes((table, index)))
 
 
 def activate_bit_timing(delay: float) -> bytes:
-    """Have the slaves in *configuration* change over after ``delay`` s, and be silent for as long again; no answer."""
+    """Return the frame that makes slaves in *configuration* change the rate after ``delay`` s and then be silent for ``delay`` s.
+
+    The frame has no answer.
+    """
     return _frame(LssService.ACTIVATE_BIT_TIMING, round(delay * 1000).to_bytes(2, "little"))
 
 
 def store_configuration() -> bytes:
-    """Have the slave in *configuration* keep node-ID and bit rate without power."""
+    """Return the frame that makes the slave in *configuration* store node-ID and bit rate in non-volatile memory."""
     return _frame(LssService.STORE_CONFIGURATION)
 
 
@@ -223,7 +226,7 @@ def number_in(answer: bytes) -> int:
 
 
 def require_node_id(node_id: int) -> None:
-    """Check a node-ID to be given.
+    """Check a node-ID to be assigned.
 
     Raises:
         ArgumentError: it is neither 1 to 127 nor 255 (none).
@@ -248,7 +251,7 @@ def bit_timing_index(bitrate: int) -> int:
 
 
 def refusal(service: LssService, code: int, specific: int) -> tuple[str, str]:
-    """Return what an error code says, and what to do first; an unknown one is told by its number."""
+    """Return the meaning of an error code and the first remedy; an unknown code is described by its number."""
     if code == MAKERS_OWN:
         return (
             f"the maker's own error {specific} (0x{specific:02X})",

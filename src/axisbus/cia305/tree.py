@@ -1,10 +1,11 @@
-"""The tree of all LSS addresses, and fast scan (CiA 305) as the question whether anybody is in one of its branches.
+"""The binary tree of all LSS addresses, and fast scan (CiA 305) as a request for one of its branches.
 
 Theory of operation
 -------------------
-The four numbers in a row are 128 bits; a ``Branch`` is all addresses that begin with the same bits. A slave answers for a branch of
-the part ``LSSSub`` only when it has confirmed the numbers before it since the last reset of the scan, so ``Questions`` takes the
-slaves there first, and knows where they are. No question has ``LSSNext`` below ``LSSSub``: nobody is switched to *configuration*.
+The four numbers form 128 bits. A ``Branch`` contains all addresses that begin with the same bits. A slave answers for a branch of
+the part ``LSSSub`` only if it has confirmed the numbers of the parts before since the last reset of the scan. ``Questions``
+therefore first advances the slaves to that part, and remembers which numbers they have confirmed. No request has ``LSSNext`` below
+``LSSSub``, so no slave is switched to *configuration*.
 """
 
 from __future__ import annotations
@@ -21,43 +22,43 @@ DEPTH = 4 * PART_BITS
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """All addresses whose first ``depth`` bits are those of ``bits``, a number of 128 bits with the vendor-ID on top."""
+    """All addresses whose first ``depth`` bits are those of ``bits``, a number of 128 bits that begins with the vendor-ID."""
 
     bits: int = 0
     depth: int = 0
 
     @property
     def children(self) -> tuple[Branch, Branch]:
-        """Its two halves, the lower addresses first."""
+        """The two halves, the lower addresses first."""
         depth = self.depth + 1
         return Branch(self.bits, depth), Branch(self.bits | 1 << DEPTH - depth, depth)
 
     @property
     def numbers(self) -> tuple[int, ...]:
-        """The four numbers of its lowest address."""
+        """The four numbers of the lowest address."""
         return tuple(self.bits >> DEPTH - PART_BITS * (part + 1) & 0xFFFF_FFFF for part in range(4))
 
     @property
     def sub(self) -> int:
-        """The part that its last bit is in."""
+        """Index of the part that contains the last bit."""
         return max(0, self.depth - 1) // PART_BITS
 
     @property
     def bit_check(self) -> int:
-        """The last bit that counts in that part."""
+        """The last bit to be compared in that part."""
         return PART_BITS * (self.sub + 1) - self.depth
 
     @property
     def address(self) -> LssAddress:
-        """Its lowest address; the only one, where it is a leaf."""
+        """The lowest address; the only one if the branch is a leaf."""
         return LssAddress(*self.numbers)
 
     def holds(self, address: LssAddress) -> bool:
-        """Whether an address is in it."""
+        """Whether the branch contains an address."""
         return not (of(address).bits ^ self.bits) >> DEPTH - self.depth
 
     def within(self, parts: Iterable[int | None]) -> bool:
-        """Whether an address with these numbers (None: any) can be in it."""
+        """Whether the branch can contain an address with these numbers (None: any)."""
         for part, (own, wanted) in enumerate(zip(self.numbers, parts, strict=True)):
             free = min(PART_BITS, max(0, PART_BITS * (part + 1) - self.depth))
             if wanted is not None and (own ^ wanted) >> free:
@@ -65,7 +66,7 @@ class Branch:
         return True
 
     def with_part(self, number: int) -> Branch:
-        """The branch below it whose next part is ``number``; it must end at the end of a part."""
+        """Return the branch below whose next part is ``number``; this branch must end at the end of a part."""
         depth = self.depth + PART_BITS
         return Branch(self.bits | number << DEPTH - depth, depth)
 
@@ -82,20 +83,20 @@ def of(address: LssAddress) -> Branch:
 
 
 class Questions:
-    """Asks for branches; holds which numbers the slaves have confirmed since the last reset (None: nobody knows)."""
+    """Sends requests for branches; holds the numbers that the slaves have confirmed since the last reset (None: unknown)."""
 
     def __init__(self, pace: AdaptiveLssTimeout, found: Callable[[], int]) -> None:
-        """``found`` tells how many slaves have been found, for who watches."""
+        """``found`` returns the number of slaves found so far, for the display of progress."""
         self._pace = pace
         self._found = found
         self._at: tuple[int, ...] | None = None
 
     def forget(self) -> None:
-        """The slaves were switched, or contradicted themselves: begin with a reset."""
+        """Begin the next request with a reset, because slaves were switched or contradicted themselves."""
         self._at = None
 
     def anybody(self, branch: Branch, wait: float | None = None) -> Dialogue[int]:
-        """Return how many answers say that somebody is in a branch (of depth 1 or more)."""
+        """Return the number of answers for a branch of depth 1 or more."""
         if not (yield from self._go(branch.numbers[: branch.sub])):
             return 0
         sub = branch.sub
@@ -104,7 +105,7 @@ class Questions:
         return len(heard.answers)
 
     def anybody_at_last(self, branch: Branch) -> Dialogue[int]:
-        """The same, and as often as a request is tried before silence counts; each time from a reset."""
+        """Repeat ``anybody``, each time after a reset, until a slave answers or all tries are used."""
         for _ in range(self._pace.timing.tries):
             self.forget()
             count = yield from self.anybody(branch)
@@ -113,7 +114,7 @@ class Questions:
         return 0
 
     def _go(self, numbers: tuple[int, ...]) -> Dialogue[bool]:
-        """Have the slaves with these numbers at the part behind them; return whether there are any."""
+        """Advance the slaves with these numbers to the following part; return whether there are any."""
         for _ in range(self._pace.timing.tries):
             if self._at is None or self._at != numbers[: len(self._at)]:
                 yield from self._reset()
@@ -130,7 +131,8 @@ class Questions:
                 found=self._found(),
                 bits=DEPTH // 4 * (sub + 1),
             )
-            if not heard.answers:  # those whose answer was lost have gone on, and are deaf for this number
+            # Slaves whose answer was lost have advanced, and no longer answer for this number.
+            if not heard.answers:
                 self.forget()
                 return False
         self._at = numbers
