@@ -1,4 +1,4 @@
-"""SDO abort codes (CiA 301 table 22) as texts that a person can act on."""
+"""SDO abort codes (CiA 301 table 22) with texts and hints for the user."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from axisbus.cia301.tables import rows
 
 
 class AbortText(NamedTuple):
-    """What an abort code says, and what a CiA 402 master's user should look at (may be empty)."""
+    """The meaning of an abort code, and a hint for the user of a CiA 402 master (may be empty)."""
 
     text: str
     hint: str
@@ -31,12 +31,12 @@ GENERAL = 0x0800_0000
 VALUE_REFUSED = frozenset({0x0609_0030, 0x0609_0031, 0x0609_0032})  # invalid, too high, too low
 
 
-# Read on import: the first abort is explained while an axis is commanded, which waits for no disk.
+# Read on import: the first abort is explained while an axis is commanded, and the scan must not wait for a disk.
 _TABLE = {int(row["code"], 16): AbortText(row["text"], row["hint"]) for row in rows(__package__, "abort.tsv")}
 
 
 def explain(code: int) -> AbortText:
-    """Return the standard's text for ``code``; an unknown code is said to be the device's own."""
+    """Return the standard's text for ``code``; the text for an unknown code says that it is specific to the device."""
     return _TABLE.get(code) or AbortText("not in CiA 301, specific to this device", "see the drive's manual")
 
 

@@ -20,7 +20,7 @@ NODE_IDS = range(1, 128)
 INVALID = 1 << 31
 NO_RTR = 1 << 30
 EXTENDED = 1 << 29
-# Bit 30 of 1005h (the device sends SYNC); bits 31 and 30 of 1012h (it takes TIME, it sends TIME).
+# Bit 30 of 1005h: the device sends SYNC. Bits 31 and 30 of 1012h: the device consumes TIME, the device sends TIME.
 SYNC_PRODUCER = 1 << 30
 TIME_CONSUMER = 1 << 31
 TIME_PRODUCER = 1 << 30

@@ -9,7 +9,7 @@ from axisbus.errors import ArgumentError, LimitError
 
 
 class DataType(IntEnum):
-    """Index of a data type in the object dictionary (CiA 301 table 44); an unknown one is kept as a member."""
+    """Index of a data type in the object dictionary (CiA 301 table 44); an unknown index becomes a member, too."""
 
     BOOLEAN = 0x01
     INTEGER8 = 0x02
@@ -57,12 +57,12 @@ class DataType(IntEnum):
 
     @property
     def signed(self) -> bool:
-        """Whether it is one of the INTEGERn types."""
+        """Whether the type is one of the INTEGERn types."""
         return self in _SIGNED
 
     @property
     def integer(self) -> bool:
-        """Whether it is a BOOLEAN, INTEGERn or UNSIGNEDn type."""
+        """Whether the type is BOOLEAN, INTEGERn or UNSIGNEDn."""
         return self in _BITS and self not in _REALS and self not in _TIMES
 
     @property
@@ -70,7 +70,7 @@ class DataType(IntEnum):
         """Smallest and largest value of an integer type.
 
         Raises:
-            ArgumentError: the type is no integer type.
+            ArgumentError: the type is not an integer type.
         """
         bits = self.bits
         if bits is None or not self.integer:
@@ -109,7 +109,7 @@ Value = int | float | str | bytes
 
 
 def size_in_bytes(data_type: DataType) -> int | None:
-    """Bytes that a value of ``data_type`` takes in an SDO transfer; None where it varies."""
+    """Return the size in bytes of a ``data_type`` value in an SDO transfer; None if it varies."""
     bits = data_type.bits
     return None if bits is None else (bits + 7) // 8
 
@@ -131,7 +131,7 @@ def check_range(value: int, data_type: DataType, what: str) -> int:
 
 
 def encode(value: Value, data_type: DataType, what: str = "value") -> bytes:
-    """Encode ``value`` as ``data_type`` the way CiA 301 7.1.4 puts it on the wire (little endian).
+    """Encode ``value`` as ``data_type`` by CiA 301 7.1.4 (little endian); bytes are returned unchanged.
 
     Raises:
         ArgumentError: the value has the wrong Python type.
@@ -153,9 +153,10 @@ def encode(value: Value, data_type: DataType, what: str = "value") -> bytes:
 
 
 def decode(data: bytes, data_type: DataType) -> Value:
-    """Decode what came from the wire; data of another length than the type's is read as the integer it holds.
+    """Decode received data; if its length differs from the size of an integer type, decode the integer that it holds.
 
-    A device may send UNSIGNED32 for an UNSIGNED8 (seen often); types without a codec give the bytes back.
+    Some devices send an UNSIGNED32 for an UNSIGNED8; the surplus bytes are ignored. Data of types without a codec is returned as
+    bytes.
     """
     if data_type in _TEXT:
         return data.decode(_TEXT[data_type], errors="replace").rstrip("\0")

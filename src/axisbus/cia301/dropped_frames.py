@@ -1,4 +1,4 @@
-"""Frames that were dropped: counted by what was wrong with them and whose they were, so that nothing is lost in silence."""
+"""Count dropped frames by reason and node, so that no frame is lost without a trace."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from enum import Enum
 from axisbus.cia301 import cob
 
 _FUNCTION, _NODE = 0x780, 0x7F
-EVERY = 1.0  # seconds between two lines about the same
-_MOST = 256  # different ones that are counted apart
+EVERY = 1.0  # seconds between two reports of the same reason and node
+_MOST = 256  # reasons and nodes that are counted separately
 
 
 class DropReason(Enum):
-    """Why a frame was dropped, as one of them and as several are called."""
+    """Why a frame was dropped: the text for one frame and the text for several."""
 
     SHORT_PDO = "PDO too short for its mapping", "PDOs too short for their mapping"
     EMCY = "EMCY without an error code", "EMCYs without an error code"
@@ -45,9 +45,9 @@ class DropReason(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Drop:
-    """Frames dropped for one reason; ``node`` is whose they were (None: the bus's), ``last`` when the newest came (s, monotonic).
+    """Frames dropped for one reason; ``node`` is their node (None: no node), ``last`` the time of the newest (s, monotonic).
 
-    ``data`` and ``can_id`` are those of the newest.
+    ``data`` and ``can_id`` are those of the newest frame.
     """
 
     fault: DropReason
@@ -62,15 +62,15 @@ class Drop:
 
 
 class Drops:
-    """Counts dropped frames; holds state: a count and the newest frame for each reason and node."""
+    """Counter of dropped frames; holds state: a count and the newest frame for each reason and node."""
 
     def __init__(self, lock: AbstractContextManager[object] | None = None) -> None:
-        """``lock`` is held while it counts: whoever has several threads gives one."""
+        """``lock`` is held while counting; give one if several threads use this."""
         self._lock = nullcontext() if lock is None else lock
         self._found: dict[tuple[DropReason, int | None], Drop] = {}
 
     def frame(self, fault: DropReason, can_id: int, stamp: float, data: bytes) -> None:
-        """Count a frame whose node only its identifier tells (CiA 301 7.3.5)."""
+        """Count a frame whose node is known only from its identifier (CiA 301 7.3.5)."""
         self.note(fault, can_id & _NODE or None, stamp, can_id, data)
 
     def note(
@@ -82,7 +82,7 @@ class Drops:
         data: bytes = b"",
         count: int = 1,
     ) -> None:
-        """Count frames that were dropped; ``data`` and ``can_id`` are of the newest of them."""
+        """Count dropped frames; ``data`` and ``can_id`` are those of the newest."""
         with self._lock:
             before = self._found.get((fault, node))
             if before is None and len(self._found) >= _MOST:
@@ -92,13 +92,13 @@ class Drops:
             self._found[fault, node] = Drop(fault, node, so_far + count, stamp, can_id, data[:8])
 
     def unheard(self, can_id: int, stamp: float, data: bytes) -> None:
-        """Count a frame that nobody listens to, where it has the identifier of a TPDO (CiA 301 7.3.5)."""
+        """Count a frame without a receiver if its identifier is that of a TPDO (CiA 301 7.3.5)."""
         if can_id <= cob.ID_MASK_11 and can_id & _FUNCTION in cob.TPDO and can_id & _NODE:
             self.frame(DropReason.UNKNOWN_PDO, can_id, stamp, data)
 
     @property
     def found(self) -> tuple[Drop, ...]:
-        """What was counted so far, in the order of ``DropReason`` and of nodes."""
+        """The counts so far, in the order of ``DropReason`` and of nodes."""
         with self._lock:
             found = list(self._found.values())
         order = list(DropReason)
@@ -106,16 +106,16 @@ class Drops:
 
 
 class DropNews:
-    """What has been dropped since it was told last; holds state: what was told, and when.
+    """Selects the counts to be reported; holds state: the last reported count and its time for each reason and node.
 
-    The same reason and node are told once in ``EVERY`` seconds at most, however many frames there are.
+    The same reason and node are reported at most once in ``EVERY`` seconds, however many frames are dropped.
     """
 
     def __init__(self) -> None:
         self._told: dict[tuple[DropReason, int | None], tuple[int, float]] = {}
 
     def take(self, found: Iterable[Drop], now: float) -> list[Drop]:
-        """Return those of ``found`` that have grown, with their counts so far; ``now`` in seconds of any steady clock."""
+        """Return those of ``found`` whose count has grown, with the total count; ``now`` in seconds of any steady clock."""
         new = [drop for drop in found if self._is_due(drop, now)]
         for drop in new:
             self._told[drop.fault, drop.node] = drop.count, now
@@ -127,6 +127,6 @@ class DropNews:
 
 
 def words(drops: Iterable[Drop]) -> str:
-    """Return them in one line, empty where there are none: ``dropped: 3 PDOs too short for their mapping (node 2)``."""
+    """Return one line such as ``dropped: 3 PDOs too short for their mapping (node 2)``; empty if no frame was dropped."""
     texts = [str(drop) for drop in drops]
     return f"dropped: {', '.join(texts)}" if texts else ""

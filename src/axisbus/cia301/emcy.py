@@ -8,7 +8,7 @@ from axisbus.cia301.tables import rows
 
 
 class Emcy(NamedTuple):
-    """One emergency message: error code, error register (1001h), five bytes of the maker's, receipt time in seconds."""
+    """One emergency message: error code, error register (1001h), five manufacturer-specific bytes, receipt time in seconds."""
 
     code: int
     register: int
@@ -17,7 +17,7 @@ class Emcy(NamedTuple):
 
     @property
     def is_reset(self) -> bool:
-        """Whether it says that an error is gone (codes 00xxh)."""
+        """Whether the message reports that an error is gone (codes 00xxh)."""
         return self.code & 0xFF00 == 0
 
 
@@ -35,7 +35,7 @@ REGISTER_BITS = {
 
 
 def parse(data: bytes, stamp: float) -> Emcy:
-    """Read an emergency message; one shorter than 8 bytes (seen on real drives) is filled with zeros."""
+    """Read an emergency message; one shorter than 8 bytes (some drives send them) is filled with zeros."""
     full = bytes(data[:8]).ljust(8, b"\0")
     return Emcy(int.from_bytes(full[:2], "little"), full[2], full[3:8], stamp)
 
@@ -49,12 +49,12 @@ def _codes() -> tuple[dict[int, str], dict[int, str]]:
     return exact, classes
 
 
-# Read on import: the first fault is explained inside the scan, which waits for no disk.
+# Read on import: the first fault is explained inside the scan, which must not wait for a disk.
 _EXACT, _CLASSES = _codes()
 
 
 def explain(code: int) -> str:
-    """Return the standard's text for an error code: the exact one, else that of its class."""
+    """Return the standard's text for an error code, or that of its class if the code has none."""
     if code in _EXACT:
         return _EXACT[code]
     for mask in (0xFFFF, 0xFF00, 0xF000):

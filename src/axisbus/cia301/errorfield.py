@@ -1,4 +1,4 @@
-"""The pre-defined error field 1003h (CiA 301 7.5.2.4): a device's own list of its errors, the newest first."""
+"""The pre-defined error field 1003h (CiA 301 7.5.2.4): the list of errors that a device keeps, the newest first."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LONGEST = 254
 
 
 class ErrorEntry(NamedTuple):
-    """One entry: ``number`` from 1 for the newest, the error code, and 16 bits of the maker's."""
+    """One entry: ``number`` from 1 for the newest, the error code, and 16 manufacturer-specific bits."""
 
     number: int
     code: int
@@ -24,15 +24,15 @@ class ErrorEntry(NamedTuple):
 
 
 def decode(number: int, value: int) -> ErrorEntry:
-    """Read one UNSIGNED32: the error code in the low half, the maker's information in the high half."""
+    """Read one UNSIGNED32: the error code in the low half, manufacturer-specific information in the high half."""
     return ErrorEntry(number, value & 0xFFFF, value >> 16 & 0xFFFF)
 
 
 def read(upload: Callable[[int, int], int | None]) -> tuple[ErrorEntry, ...] | None:
-    """Read 1003h through ``upload(index, subindex)``, which returns None where the device refuses.
+    """Read 1003h through ``upload(index, subindex)``, which returns None if the device refuses.
 
-    Returns None where the device has no 1003h. A count larger than the list that follows is met with what there is. Raises and
-    blocks as ``upload`` does.
+    Returns None if the device has no 1003h. If the device reports more entries than it has, the existing entries are returned.
+    Raises and blocks as ``upload`` does.
     """
     count = upload(PREDEFINED_ERROR_FIELD, 0)
     if count is None:

@@ -1,4 +1,4 @@
-"""One CAN frame as it was on the wire, with nothing said of what it means, and how many bits one takes."""
+"""One CAN frame as transmitted, without an interpretation, and the number of its bits."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ UNSTUFFED = 13  # CRC delimiter, acknowledge (2), end of frame (7), intermission
 
 
 class CanFrame(NamedTuple):
-    """A classic CAN frame; ``time`` in seconds of whatever clock stamped it (a log's epoch, an adapter's own).
+    """A classic CAN frame; ``time`` in seconds of the clock that stamped it (a log's epoch, an adapter's own).
 
-    ``remote`` frames carry no data; an ``error`` frame is what an adapter reports of the wire, its ``can_id`` and data are the
-    driver's. ``extended`` tells an identifier of 29 bits. ``channel`` is the name of the bus in a recording.
+    ``remote`` frames carry no data. An ``error`` frame is a report of the adapter; its ``can_id`` and data are specific to the
+    driver. ``extended``: the identifier has 29 bits. ``channel`` is the name of the bus in a recording.
     """
 
     time: float
@@ -24,16 +24,16 @@ class CanFrame(NamedTuple):
 
 
 class BusTraffic(NamedTuple):
-    """What a bus has carried up to ``time`` (seconds, monotonic), both ways: classic frames, and the octets of their data."""
+    """The traffic of a bus up to ``time`` (seconds, monotonic), sent and received: classic frames, and bytes of their data."""
 
     time: float
     frames: int
     octets: int
 
     def load(self, since: BusTraffic, bitrate: int) -> tuple[float, float]:
-        """Return the part of a bus of ``bitrate`` bit/s (0 to 1) that was taken since then: without stuff bits, and with the most.
+        """Return the load (0 to 1) of a bus of ``bitrate`` bit/s since ``since``: without stuff bits, and with the maximum of them.
 
-        Both are 0 where no time has passed. Frames count as those with identifiers of 11 bits.
+        Both are 0 if no time has passed. All frames count as frames with 11-bit identifiers.
         """
         seconds, frames = self.time - since.time, self.frames - since.frames
         if seconds <= 0:
@@ -44,11 +44,11 @@ class BusTraffic(NamedTuple):
 
 
 def plain_bits(data_bytes: int, extended: bool = False) -> int:
-    """Return a frame's bits without any stuff bit, intermission included."""
+    """Return a frame's bits without stuff bits, intermission included."""
     return (54 if extended else 34) + 8 * data_bytes + UNSTUFFED
 
 
 def worst_bits(data_bytes: int, extended: bool = False) -> int:
-    """Return the longest that a frame of this size can be: a stuff bit after every four of the stuffed part but the first."""
+    """Return the maximum bits of a frame of this size: in the stuffed part, a stuff bit after every four bits but the first."""
     plain = plain_bits(data_bytes, extended)
     return plain + (plain - UNSTUFFED - 1) // 4

@@ -1,12 +1,12 @@
-"""Emergency messages grouped into incidents: a fault, what came with it, and the resets that followed.
+"""Emergency messages grouped into incidents: a fault, the messages that came with it, and the resets that followed.
 
 Theory of operation
 -------------------
-One cause often makes a drive send several messages. The first that is no reset begins an *incident*; others within ``TOGETHER``
-seconds of it belong to it; a later one begins another. A reset (error code 00xxh, CiA 301 7.2.7.1) belongs to every incident that
-is still open. It resolves them when its error register is 0; with bits left in the register one of several errors is gone, which
-one it does not say, and the incidents stay open. A boot-up resolves them too: the EMCY state machine of CiA 301 begins free of
-errors (7.2.7.2), and a cause that is still there sends its message again.
+One cause often makes a drive send several messages. The first message that is not a reset begins an *incident*. Further messages
+within ``TOGETHER`` seconds belong to it; a later one begins another incident. A reset (error code 00xxh, CiA 301 7.2.7.1) belongs
+to every open incident. If its error register is 0, the reset resolves them. If bits are left in the register, one of several errors
+is gone, but the message does not say which one; the incidents stay open. A boot-up resolves all incidents too: the EMCY state
+machine of CiA 301 begins free of errors (7.2.7.2). If a cause still exists, the node sends its message again.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from axisbus.cia301.emcy import Emcy
 
 TOGETHER = 0.1  # seconds after the first message
 HISTORY = 32
-LOGGED = 64  # messages, of whatever incident
-MESSAGES = 32  # of one incident; what comes beyond is counted
+LOGGED = 64  # messages, of all incidents
+MESSAGES = 32  # of one incident; messages beyond these are only counted
 
 
 class IncidentState(Enum):
-    """How an incident stands."""
+    """State of an incident."""
 
     UNRESOLVED = "unresolved"
     RECOVERED = "recovered"
@@ -35,8 +35,9 @@ class IncidentState(Enum):
 class Incident:
     """One incident of a node; times in seconds of the messages' clock.
 
-    ``emcys`` are the fault and what came with it, ``resets`` the error resets that followed. ``ended`` is None while it is
-    unresolved; ``rebooted`` tells that a boot-up of the node ended it. ``more`` counts messages beyond the first 32.
+    ``emcys`` are the fault and the messages that came with it, ``resets`` the error resets that followed. ``ended`` is None while
+    the incident is unresolved. ``rebooted`` is True if a boot-up of the node ended it. ``more`` counts the messages beyond the
+    first 32.
     """
 
     number: int
@@ -48,17 +49,17 @@ class Incident:
 
     @property
     def began(self) -> float:
-        """When its first message came."""
+        """Time of the first message."""
         return self.emcys[0].stamp
 
     @property
     def fault(self) -> Emcy:
-        """The message that began it."""
+        """The message that began the incident."""
         return self.emcys[0]
 
     @property
     def codes(self) -> tuple[int, ...]:
-        """Its error codes, each once, in the order in which they came."""
+        """The error codes, each once, in the order of reception."""
         return tuple(dict.fromkeys(emcy.code for emcy in self.emcys))
 
     @property
@@ -72,7 +73,7 @@ class Incident:
         return None if self.ended is None else self.ended - self.began
 
     def joined_by(self, emcy: Emcy) -> Incident:
-        """Return it with one more message."""
+        """Return the incident with one more message."""
         if len(self.emcys) + len(self.resets) >= MESSAGES:
             resolved = emcy.stamp if emcy.is_reset and not emcy.register else None
             return replace(self, more=self.more + 1, ended=resolved)
@@ -99,11 +100,11 @@ class Incidents:
 
     @property
     def open(self) -> tuple[Incident, ...]:
-        """Those that are unresolved."""
+        """The unresolved incidents."""
         return tuple(incident for incident in self._incidents if incident.ended is None)
 
     def note(self, emcy: Emcy) -> None:
-        """Take the next message, in the order of reception."""
+        """Add a message; call in the order of reception."""
         if emcy.is_reset:
             self._incidents = tuple(
                 incident.joined_by(emcy) if incident.ended is None else incident
@@ -118,7 +119,7 @@ class Incidents:
         self._incidents = (*self._incidents, Incident(self._count, (emcy,)))[-HISTORY:]
 
     def booted(self, stamp: float) -> None:
-        """Take a boot-up message of the node that came at ``stamp`` (seconds)."""
+        """Resolve the open incidents: the node sent a boot-up message at ``stamp`` (seconds)."""
         self._incidents = tuple(
             replace(incident, ended=stamp, rebooted=True) if incident.ended is None else incident
             for incident in self._incidents
@@ -126,20 +127,20 @@ class Incidents:
 
 
 class EmcyLog:
-    """What a node has sent; holds state: its newest 64 emergency messages (``history``, oldest first), and their incidents."""
+    """Emergency messages of a node; holds state: the newest 64 messages (``history``, oldest first), and their incidents."""
 
     def __init__(self) -> None:
         self.history: deque[Emcy] = deque(maxlen=LOGGED)
         self.incidents = Incidents()
 
     def note(self, emcy: Emcy) -> None:
-        """Take the next message, in the order of reception."""
+        """Add a message; call in the order of reception."""
         self.history.append(emcy)
         self.incidents.note(emcy)
 
 
 def group(emcys: Iterable[Emcy]) -> tuple[Incident, ...]:
-    """Return the incidents of recorded messages, in the order of reception."""
+    """Return the incidents of recorded messages, given in the order of reception."""
     incidents = Incidents()
     for emcy in emcys:
         incidents.note(emcy)

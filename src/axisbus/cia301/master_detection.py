@@ -1,4 +1,4 @@
-"""What another master looks like on the wire: the frames that masters and tools send, and slaves do not (CiA 301 7.2, CiA 305)."""
+"""Detect another master by its frames: masters and tools send them, slaves do not (CiA 301 7.2, CiA 305)."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from axisbus.cia301 import cob
 from axisbus.cia301.frame import CanFrame
 
 _FUNCTION, _NODE = 0x780, 0x7F
-_MEASURED = 3  # frames that a period is told of
+_MEASURED = 3  # frames from which a period is reported
 _STATE = 0x7F  # of a heartbeat's byte, without the toggle bit of node guarding; 0 is a boot-up message
 
 
 class Sign(Enum):
-    """What gives a master away, in the order in which it is told."""
+    """Kinds of frames that indicate a master, in the order in which they are reported."""
 
     NMT = "NMT commands"
     HEARTBEAT = "heartbeats"
@@ -28,16 +28,17 @@ class Sign(Enum):
     MODULE = "commands of CAN Simple"
 
 
-_CYCLIC = frozenset({Sign.HEARTBEAT, Sign.SYNC})  # what comes at a period that says something
+_CYCLIC = frozenset({Sign.HEARTBEAT, Sign.SYNC})  # signs with a period worth reporting
 
 
 @dataclass(frozen=True, slots=True)
 class ExpectedMasters:
-    """Who is who on a bus: ``nodes`` are the cell's slaves, ``masters`` the node IDs whose heartbeat is a master's.
+    """The expected participants: ``nodes`` are the cell's slaves, ``masters`` the node-IDs whose heartbeat is a master's.
 
-    SYNC is a sign at the COB-IDs ``syncs``, TIME at ``times``; nothing is one at ``excused``, where the cell's own devices send.
-    ``commands`` has the identifiers of what only a master sends to the cell's modules that speak CAN Simple, each with its module's
-    node ID. ``rpdos`` are RPDOs of the cell's nodes at other COB-IDs than the usual ones. ``produced`` is where we send SYNC.
+    SYNC is a sign at the COB-IDs ``syncs``, TIME at ``times``. Frames at ``excused`` are no sign: the cell's own devices send
+    there. ``commands`` maps identifiers that only a master sends to the cell's CAN Simple modules to the node-ID of the module.
+    ``rpdos`` maps RPDOs of the cell's nodes at other than the default COB-IDs to their node. ``produced`` is the COB-ID at which
+    this master sends SYNC.
     """
 
     nodes: frozenset[int]
@@ -51,16 +52,16 @@ class ExpectedMasters:
 
     @property
     def all_nodes(self) -> frozenset[int]:
-        """The cell's slaves, and its modules that speak CAN Simple."""
+        """The cell's slaves and its modules that use CAN Simple."""
         return self.nodes | frozenset(self.commands.values())
 
 
 def sign_of(frame: CanFrame, cast: ExpectedMasters) -> tuple[Sign, int | None] | None:
-    """Return what a frame gives away, and the node that it is of or for (None: the bus); None where a slave may send it."""
+    """Return the sign that a frame is and its node (None: whole bus); None if a slave may send the frame."""
     if frame.extended or frame.error or frame.can_id in cast.excused:
         return None
     function, node = frame.can_id & _FUNCTION, frame.can_id & _NODE
-    if frame.remote:  # of a PDO any consumer may ask
+    if frame.remote:  # any consumer may request a PDO
         return (Sign.GUARDING, node) if function == cob.HEARTBEAT and node else None
     if frame.can_id in cast.commands:
         return Sign.MODULE, cast.commands[frame.can_id]
@@ -83,10 +84,10 @@ def sign_of(frame: CanFrame, cast: ExpectedMasters) -> tuple[Sign, int | None] |
 
 
 def commanded(frame: CanFrame, cast: ExpectedMasters) -> frozenset[int]:
-    """Return the cell's nodes that a frame of another master commands; none where it only asks, or is a sign alone.
+    """Return the cell's nodes that a frame of another master commands; empty if it only requests data or is only a sign.
 
-    An SDO request commands its node when it begins a download to the communication profile or to the device profile. Objects of the
-    maker's own are what its tool writes while the drive runs.
+    An SDO request commands its node if it begins a download to the communication profile or the device profile. A download to a
+    manufacturer-specific object does not count: vendors' tools write these while the drive runs.
     """
     sign, node = sign_of(frame, cast) or (None, None)
     if sign is Sign.NMT:
@@ -99,12 +100,12 @@ def commanded(frame: CanFrame, cast: ExpectedMasters) -> frozenset[int]:
 
 
 _COMMANDING = frozenset({Sign.RPDO, Sign.MODULE})
-# The first three bits of what begins a download: expedited or in segments, and in blocks (CiA 301 7.2.4.3.3, 7.2.4.3.9).
+# The first three bits of a frame that begins a download: expedited or segmented, and block (CiA 301 7.2.4.3.3, 7.2.4.3.9).
 _DOWNLOAD, _BLOCK_DOWNLOAD, _BLOCK_STEP = 1, 6, 1
 
 
 def _of_nmt(data: bytes, cast: ExpectedMasters) -> frozenset[int]:
-    if len(data) != 2:  # command and node; anything else is no NMT command
+    if len(data) != 2:  # command and node; data of another length is not an NMT command
         return frozenset()
     return cast.all_nodes if data[1] == 0 else frozenset({data[1]}) & cast.all_nodes
 
@@ -114,7 +115,8 @@ def _is_command(data: bytes) -> bool:
         return False
     specifier, index = data[0] >> 5, data[1] | data[2] << 8
     begins = specifier == _DOWNLOAD or (specifier == _BLOCK_DOWNLOAD and not data[0] & _BLOCK_STEP)
-    return begins and (index < 0x2000 or index >= 0x6000)  # CiA 301 7.4.1: the maker's own in between
+    # CiA 301 7.4.1: manufacturer-specific objects in between
+    return begins and (index < 0x2000 or index >= 0x6000)
 
 
 @dataclass(slots=True)
@@ -130,7 +132,7 @@ class MasterEvidence:
 
     @property
     def period(self) -> float | None:
-        """The mean time in seconds from one to the next; None of what comes as it comes, and of too few."""
+        """Mean period in seconds; None for signs that are not cyclic, or if there are too few frames."""
         if self.sign not in _CYCLIC or self.count < _MEASURED:
             return None
         return (self.last - self.first) / (self.count - 1)
@@ -138,13 +140,13 @@ class MasterEvidence:
 
 @dataclass(slots=True)
 class MasterDetector:
-    """Collects what gives a master away; holds state: what was heard, by COB-ID."""
+    """Collects evidence of a master; holds state: the evidence by sign and COB-ID."""
 
     cast: ExpectedMasters
     _heard: dict[tuple[Sign, int], MasterEvidence] = field(default_factory=dict)
 
     def note(self, frame: CanFrame) -> None:
-        """Take a frame, in the order of time."""
+        """Evaluate a frame; call in the order of time."""
         found = sign_of(frame, self.cast)
         if found is None:
             return
@@ -160,13 +162,13 @@ class MasterDetector:
 
     @property
     def heard(self) -> list[MasterEvidence]:
-        """What was heard so far, in the order of ``Sign`` and of COB-IDs."""
+        """The evidence so far, in the order of ``Sign`` and of COB-IDs."""
         order = list(Sign)
         return sorted(self._heard.values(), key=lambda one: (order.index(one.sign), one.can_id))
 
 
 def words(heard: Iterable[MasterEvidence]) -> list[str]:
-    """Return what was heard, one line for each sign: what, of or for whom, how many, how often."""
+    """Return one line for each sign: sign, nodes, COB-IDs, number of frames, and period."""
     groups: dict[Sign, list[MasterEvidence]] = {}
     for one in heard:
         groups.setdefault(one.sign, []).append(one)

@@ -20,12 +20,12 @@ class NmtCommand(IntEnum):
 
     @property
     def text(self) -> str:
-        """The standard's words, such as ``reset node``."""
+        """The standard's name, such as ``reset node``."""
         return _COMMANDS[self]
 
 
 class NmtState(IntEnum):
-    """State of a node as its heartbeat says it; an unknown one is kept as a member."""
+    """State of a node as its heartbeat reports it; an unknown value becomes a member, too."""
 
     INITIALISING = 0
     STOPPED = 4
@@ -44,7 +44,7 @@ class NmtState(IntEnum):
 
     @property
     def text(self) -> str:
-        """The standard's word, such as ``pre-operational``."""
+        """The standard's name, such as ``pre-operational``."""
         return self.name.lower().replace("_", "-")
 
 
@@ -58,7 +58,7 @@ _COMMANDS = {
 
 
 def is_boot_up(data: bytes) -> bool:
-    """Whether an error control message is a boot-up: its first byte is 0 but for the toggle bit; the rest does not count."""
+    """Whether an error control message is a boot-up: the first byte is 0 apart from the toggle bit; further bytes are ignored."""
     return bool(data) and not data[0] & ~TOGGLE_BIT
 
 
@@ -72,6 +72,6 @@ RESULT = {
 
 
 def watched_node(entry: int) -> int:
-    """Return the node whose heartbeat an entry of 1016h watches; 0 where it is not used: no time, or no node-ID (1 to 127)."""
+    """Return the node whose heartbeat an entry of 1016h monitors; 0 if the entry is unused: time 0, or node-ID not 1 to 127."""
     node = entry >> 16 & 0xFF
     return node if entry & 0xFFFF and node in NODE_IDS else 0

@@ -29,9 +29,7 @@ RPDO_COMMUNICATION = 0x1400
 RPDO_MAPPING = 0x1600
 TPDO_COMMUNICATION = 0x1800
 TPDO_MAPPING = 0x1A00
-PROGRAM_DATA = (
-    0x1F50  # this and those below: CiA 302-3, one sub-index for each program, which are counted from 1
-)
+PROGRAM_DATA = 0x1F50  # this one and those below: CiA 302-3, one sub-index for each program, counted from 1
 PROGRAM_CONTROL = 0x1F51
 VERIFY_SOFTWARE = 0x1F52  # date in sub-index 1, time in 2
 PROGRAM_IDENTIFICATION = 0x1F56
@@ -58,7 +56,7 @@ DEVICE_PROFILES = {
 }
 
 
-# Parameters of one kind, such as 1400h to 15FFh (CiA 301 table 40): as many PDOs of one direction there can be.
+# Parameters of one kind, such as 1400h to 15FFh (CiA 301 table 40): the maximum number of PDOs of one direction.
 PDOS_OF_A_KIND = 0x200
 
 

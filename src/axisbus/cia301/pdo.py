@@ -1,4 +1,4 @@
-"""PDO mapping (CiA 301 7.4.9, 7.5.2.35-38) and a codec compiled once for each PDO."""
+"""PDO mapping (CiA 301 7.4.9, 7.5.2.35-38) and a codec that is compiled once for each PDO."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from axisbus.errors import ArgumentError
 from axisbus.wording import counted
 
 MAX_BITS = 64
-_DUMMY_TYPES = range(1, 8)  # mapping entries 0001h to 0007h hold no object, only space (CiA 301 7.4.7)
+_DUMMY_TYPES = range(1, 8)  # mapping entries 0001h to 0007h reserve space without an object (CiA 301 7.4.7)
 
 
 class MappedObject(NamedTuple):
-    """One entry of a mapping parameter: which object, and how many of its bits travel."""
+    """One entry of a mapping parameter: the object and its number of mapped bits."""
 
-    index: int  # type: ignore[assignment]  # hides tuple.index, which nobody wants here
+    index: int  # type: ignore[assignment]  # hides tuple.index, which is not needed here
     subindex: int
     bits: int
 
@@ -34,7 +34,7 @@ class MappedObject(NamedTuple):
 
     @property
     def is_dummy(self) -> bool:
-        """Whether it only keeps space free."""
+        """Whether the entry only reserves space."""
         return self.index in _DUMMY_TYPES
 
     def __str__(self) -> str:
@@ -42,7 +42,7 @@ class MappedObject(NamedTuple):
 
 
 class PdoLocation(NamedTuple):
-    """Where an object is: in the PDO ``pdo`` (``TPDO1``) with the frames of ``can_id``, ``bits`` from the bit ``shift`` on."""
+    """Location of an object: the PDO ``pdo`` (``TPDO1``) in the frames of ``can_id``, ``bits`` bits from the bit ``shift`` on."""
 
     can_id: int
     pdo: str
@@ -50,12 +50,12 @@ class PdoLocation(NamedTuple):
     bits: int
 
 
-# Transmission types of a TPDO that is sent when a remote frame asks for it (CiA 301 table 72): sampled at SYNC, or at once.
+# Transmission types of a TPDO that is sent in answer to a remote frame (CiA 301 table 72): sampled at SYNC, or at once.
 RTR_TYPES = (252, 253)
 
 
 def is_synchronous(transmission_type: int) -> bool:
-    """Whether a PDO of this transmission type is tied to SYNC (types 0 to 240; CiA 301 table 69 and 72)."""
+    """Whether a PDO of this transmission type is synchronous (types 0 to 240; CiA 301 table 69 and 72)."""
     return transmission_type <= 240
 
 
@@ -63,8 +63,8 @@ def is_synchronous(transmission_type: int) -> bool:
 class PdoConfiguration:
     """The parameters of one PDO as the drive holds them.
 
-    ``number`` counts from 1; ``inhibit_time`` is in 100 µs, ``event_timer`` in ms (0 = off, None = the drive has no such entry).
-    ``sync_start`` is the SYNC counter at which a TPDO begins to count SYNCs (0: at once; None as above).
+    ``number`` counts from 1. ``inhibit_time`` is in 100 µs, ``event_timer`` in ms (0 = off, None = the drive has no such entry).
+    ``sync_start`` is the SYNC counter at which a TPDO begins to count SYNCs (0: at once; None: no such entry).
     """
 
     number: int
@@ -88,26 +88,26 @@ class PdoConfiguration:
 
     @property
     def synchronous(self) -> bool:
-        """Whether it is tied to SYNC."""
+        """Whether the PDO is synchronous (types 0 to 240)."""
         return is_synchronous(self.transmission_type)
 
     @property
     def on_request(self) -> bool:
-        """Whether it is sent only when a remote frame asks for it (a TPDO's type)."""
+        """Whether a TPDO is sent only in answer to a remote frame."""
         return self.transmission_type in RTR_TYPES
 
 
 class PdoCodec:
     """Packs and unpacks the values of one mapping, in the order of its entries (dummies included).
 
-    ``struct`` does it where every entry is a whole 1, 2, 4 or 8 bytes; else exact bits do, least significant first.
-    Frozen after construction; safe to share between threads.
+    ``struct`` is used if every entry has 1, 2, 4 or 8 bytes. Otherwise the values are packed bit by bit, the least significant bit
+    first. Frozen after construction; safe to share between threads.
     """
 
     __slots__ = ("_fields", "_struct", "pack_each", "size", "unpack_from")
 
     def __init__(self, mapping: Sequence[MappedObject], signed: Sequence[bool]) -> None:
-        """Compile the codec; ``signed[i]`` tells whether entry ``i`` is read as two's complement.
+        """Compile the codec; ``signed[i]``: entry ``i`` is two's complement.
 
         Raises:
             ArgumentError: more than 64 bits are mapped.
@@ -122,19 +122,19 @@ class PdoCodec:
         self.size = (bits + 7) // 8
         self._fields = _fields(mapping, signed)
         self._struct = known = _struct(mapping, signed)
-        # The shortest ways: as ``unpack``, and as ``pack``, but that a value which does not fit may raise ``struct.error``.
+        # Faster variants of ``unpack`` and ``pack``; with a value that does not fit, ``pack_each`` may raise ``struct.error``.
         self.unpack_from: Callable[[bytes], tuple[int, ...]] = (
             self.unpack if known is None else known.unpack_from
         )
         self.pack_each: Callable[..., bytes] = self._pack_bits if known is None else known.pack
 
     def pack(self, values: Sequence[int]) -> bytes:
-        """Return the frame's data; a value that does not fit is cut to its bits (a negative one in an unsigned entry)."""
+        """Return the frame's data; a value that does not fit is cut to its bits, such as a negative one in an unsigned entry."""
         if self._struct is not None:
             try:
                 return self._struct.pack(*values)
             except struct.error:
-                pass  # cut below, as a drive does that types a signed object as unsigned
+                pass  # cut below, for drives that declare a signed object as unsigned
         return self._pack_bits(*values)
 
     def _pack_bits(self, *values: int) -> bytes:
@@ -178,5 +178,5 @@ def _sign(value: int, half: int) -> int:
 
 
 def dummy_type(entry: MappedObject) -> DataType | None:
-    """Return the data type that a dummy entry stands for, None for a real object."""
+    """Return the data type of a dummy entry, None for a real object."""
     return DataType(entry.index) if entry.is_dummy else None

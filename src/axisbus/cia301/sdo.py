@@ -1,15 +1,16 @@
-"""What both directions of an SDO transfer have in common on the client's side (CiA 301 7.2.4), without a bus or a clock.
+"""The part that both directions of an SDO transfer share on the client's side (CiA 301 7.2.4), independent of bus and clock.
 
 Theory of operation
 -------------------
-A ``SdoTransferAttempt`` is one attempt at one transfer. ``start`` gives the first frame; ``receive`` takes a frame of the server
-together with the seconds that passed since the last call, ``elapse`` only time; each returns the frames to be sent. It has ended
-well when ``done``, and badly by an exception: ``NoAnswer``, ``SdoAborted``, ``Garbled``. After a bad end (``SdoAborted`` excepted)
-the server must be told by ``abort``, which names the object.
+A ``SdoTransferAttempt`` is one attempt at one transfer. ``start`` returns the first frame. ``receive`` takes a frame of the server
+and the seconds since the last call; ``elapse`` takes only the seconds. Each returns the frames to be sent. The attempt has
+succeeded when ``done`` is True. It fails with an exception: ``NoAnswer``, ``SdoAborted`` or ``Garbled``. After ``NoAnswer`` and
+``Garbled`` the caller must send the frame that ``abort`` returns, which contains the object.
 
-What the server may say next is a method, ``_on``: it returns the frames that follow, or None for a frame that does not fit. That
-one is a *stray*, the late answer to an earlier request or somebody else's; it is noted and does not prolong the waiting.
-A frame of less than 8 bytes fits where it has all the bytes that it speaks of; it is never filled up with what nobody has sent.
+The method ``_on`` handles the frame that is expected next. It returns the frames to send, or None for a frame that does not fit.
+Such a frame is a *stray*: the late answer to an earlier request, or an answer to another client. A stray is recorded and does not
+prolong the wait. A frame of less than 8 bytes fits if it contains all the bytes that its command requires. Bytes that the server
+has not sent are never assumed.
 """
 
 from __future__ import annotations
@@ -27,20 +28,20 @@ _Handler = Callable[[bytes], Frames | None]
 ABORT = 0x80
 LARGEST_BLOCK = 127  # segments in a sub-block
 SEGMENT = 7  # bytes in a segment
-BLOCK_FROM = 256  # bytes from which a block transfer is worth its own frames
-FUTILE_BLOCKS = 8  # sub-blocks in a row of which not one segment arrived, after which we give up
-LONGEST = 1 << 24  # bytes that are taken in one transfer; a server that sends more has no end
+BLOCK_FROM = 256  # bytes from which the additional frames of a block transfer pay off
+FUTILE_BLOCKS = 8  # sub-blocks in a row without any received segment, after which the client gives up
+LONGEST = 1 << 24  # bytes that are accepted in one transfer; a server that sends more does not end
 
 NO_BLOCK = frozenset(
     {codes.UNKNOWN_COMMAND, codes.TIMED_OUT}
-)  # answers to a block's initiation that hold for every object
-STRAYS = 64  # that are kept
+)  # answers to the initiation of a block transfer that apply to every object
+STRAYS = 64  # that are stored
 _NO_MULTIPLEXER = b"\0\0\0"
-_ROUNDING = 1e-9  # seconds; sums of floats do not meet the time-out exactly
+_ROUNDING = 1e-9  # seconds; sums of floats do not equal the time-out exactly
 
 
 class SdoTransferType(Enum):
-    """How the data travels."""
+    """Transfer protocol."""
 
     NORMAL = "expedited up to 4 bytes, else in segments that are confirmed one by one"
     BLOCK = "in blocks, or as NORMAL where the server does not know blocks"
@@ -60,7 +61,7 @@ class SdoAborted(Exception):
 
 
 class Garbled(Exception):
-    """The dialogue went wrong: toggle bit, sequence, size, checksum or command; the server is to be told ``code``."""
+    """The server violated the protocol: toggle bit, sequence, size, checksum or command. Abort the transfer with ``code``."""
 
     def __init__(self, text: str, code: int = codes.GENERAL) -> None:
         super().__init__(text)
@@ -68,23 +69,23 @@ class Garbled(Exception):
 
 
 class SdoTransferAttempt:
-    """One attempt; holds state: what is expected next, how long was waited for it, and what did not fit."""
+    """One attempt; holds state: the expected frame, the time waited for it, and the strays."""
 
     def __init__(self, index: int, subindex: int, timeout: float) -> None:
         """``timeout`` is for one answer, in seconds."""
         self.strays: list[bytes] = []
-        self.astray = 0  # how many there were
+        self.astray = 0  # total number of strays
         self.done = False
         self.begun = False
         self.block_refused: int | None = (
-            None  # how the server answered the initiation of a block transfer that it does not do
+            None  # abort code of a server that refused the initiation of a block transfer
         )
         self._multiplexer = index.to_bytes(2, "little") + bytes([subindex])
         self._timeout = timeout
         self._waited = 0.0
         self._on: _Handler = _nothing
         self._futile = 0
-        self._came = 8  # bytes of the frame at hand
+        self._came = 8  # bytes of the present frame
 
     @property
     def remaining(self) -> float:
@@ -93,7 +94,7 @@ class SdoTransferAttempt:
 
     @property
     def progress(self) -> tuple[int, int | None]:
-        """Bytes that have arrived at the other end, and bytes in all (None: not known)."""
+        """Bytes transferred, and bytes in total (None: unknown)."""
         raise NotImplementedError
 
     def start(self) -> Frames:
@@ -102,10 +103,10 @@ class SdoTransferAttempt:
         return self._begin()
 
     def receive(self, frame: bytes, dt: float = 0.0) -> Frames:
-        """Take a frame of the server that came ``dt`` seconds after the last call; return what to send.
+        """Handle a frame of the server that came ``dt`` seconds after the last call; return the frames to send.
 
         Raises:
-            NoAnswer, Refused, Garbled.
+            NoAnswer, SdoAborted, Garbled.
         """
         self._came = len(frame)
         frame = frame.ljust(8, b"\0")
@@ -122,7 +123,7 @@ class SdoTransferAttempt:
         return answer
 
     def elapse(self, dt: float) -> Frames:
-        """Let ``dt`` seconds pass without a frame that fits; return what to send.
+        """Let ``dt`` seconds pass without a frame that fits; return the frames to send.
 
         Raises:
             NoAnswer: the time is up.
@@ -161,7 +162,7 @@ class SdoTransferAttempt:
     def _count_futile(
         self, progress: int, what: str = "block", why: str = "of which no segment arrived"
     ) -> None:
-        """Give up where sub-block after sub-block, or segment after segment, is sent in vain."""
+        """Give up if several sub-blocks or segments in a row transferred nothing."""
         self._futile = 0 if progress else self._futile + 1
         if self._futile >= FUTILE_BLOCKS:
             raise Garbled(f"{counted(self._futile, what)} in a row {why}", codes.WRONG_SEQUENCE)
@@ -183,4 +184,4 @@ def check_toggle(frame: bytes, expected: int) -> None:
 
 
 def _nothing(_frame: bytes) -> None:
-    """Expect no frame."""
+    """Accept no frame."""

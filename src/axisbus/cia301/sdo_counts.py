@@ -1,4 +1,4 @@
-"""How SDO transfers ended, counted by node: so that a line that loses frames is seen before a transfer fails by it."""
+"""Count the outcomes of SDO transfers by node, to show lost frames before they make a transfer fail."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from axisbus.cia301.sdo_session import BROKEN_DIALOGUE
 
 
 class SdoOutcome(Enum):
-    """How a transfer ended, after however many attempts: what whoever asked for it was told."""
+    """Outcome of a transfer after all its attempts, as reported to the caller."""
 
     DONE = "done"
     ABORTED = "aborted"  # the node refused it
     UNANSWERED = "unanswered"
-    BROKEN = "broken"  # what came made no sense, in the last attempt
-    CUT_SHORT = "cut short"  # by something more urgent, or the bus failed
+    BROKEN = "broken"  # protocol violations in the last attempt
+    CUT_SHORT = "cut short"  # by a more urgent request, or by a bus failure
 
 
 @dataclass(frozen=True, slots=True)
 class SdoCount:
-    """The transfers with one node so far, by how they ended, and how often one was tried again (``retries``)."""
+    """The transfers with one node so far by outcome, and the number of repeated attempts (``retries``)."""
 
     node: int
     done: int = 0
@@ -36,7 +36,7 @@ class SdoCount:
 
     @property
     def ends(self) -> dict[SdoOutcome, int]:
-        """How many ended in each way."""
+        """Number of transfers for each outcome."""
         return {
             SdoOutcome.DONE: self.done,
             SdoOutcome.ABORTED: self.aborted,
@@ -47,23 +47,23 @@ class SdoCount:
 
 
 class SdoCounts:
-    """Counts the ends of transfers; holds state: a count for each node and end, and the retries of each node."""
+    """Counter of outcomes; holds state: a count for each node and outcome, and the retries of each node."""
 
     def __init__(self, lock: AbstractContextManager[object] | None = None) -> None:
-        """``lock`` is held while it counts: whoever has several threads gives one."""
+        """``lock`` is held while counting; give one if several threads use this."""
         self._lock = nullcontext() if lock is None else lock
         self._ends: Counter[tuple[int, SdoOutcome]] = Counter()
         self._retries: Counter[int] = Counter()
 
     def note(self, node: int, end: SdoOutcome, retries: int) -> None:
-        """Count one transfer that has ended, after so many attempts beside the first."""
+        """Count one transfer that has ended; ``retries`` is its number of attempts after the first."""
         with self._lock:
             self._ends[node, end] += 1
             self._retries[node] += retries
 
     @property
     def found(self) -> tuple[SdoCount, ...]:
-        """What was counted so far, by node."""
+        """The counts so far, by node."""
         with self._lock:
             ends, retries = dict(self._ends), dict(self._retries)
         return tuple(_of(node, ends, retries[node]) for node in sorted(retries))
@@ -75,7 +75,7 @@ def _of(node: int, ends: Mapping[tuple[int, SdoOutcome], int], retries: int) -> 
 
 
 def end_of(failure: NoAnswer | Garbled | SdoAborted | None) -> SdoOutcome:
-    """Return how a session ended that was carried through; ``failure`` is its own."""
+    """Return the outcome of a session that ran to its end; ``failure`` is the one of the session."""
     if failure is None:
         return SdoOutcome.DONE
     if isinstance(failure, NoAnswer):

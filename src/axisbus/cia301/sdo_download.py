@@ -1,10 +1,11 @@
-"""Writing an object as a pure state machine: expedited, in segments, or in blocks.
+"""Write an object as a pure state machine: expedited, segmented, or as a block transfer.
 
 Theory of operation
 -------------------
-In a block up to 127 segments (as many as the server grants each time) go out unconfirmed; the server then confirms the last one
-that came in order, and we go on behind it. Where that confirmation does not come, nothing tells whether the server has the
-sub-block or not, and sending it again could write it twice: the attempt is given up, and the caller begins anew.
+In a block transfer the client sends up to 127 segments unconfirmed (as many as the server grants each time). The server then
+confirms the last segment that came in order, and the client continues after that segment. If the confirmation does not come, it is
+unknown whether the server has received the sub-block. Sending it again could write it twice. The attempt is therefore given up, and
+the caller starts again.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class Download(SdoTransferAttempt):
         timeout: float,
         way: SdoTransferType = SdoTransferType.NORMAL,
     ) -> None:
-        """``SdoTransferType.AUTO`` is not for here: who has the data knows its size."""
+        """``SdoTransferType.AUTO`` is not supported here: the caller knows the size of the data and chooses the type."""
         super().__init__(index, subindex, timeout)
         self._data = data
         self._way = way
@@ -48,7 +49,7 @@ class Download(SdoTransferAttempt):
 
     @property
     def progress(self) -> tuple[int, int | None]:
-        """Bytes that the server has confirmed, and bytes in all."""
+        """Bytes that the server has confirmed, and bytes in total."""
         return min(self._position, len(self._data)), len(self._data)
 
     def _begin(self) -> Frames:
@@ -150,7 +151,7 @@ class Download(SdoTransferAttempt):
         self._end()
         return ()
 
-    # -- what goes wrong -----------------------------------------------------------------------------------------------------------
+    # -- errors --------------------------------------------------------------------------------------------------------------------
 
     def _aborted(self, code: int) -> Frames:
         return self._without_block(code) if self._on == self._block_granted else super()._aborted(code)
@@ -161,6 +162,6 @@ class Download(SdoTransferAttempt):
         return super()._silence()
 
     def _without_block(self, code: int) -> Frames:
-        """A refused initiation has written nothing: the normal transfer will say what the server really minds."""
+        """Start a normal transfer: the refused initiation changed nothing, and this shows the server's actual objection."""
         self.block_refused = code
         return self._ask()

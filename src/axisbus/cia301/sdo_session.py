@@ -1,14 +1,14 @@
-"""One SDO request over all its attempts, as a pure state machine of dialogues.
+"""One SDO request with all its attempts, as a pure state machine of dialogues.
 
 Theory of operation
 -------------------
-An attempt that got no answer, or a garbled one, is ended by an abort. Before the next one comes a *barrier*: the mandatory object
-1000h is read, and whatever arrives before its answer belongs to the past. A server answers in order, so the late answer to a
-request that was given up can never be taken for the answer to a later one, not even to the same object. A barrier that is not
-answered has used up its attempt. What the next request must know is left in ``late`` and ``no_block``.
+An attempt without an answer, or with a garbled one, is ended by an abort. Before the next attempt comes a *barrier*: the client
+reads the mandatory object 1000h, and discards all frames that arrive before its answer. A server answers in order. So the late
+answer to an abandoned request can never be taken for the answer to a later one, not even for the same object. A barrier without an
+answer counts as a failed attempt. ``late`` and ``no_block`` hold the information for the next request.
 
-Many bytes travel in blocks where the server knows them. When a block transfer has broken down, the last attempt goes the normal
-way.
+Large data is sent in blocks if the server supports blocks. After a block transfer has failed, the last attempt uses the normal
+transfer.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from axisbus.cia301.sdo import (
 from axisbus.cia301.sdo_download import Download
 from axisbus.cia301.sdo_upload import Upload
 
-# Aborts that say the dialogue broke, not that the server minds the request: worth another try.
+# Aborts that report a broken dialogue and not an objection to the request: worth another attempt.
 BROKEN_DIALOGUE = frozenset(
     {
         codes.TOGGLE,
@@ -47,12 +47,13 @@ _BARRIER = 64  # bytes; 1000h has 4, 1001h has 1
 
 
 class SdoTransferRequest(NamedTuple):
-    """What is asked for: ``data`` None reads; ``timeout`` in seconds is for one answer, ``tries`` counts whole transfers.
+    """A request: ``data`` None reads; ``timeout`` in seconds is for one answer, ``tries`` is the maximum number of attempts.
 
-    ``most`` is how many bytes are taken from a server that is read, ``usual`` how many the object's type has (None: not known).
+    ``most`` limits the bytes accepted from the server when reading. ``usual`` is the size of the object's type in bytes (None:
+    unknown).
     """
 
-    index: int  # type: ignore[assignment]  # hides tuple.index, which nobody wants here
+    index: int  # type: ignore[assignment]  # hides tuple.index, which is not needed here
     subindex: int
     data: bytes | None
     timeout: float
@@ -63,9 +64,9 @@ class SdoTransferRequest(NamedTuple):
 
 
 class SdoSession:
-    """One request on its way; holds state: the dialogue that runs, and what went wrong so far.
+    """One running request; holds state: the present dialogue, and the failures so far.
 
-    ``done`` says that it has ended; then ``failure`` tells how (None: well), and ``data`` holds what was read.
+    ``done`` is True when it has ended. Then ``failure`` is the reason (None: success), and ``data`` holds the bytes that were read.
     """
 
     def __init__(
@@ -83,8 +84,8 @@ class SdoSession:
         self.data = b""
         self.failure: NoAnswer | Garbled | SdoAborted | None = None
         self.strays: list[bytes] = []
-        self.astray = 0  # frames that fitted nothing; the newest are in ``strays``
-        self.retries = 0  # attempts beside the first
+        self.astray = 0  # frames that did not fit; the newest are in ``strays``
+        self.retries = 0  # attempts after the first
         self.answers_others = False  # whether the last barrier was answered
         self._request = request
         self._urgent = urgent
@@ -99,12 +100,12 @@ class SdoSession:
 
     @property
     def unfit(self) -> int:
-        """How many frames so far fitted nothing."""
+        """Number of frames so far that did not fit."""
         return self.astray + self._current.astray
 
     @property
     def progress(self) -> tuple[int, int | None]:
-        """Bytes done in this attempt, and bytes in all (None: not known)."""
+        """Bytes transferred in this attempt, and bytes in total (None: unknown)."""
         return self._dialogue.progress
 
     def start(self) -> Frames:
@@ -112,15 +113,15 @@ class SdoSession:
         return self._step(self._begin_attempt)
 
     def receive(self, frame: bytes, dt: float = 0.0) -> Frames:
-        """Take a frame that came ``dt`` seconds after the last call; return what to send. Never raises."""
+        """Handle a frame that came ``dt`` seconds after the last call; return the frames to send. Never raises."""
         return self._step(lambda: self._current.receive(frame, dt))
 
     def elapse(self, dt: float) -> Frames:
-        """Let ``dt`` seconds pass; return what to send. Never raises."""
+        """Let ``dt`` seconds pass; return the frames to send. Never raises."""
         return self._step(lambda: self._current.elapse(dt))
 
     def give_up(self) -> Frames:
-        """End it because nobody wants it any more; return the abort, where there is anything to abort."""
+        """End the session because its result is no longer needed; return the abort if a transfer has begun."""
         self.done = True
         self._keep_strays()
         return self._abandoned(codes.GENERAL) if self._current.begun else ()
@@ -142,7 +143,7 @@ class SdoSession:
 
     def _refused(self, refused: SdoAborted) -> Frames:
         if self._barrier is not None:
-            return self._passed_barrier()  # an answer, and that is all it was asked for
+            return self._passed_barrier()  # any answer, including an abort, passes the barrier
         if refused.code in BROKEN_DIALOGUE:
             return self._again(refused)
         return self._ended(refused)
@@ -207,7 +208,7 @@ class SdoSession:
         return Download(index, subindex, data, timeout, self._way())
 
     def _way(self) -> SdoTransferType:
-        """Choose how the data travels; what was asked for goes before what was learnt."""
+        """Choose the transfer type; the type in the request has priority over the experience with this server."""
         request = self._request
         if request.way is not SdoTransferType.AUTO:
             return request.way

@@ -1,14 +1,16 @@
-"""Reading an object as a pure state machine: expedited, in segments, or in blocks.
+"""Read an object as a pure state machine: expedited, segmented, or as a block transfer.
 
 Theory of operation
 -------------------
-``SdoTransferType.AUTO`` asks normally; where the server announces many bytes, that transfer is aborted and asked for again in
-blocks. Where the server refuses the block or is silent to it, the normal transfer follows.
+``SdoTransferType.AUTO`` begins with a normal transfer. If the server announces many bytes, the client aborts that transfer and
+requests a block transfer. If the server refuses the block transfer or does not answer, the normal transfer follows.
 
-In a block the server sends up to 127 segments unconfirmed. We keep those that come in order; at the end of the sub-block the last
-good number is confirmed, and the server goes on from there. Where the end of a sub-block is lost, silence is answered with the
-confirmation of what has come. That is safe only if something has come (else it might confirm the sub-block before for a second
-time) and if a checksum and a size will tell in the end; in every other case the attempt is given up.
+In a block transfer the server sends up to 127 segments unconfirmed. The client stores the segments that come in order. At the end
+of the sub-block the client confirms the last good number, and the server continues after it. If the end of a sub-block is lost, the
+client answers the silence once with the confirmation of the segments received so far. This is safe only under two conditions. At
+least one segment of the sub-block has come, else the client might confirm the sub-block before a second time. And a checksum and a
+size will verify the data at the end. After the last sub-block the client repeats its confirmation once in any case. Otherwise the
+attempt is given up.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ from axisbus.wording import counted
 
 
 class Upload(SdoTransferAttempt):
-    """One attempt at reading; ``data`` holds what has come, all of it when ``done``."""
+    """One attempt at reading; ``data`` holds the bytes received so far, complete when ``done``."""
 
     def __init__(
         self,
@@ -42,9 +44,10 @@ class Upload(SdoTransferAttempt):
         most: int = LONGEST,
         usual: int | None = None,
     ) -> None:
-        """``block_size`` is how many segments we take without confirming, 1 to 127; ``most`` how many bytes in all.
+        """``block_size`` is the number of segments per confirmation, 1 to 127; ``most`` limits the total bytes.
 
-        ``usual``: the bytes of the object's type (None: not known), for a server that sends up to 4 bytes without saying how many.
+        ``usual`` is the size in bytes of the object's type (None: unknown), for a server that sends up to 4 bytes without their
+        number.
         """
         super().__init__(index, subindex, timeout)
         self.size: int | None = None  # as announced
@@ -56,19 +59,19 @@ class Upload(SdoTransferAttempt):
         self._most = most
         self._usual = usual
         self._good = 0  # last segment of this sub-block that came in order
-        self._seen = 0  # last one that came at all
+        self._seen = 0  # highest segment number that came
         self._confirmed = 0
         self._complete = False
         self._insisted = False
 
     @property
     def data(self) -> bytes:
-        """What has come."""
+        """The bytes received so far."""
         return bytes(self._buffer)
 
     @property
     def progress(self) -> tuple[int, int | None]:
-        """Bytes that have come, and bytes announced (None: they were not)."""
+        """Bytes received, and bytes announced (None: not announced)."""
         done = len(self._buffer)
         return (done if self.size is None else min(done, self.size)), self.size
 
@@ -89,7 +92,7 @@ class Upload(SdoTransferAttempt):
         if self._came < (end if expedited or sized else 4):
             return None
         if expedited:
-            if not sized and self._usual is not None:  # the other bytes mean nothing (CiA 301 7.2.4.3.5)
+            if not sized and self._usual is not None:  # the other bytes have no meaning (CiA 301 7.2.4.3.5)
                 end = min(end, 4 + self._usual)
             self._buffer += frame[4:end]
             self.size = len(self._buffer)
@@ -126,7 +129,7 @@ class Upload(SdoTransferAttempt):
         self._on = self._block_initiated
         return (
             self._request(0xA4, bytes([self._block_size, 0])),
-        )  # 0: no wish to go over to the normal transfer
+        )  # 0: the server shall not change to the normal transfer
 
     def _block_initiated(self, frame: bytes) -> Frames | None:
         if not self._is_ours(frame):
@@ -147,7 +150,7 @@ class Upload(SdoTransferAttempt):
             return None
         again = number <= self._seen and number != self._good + 1
         if again and not last and number != self._block_size:
-            return None  # no step forward, so that the wait goes on
+            return None  # no progress: the time-out keeps running
         self._seen = max(self._seen, number)
         if number == self._good + 1:
             self._good, self._complete, self._insisted = number, bool(last), False
@@ -174,7 +177,7 @@ class Upload(SdoTransferAttempt):
         return (b"\xa1" + bytes(7),)
 
     def _trim(self, unused: int, expected: int) -> None:
-        """Cut off what the last segment does not use; where size and checksum agree against the server's ``unused``, they win."""
+        """Remove the unused bytes of the last segment; ``size`` overrides ``unused`` if only ``size`` agrees with the checksum."""
         data = bytes(self._buffer[: len(self._buffer) - unused])
         if self._has_checksum and checksum(data) != expected:
             data = bytes(self._buffer[: self.size])
@@ -182,7 +185,7 @@ class Upload(SdoTransferAttempt):
                 raise Garbled("the checksum does not match the data", codes.WRONG_CHECKSUM)
         self._buffer[:] = data
 
-    # -- what goes wrong -----------------------------------------------------------------------------------------------------------
+    # -- errors --------------------------------------------------------------------------------------------------------------------
 
     def _aborted(self, code: int) -> Frames:
         return self._without_block(code) if self._on == self._block_initiated else super()._aborted(code)
@@ -196,14 +199,14 @@ class Upload(SdoTransferAttempt):
         return super()._silence()
 
     def _may_insist(self) -> bool:
-        """Whether silence may be answered with the last confirmation (see the theory of operation)."""
+        """Whether the client may answer silence with the last confirmation (see the theory of operation)."""
         if self._on == self._block_ended:
             return True
         checked = self._has_checksum and self.size is not None
         return self._on == self._block_segment and self._good > 0 and checked
 
     def _without_block(self, code: int) -> Frames:
-        """A refused initiation has changed nothing: the normal transfer will say what the server really minds."""
+        """Start a normal transfer: the refused initiation changed nothing, and this shows the server's actual objection."""
         self.block_refused = code
         self._way = SdoTransferType.NORMAL
         return self._ask()

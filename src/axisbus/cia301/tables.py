@@ -1,4 +1,4 @@
-"""Reading the tables of the standards that ship beside the code as tab-separated files."""
+"""Read the tables of the standards, which are tab-separated files in the packages."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from importlib import resources
 
 
 def rows(package: str, name: str) -> list[dict[str, str]]:
-    """Return the rows of the table ``name`` in ``package``, each as column name to text; ``#`` starts a comment line."""
+    """Return the rows of the table ``name`` in ``package`` as dictionaries by column name; ``#`` starts a comment line."""
     text = resources.files(package).joinpath(name).read_text(encoding="utf-8")
     lines = [line.split("\t") for line in text.splitlines() if line and not line.startswith("#")]
     header = lines[0]

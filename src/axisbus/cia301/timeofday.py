@@ -1,4 +1,4 @@
-"""TIME_OF_DAY (CiA 301 7.1.6.6): milliseconds since midnight and days since 1 January 1984, as the TIME service carries them."""
+"""TIME_OF_DAY (CiA 301 7.1.6.6): milliseconds since midnight and days since 1 January 1984, as sent by the TIME service."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _DAYS = (1 << 16) - 1
 class TimeOfDay(NamedTuple):
     """One time: milliseconds after midnight (0 to 86399999) and days since 1984-01-01 (0 to 65535, which is in 2163).
 
-    The standard names no time zone; this package sends and reads UTC.
+    The standard specifies no time zone; this package sends and reads UTC.
     """
 
     milliseconds: int
@@ -25,10 +25,10 @@ class TimeOfDay(NamedTuple):
 
     @classmethod
     def of(cls, moment: datetime) -> TimeOfDay:
-        """Return a time, cut to the millisecond.
+        """Convert a time, truncated to milliseconds.
 
         Raises:
-            ArgumentError: it has no time zone, or lies before 1984 or after 2163.
+            ArgumentError: it has no time zone, or is before 1984 or after 2163.
         """
         if moment.tzinfo is None:
             raise ArgumentError(
@@ -52,7 +52,7 @@ class TimeOfDay(NamedTuple):
 
 
 def parse(data: bytes) -> TimeOfDay | None:
-    """Read a TIME message; the void bits count for nothing. None where it is too short, or past midnight by its own count."""
+    """Read a TIME message, ignoring its void bits; None if it is too short, or its milliseconds are a day or more."""
     if len(data) < SIZE:
         return None
     milliseconds = int.from_bytes(data[:4], "little") & _MILLISECONDS
