@@ -1,1 +1,1 @@
-"""CiA 302 as pure machines: boot-up of a node, and download of its program."""
+"""CiA 302 as pure state machines: boot-up of a node, and download of its program."""

@@ -1,18 +1,19 @@
-"""The boot-up of one NMT slave as CiA 302-2 has it, as a pure machine: answers in, requests out, an outcome at the end.
+"""The boot-up of one NMT slave by CiA 302-2 as a pure state machine: answers in, requests out, and an outcome at the end.
 
 Theory of operation
 -------------------
-``boot_up(plan)`` is a generator: it yields a ``Request``, is sent the ``Answer``, and returns the ``BootOutcome``. It knows no bus,
-no clock and no thread; time is what the answers say it took. Two rules:
+``boot_up(plan)`` is a generator: it yields a ``Request``, is sent the ``Answer``, and returns the ``BootOutcome``. It uses no bus,
+no clock and no thread; the answers contain the elapsed time. Two rules:
 
-1. **Each request is repeated by itself.** Silence costs one more try of this request and nothing else; only a request that stays
-   unanswered in all its tries ends the boot-up. Every request can be repeated without harm; the one that cannot, the transfer of
-   a program, has a single try (see ``program_download``).
-2. **The first thing that is wrong ends it**, and the outcome has all that is known: letter, step, object, expected, got, abort.
+1. **Each request is repeated separately.** Silence costs one more try of this request and nothing else. Only a request that stays
+   unanswered in all its tries ends the boot-up. Every request can be repeated without harm, except the transfer of a program, which
+   has a single try (see ``program_download``).
+2. **The first error ends the boot-up**, and the outcome contains all known facts: letter, step, object, expected and received
+   value, abort code.
 
-The order is that of the standard: device type, identity, state, program, restore, configuration, error control, start. Two things
-differ. A node that is found running is never reset: at most it is taken to pre-operational, and where the application says so not
-even that. And what the standard leaves to the application has three places (``BootPhase``).
+The order is that of the standard: device type, identity, state, program, restore, configuration, error control, start. There are
+two differences. A running node is never reset: at most it is switched to pre-operational, and if the application requests it, not
+even that. And the application has its own part at certain points (``BootPhase``).
 """
 
 from __future__ import annotations
@@ -50,13 +51,13 @@ from axisbus.cia302.types import (
     Setting,
 )
 
-LONGEST_LISTEN = 3.0  # seconds; a node whose heartbeat is rarer is not waited for
+LONGEST_LISTEN = 3.0  # seconds; the boot-up does not wait for a node with a longer heartbeat period
 _LEAST_LISTEN = 0.3
-_REAL_TOLERANCE = 1e-6  # REAL32 comes back rounded
+_REAL_TOLERANCE = 1e-6  # REAL32 values are rounded when read back
 
 
 def boot_up(plan: BootPlan) -> Generator[Request, Answer, BootOutcome]:
-    """Boot one node up; see the module. Raises nothing of its own."""
+    """Boot one node; see the module. Raises no exceptions of its own."""
     run = _Run(plan)
     try:
         yield from run.all()
@@ -67,7 +68,7 @@ def boot_up(plan: BootPlan) -> Generator[Request, Answer, BootOutcome]:
 
 
 def same(got: object, wanted: Value) -> bool:
-    """Whether a value that was read back is the one that was written."""
+    """Whether a value read back equals the value written."""
     if isinstance(got, float) and isinstance(wanted, (int, float)):
         return abs(got - wanted) <= _REAL_TOLERANCE * max(1.0, abs(wanted))
     return got == wanted
@@ -77,7 +78,7 @@ class _Run(ProgramSteps):
     """One boot-up; holds the outcome as far as it is known."""
 
     def all(self) -> Step:
-        """Do the steps in order."""
+        """Execute the steps in order."""
         if not self.plan.listed:
             self._fail(Letter.A)
         for name, step in (
@@ -95,7 +96,7 @@ class _Run(ProgramSteps):
             self._note(step=name, address=None, tries=0)
             yield from step()
 
-    # -- who is it ---------------------------------------------------------------------------------------------------
+    # -- identity ----------------------------------------------------------------------------------------------------
 
     def _find(self) -> Step:
         address = (o.DEVICE_TYPE, 0)
@@ -108,7 +109,7 @@ class _Run(ProgramSteps):
         self._did("found")
 
     def _wake(self) -> Step:
-        """A node that was left in the NMT state *stopped* has no SDO server; pre-operational gives it one and energises nothing."""
+        """Switch a node in the NMT state *stopped*, which has no SDO server, to pre-operational; that energises nothing."""
         answer = yield from self._ask(Listen(_LEAST_LISTEN, tries=1))
         if isinstance(answer, Got) and answer.value is NmtState.STOPPED:
             self._did("woken: it was in the NMT state stopped")
@@ -136,7 +137,7 @@ class _Run(ProgramSteps):
         got = self.outcome.identity.get(address)
         self._fail(letter, expected=expected.value, got=got, abort=abort)
 
-    # -- what is it doing --------------------------------------------------------------------------------------------
+    # -- state -------------------------------------------------------------------------------------------------------
 
     def _look(self) -> Step:
         period = yield from self._read(o.PRODUCER_HEARTBEAT)
@@ -152,7 +153,7 @@ class _Run(ProgramSteps):
         self._did("looked at")
 
     def _hear(self, period: float) -> Step:
-        """A node that says it sends heartbeats is heard (letter E where it is not)."""
+        """Wait for a heartbeat of a node that is configured to send it (letter E if none comes)."""
         patience = (self.plan.missed + 1) * period
         if patience > LONGEST_LISTEN:
             self._skipped(f"its NMT state: it sends a heartbeat every {period:g} s only")
@@ -162,7 +163,7 @@ class _Run(ProgramSteps):
             self._note(found=answer.value)
 
     def _hold(self) -> Step:
-        """Take it to pre-operational, where it may be disturbed and is not there already."""
+        """Switch the node to pre-operational, if it may be disturbed and is not in that state already."""
         if not self._disturb:
             self._skipped("pre-operational: it is left as it was found")
         elif self.outcome.found is not NmtState.PRE_OPERATIONAL:
@@ -172,10 +173,10 @@ class _Run(ProgramSteps):
     # -- program (see program_download) -----------------------------------------------------------------------------------
 
     def _renew(self) -> Step:
-        """Check the program; one that was replaced must leave the node the device that is expected.
+        """Check the program; after a replacement the node must still have the expected identity.
 
-        Identity comes before the program, as in the standard: a revision that only the new program has would be refused before the
-        download, and one that only the old program had is refused after it, not at the next boot-up.
+        Identity comes before the program, as in the standard. A revision that only the new program has would be refused before the
+        download. A revision that only the old program had is refused after it, not at the next boot-up.
         """
         if (yield from self._program()):
             self._note(address=(o.DEVICE_TYPE, 0))
@@ -196,7 +197,7 @@ class _Run(ProgramSteps):
         self._did("defaults restored")
 
     def _restart(self) -> Step:
-        """Reset the node, so that its defaults hold; where the boot-up message was lost it is found by asking."""
+        """Reset the node to activate its defaults; if the boot-up message was lost, find the node by SDO requests."""
         self._note(address=None)
         answer = yield from self._ask(BootNmtCommand(NmtCommand.RESET_NODE, tries=1))
         if isinstance(answer, NoReply):
@@ -225,7 +226,7 @@ class _Run(ProgramSteps):
         return (date, time) == self.plan.version
 
     def _seal(self) -> Step:
-        """Let the node remember which configuration it has."""
+        """Store date and time of the configuration in the node (1020h)."""
         for subindex, value in enumerate(self.plan.version or (), 1):
             self._note(address=(o.VERIFY_CONFIGURATION, subindex))
             answer = yield from self._ask(BootWrite(o.VERIFY_CONFIGURATION, subindex, value, checked=False))
@@ -236,7 +237,7 @@ class _Run(ProgramSteps):
                 self._fail(Letter.J)
 
     def _set(self, setting: Setting, verify: bool = True) -> Step:
-        """Write an object and read it back; one that may only be written is not read back, and one that may not be is only read."""
+        """Write an object and read it back; with ``verify`` False it is not read back, and a fixed one is only read."""
         index, subindex, wanted = setting.index, setting.subindex, setting.value
         self._note(address=(index, subindex), setting=setting)
         if not setting.fixed:
@@ -260,7 +261,7 @@ class _Run(ProgramSteps):
             yield from self._guard()
 
     def _produces(self, period: int) -> Generator[Request, Answer, int | None]:
-        """Have it send heartbeats; return the period in ms that it took, None where it can send none."""
+        """Configure the node to send heartbeats; return the period in ms that it accepted, None if it cannot send any."""
         self._note(address=(o.PRODUCER_HEARTBEAT, 0))
         answer = yield from self._ask(BootWrite(o.PRODUCER_HEARTBEAT, 0, period))
         if isinstance(answer, SdoAbortReply):
@@ -282,7 +283,7 @@ class _Run(ProgramSteps):
         self._did("error control by heartbeat")
 
     def _guard(self) -> Step:
-        """Ask once whether guarding works; not where the first request would start a life time that nobody serves yet."""
+        """Check once whether guarding works, unless the first request would start a life time that is not served yet."""
         guard_time = yield from self._read(o.GUARD_TIME)
         factor = yield from self._read(o.LIFE_TIME_FACTOR)
         if guard_time is None or factor is None:

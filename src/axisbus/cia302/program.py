@@ -1,4 +1,4 @@
-"""The words of a node's program (CiA 302-3): which it is to have, which it has, and what its memory says."""
+"""Types for a node's program (CiA 302-3): the expected and the present program, and the flash status."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ DATE, TIME = 1, 2  # sub-indices of 1F52h
 
 _FIRST_DAY = datetime(1984, 1, 1)
 _DAY = 86_400_000
-_LAST_DAYS = 0xFFFF  # 2163: what lies beyond is memory that was never written
+_LAST_DAYS = 0xFFFF  # 2163; later values are memory that was never written
 
 
 class ProgramControl(IntEnum):
-    """What is written to 1F51h, and what it says afterwards (CiA 302-3, program control)."""
+    """Values written to 1F51h, and read from it afterwards (CiA 302-3, program control)."""
 
     STOP = 0
     START = 1
@@ -27,7 +27,7 @@ class ProgramControl(IntEnum):
     CLEAR = 3
 
 
-# What 1F51h may say where an order has nothing left to do: a program that was cleared does not run either.
+# Values of 1F51h at which a command has no further effect: a cleared program does not run either.
 REACHED = {
     ProgramControl.STOP: frozenset({ProgramControl.STOP, ProgramControl.CLEAR}),
     ProgramControl.CLEAR: frozenset({ProgramControl.CLEAR}),
@@ -49,7 +49,7 @@ FLASH_ERRORS = {
 
 
 class FlashStatus(NamedTuple):
-    """What 1F57h says; an error that is not in the table is the maker's own."""
+    """Value of 1F57h; an error that is not in the table is manufacturer-specific."""
 
     value: int
 
@@ -70,14 +70,14 @@ class FlashStatus(NamedTuple):
 
 
 class Version(NamedTuple):
-    """The date of a program as 1F52h has it: days since 1984-01-01 and milliseconds after midnight, of no time zone."""
+    """The date of a program in 1F52h: days since 1984-01-01 and milliseconds after midnight, without a time zone."""
 
     days: int
     milliseconds: int
 
     @property
     def moment(self) -> datetime | None:
-        """Date and time, None for numbers that are none."""
+        """Date and time, None for invalid numbers."""
         if not 0 <= self.days <= _LAST_DAYS or not 0 <= self.milliseconds < _DAY:
             return None
         return _FIRST_DAY + timedelta(days=self.days, milliseconds=self.milliseconds)
@@ -92,21 +92,21 @@ class Version(NamedTuple):
 
 
 class ProgramVersion(NamedTuple):
-    """By what a program is known: its date (1F52h), its identification (1F56h:01), or both; None: not looked at."""
+    """Identity of a program: its date (1F52h), its identification (1F56h:01), or both; None: not used."""
 
     version: Version | None = None
     identification: int | None = None
 
     @classmethod
     def of(cls, numbers: Mapping[tuple[int, int], int]) -> ProgramVersion:
-        """Return what these objects say."""
+        """Return the version by the values of these objects."""
         date, time = numbers.get(_DATE), numbers.get(_TIME)
         version = None if date is None or time is None else Version(date, time)
         return cls(version, numbers.get(_IDENTIFICATION))
 
     @property
     def numbers(self) -> dict[tuple[int, int], int]:
-        """What each object says, in the order in which they are read."""
+        """The value of each object, in the order in which they are read."""
         found = {} if self.version is None else dict(zip((_DATE, _TIME), self.version, strict=True))
         return found if self.identification is None else {**found, _IDENTIFICATION: self.identification}
 
@@ -122,14 +122,14 @@ _IDENTIFICATION = (o.PROGRAM_IDENTIFICATION, NUMBER)
 
 @dataclass(frozen=True, slots=True)
 class NodeProgram:
-    """The program that a node is to have.
+    """The expected program of a node.
 
     Attributes:
-        mark: by what it is known; not empty.
-        data: what to transfer where the node has another one; None: there is nothing.
+        mark: its identity; not empty.
+        data: the data to transfer if the node has another program; None: not available.
         allowed: whether the node's program may be replaced at all.
-        deadline: seconds that each part of a replacement may take: the answer to one request while the node clears or writes its
-            memory, the memory until it is ready, the node until it is back with the new program.
+        deadline: seconds for each part of a replacement: the answer to one request while the node clears or writes its memory, the
+            memory until it is ready, the node until it is back with the new program.
     """
 
     mark: ProgramVersion
@@ -139,7 +139,7 @@ class NodeProgram:
 
 
 class ProgramStage(Enum):
-    """Where a replacement is; the value completes "while" ..."""
+    """Stage of a replacement; the value completes "while" ..."""
 
     CHECK = "it was asked for its program"
     STOP = "the old program was being stopped"
@@ -152,9 +152,10 @@ class ProgramStage(Enum):
 
 @dataclass(frozen=True, slots=True)
 class ProgramState:
-    """How it stands with a node's program; ``found`` and ``now`` are None where the node does not say.
+    """State of a node's program; ``found`` and ``now`` are None if the node does not report it.
 
-    ``stage`` is the last that was begun, ``loaded`` the bytes that the node has taken whole, ``flash`` its memory's last word.
+    ``stage`` is the last one that was begun, ``loaded`` the bytes of a completed transfer, ``flash`` the last reported flash
+    status.
     """
 
     expected: ProgramVersion
@@ -166,5 +167,5 @@ class ProgramState:
 
     @property
     def replaced(self) -> bool:
-        """Whether the node has the expected program because it was given it."""
+        """Whether the node has the expected program because it was downloaded."""
         return self.loaded > 0 and self.now == self.expected

@@ -1,19 +1,20 @@
-"""The boot-up's step "check and update software version" (CiA 302-2), with the objects of CiA 302-3.
+"""The boot-up step "check and update software version" (CiA 302-2), with the objects of CiA 302-3.
 
 Theory of operation
 -------------------
-The date of the node's program (1F52h) is compared with the expected one; so is its identification (1F56h), by which many devices
-tell their program that have no 1F52h. Only where they differ, and the plan allows it, the program is replaced: stopped, cleared,
-transferred, started; then the node is asked until it is back with the expected one. Rules:
+The date of the node's program (1F52h) is compared with the expected one. So is its identification (1F56h), which many devices
+without 1F52h use. Only if they differ and the plan allows it, the program is replaced: stopped, cleared, transferred, started. Then
+the node is read until it reports the expected program. Rules:
 
-1. **Nothing before the node is known.** Identity and state come first, as in the standard: a program goes only into the device that
-   it was written for. Afterwards the identity is compared once more, because a program may bring another revision (1018h:03).
-2. **The transfer is not repeated by itself.** Half a program may be in the memory, so each new attempt begins with stop and clear.
-   All other requests can be repeated without harm: an order that is refused, or whose answer was lost, counts as carried out where
-   1F51h says so.
-3. **A node that works on its memory may be deaf**, and one that starts its program may restart, now or a moment later. So it is not
-   counted lost before the plan's ``deadline`` has passed, and what counts is what it says in the end. A boot loader may
-   say it before it restarts: so it must stand for some seconds before anything else is written.
+1. **Nothing before the node is known.** Identity and state come first, as in the standard: a program is only transferred to the
+   device that it was written for. Afterwards the identity is compared once more, because a program may bring another revision
+   (1018h:03).
+2. **The transfer alone is never repeated.** Half a program may be in the memory, so each new attempt begins with stop and clear.
+   All other requests can be repeated without harm: a command that is refused, or whose answer was lost, counts as executed if 1F51h
+   shows that.
+3. **A node may not answer while it works on its memory**, and it may restart when it starts its program, at once or a moment later.
+   So it counts as lost only after the plan's ``deadline``, and its last report decides. A boot loader may report the new program
+   before it restarts. So the report must be stable for some seconds before anything else is written.
 """
 
 from __future__ import annotations
@@ -54,11 +55,9 @@ from axisbus.cia302.types import (
     SdoAbortReply,
 )
 
-ATTEMPTS = 3  # at transferring the program
-SETTLE = (
-    2.0  # seconds for which a node must have said the new date: a restart that it owes us has come until then
-)
-POLL = 0.25  # seconds between two questions to a node that is at work
+ATTEMPTS = 3  # of transferring the program
+SETTLE = 2.0  # seconds for which a node must report the new date: a pending restart has happened by then
+POLL = 0.25  # seconds between two requests to a busy node
 
 _CONTROL = (o.PROGRAM_CONTROL, NUMBER)
 _DATA = (o.PROGRAM_DATA, NUMBER)
@@ -66,10 +65,10 @@ _FLASH = (o.FLASH_STATUS, NUMBER)
 
 
 class ProgramSteps(BootUpProgress):
-    """The part of a boot-up that is about the node's program; holds what ``BootUpProgress`` does."""
+    """The steps of a boot-up for the node's program; holds the state of ``BootUpProgress``."""
 
     def _program(self) -> Generator[Request, Answer, bool]:
-        """Compare the node's program with the expected one, and replace it where it may be; return whether it was."""
+        """Compare the node's program with the expected one, and replace it if allowed; return whether it was replaced."""
         wanted = self.plan.program
         if wanted is None:
             return False
@@ -90,7 +89,10 @@ class ProgramSteps(BootUpProgress):
     def _mark(
         self, wanted: NodeProgram, letter: Letter | None = None
     ) -> Generator[Request, Answer, tuple[ProgramVersion | None, int | None]]:
-        """Return what the node says of its program; None with the abort code where it does not. Silence ends it with ``letter``."""
+        """Return the program that the node reports; None with the abort code if it does not.
+
+        Silence ends the boot-up with ``letter``.
+        """
         numbers = {}
         for address in wanted.mark.numbers:
             self._note(address=address)
@@ -103,7 +105,10 @@ class ProgramSteps(BootUpProgress):
     def _require_replaceable(
         self, wanted: NodeProgram, found: ProgramVersion | None, abort: int | None
     ) -> None:
-        """Where the node does not say what it has, nobody could tell afterwards either: then it is not replaced."""
+        """End the boot-up if the program must not or cannot be replaced.
+
+        If the node does not report it, success could not be verified.
+        """
         expected = str(wanted.mark)
         if found is None:
             self._fail(Letter.G, expected=expected, abort=abort)
@@ -127,7 +132,7 @@ class ProgramSteps(BootUpProgress):
         yield from self._hold_again()
 
     def _transfer(self, wanted: NodeProgram, data: bytes) -> Step:
-        """Transfer the program into memory that was cleared for it; the last attempt goes without blocks."""
+        """Transfer the program into cleared memory; the last attempt uses no block transfer."""
         for attempt in range(1, ATTEMPTS + 1):
             yield from self._make_room(wanted)
             self._at(ProgramStage.TRANSFER, _DATA)
@@ -147,9 +152,9 @@ class ProgramSteps(BootUpProgress):
         patience = math.ceil(wanted.deadline / DEADLINE)
         yield from self._order(ProgramControl.STOP, ProgramStage.STOP, DEADLINE, max(TRIES, patience))
         yield from self._await_node(wanted)
-        # Many nodes answer only when they have cleared: asked too soon again, they would clear without end.
+        # Many nodes answer only after clearing; a repeated request would make them clear again and again.
         yield from self._order(ProgramControl.CLEAR, ProgramStage.CLEAR, wanted.deadline, 2)
-        yield from self._ready(wanted)  # what it says of errors is of no account now: there is no program
+        yield from self._ready(wanted)  # errors in the flash status are irrelevant now: there is no program
 
     def _flashed(self, wanted: NodeProgram) -> Step:
         self._at(ProgramStage.FLASH, _FLASH)
@@ -171,7 +176,7 @@ class ProgramSteps(BootUpProgress):
         self._fail(Letter.I)
 
     def _see_new_program(self, wanted: NodeProgram) -> Step:
-        """Ask until the node has said that it has the expected program for ``SETTLE`` seconds on end."""
+        """Read the program until the node has reported the expected one for ``SETTLE`` seconds without interruption."""
         self._at(ProgramStage.RETURN, next(iter(wanted.mark.numbers)))
         begun, since = self.outcome.elapsed, None
         wrong: Answer | None = NoReply()
@@ -188,7 +193,7 @@ class ProgramSteps(BootUpProgress):
         yield from self._fail_program(wanted, wrong or NoReply())
 
     def _other_program(self, wanted: NodeProgram) -> Generator[Request, Answer, Answer | None]:
-        """Return the first answer that is not the expected one; None where all are."""
+        """Return the first answer that is not the expected one; None if all are."""
         for address, number in wanted.mark.numbers.items():
             self._note(address=address)
             answer = yield from self._ask(Read(*address, tries=3))
@@ -197,7 +202,7 @@ class ProgramSteps(BootUpProgress):
         return None
 
     def _fail_program(self, wanted: NodeProgram, wrong: Answer) -> Step:
-        """Say in words which program the node has instead, if it says so."""
+        """End the boot-up with the program that the node has instead, if it reports it."""
         if not isinstance(wrong, Got):
             self._fail_by(wrong, expected=str(wanted.mark))
         address = self.outcome.address
@@ -209,10 +214,10 @@ class ProgramSteps(BootUpProgress):
         self._note(address=None)
         yield from self._must(BootNmtCommand(NmtCommand.ENTER_PRE_OPERATIONAL), Letter.I)
 
-    # -- orders and their end ----------------------------------------------------------------------------------------
+    # -- commands and their result -----------------------------------------------------------------------------------
 
     def _order(self, order: ProgramControl, stage: ProgramStage, deadline: float, tries: int) -> Step:
-        """Write 1F51h."""
+        """Write a command to 1F51h."""
         self._at(stage, _CONTROL)
         request = BootWrite(*_CONTROL, order, checked=False, deadline=deadline, tries=tries)
         answer = yield from self._ask(request)
@@ -221,12 +226,12 @@ class ProgramSteps(BootUpProgress):
             self._fail_by(answer)
 
     def _has_done(self, order: ProgramControl) -> Generator[Request, Answer, bool]:
-        """Whether 1F51h says that there is nothing left to do."""
+        """Whether 1F51h shows that the command has no further effect."""
         answer = yield from self._ask(Read(*_CONTROL, tries=2))
         return isinstance(answer, Got) and answer.value in REACHED[order]
 
     def _ready(self, wanted: NodeProgram) -> Generator[Request, Answer, FlashStatus | None]:
-        """Wait until the node's memory is at rest; None where the node does not say (no 1F57h)."""
+        """Wait until the node's memory is ready; None if the node does not report it (no 1F57h)."""
         answer = yield from self._poll(Read(*_FLASH, tries=1), wanted, _is_at_rest)
         if isinstance(answer, SdoAbortReply):
             return None
@@ -240,7 +245,7 @@ class ProgramSteps(BootUpProgress):
         return status
 
     def _await_node(self, wanted: NodeProgram) -> Step:
-        """Find it by asking, as after every restart."""
+        """Wait until the node answers SDO requests, as after every restart."""
         answer = yield from self._poll(
             Read(o.DEVICE_TYPE, tries=1), wanted, lambda answer: isinstance(answer, Got)
         )
@@ -248,7 +253,7 @@ class ProgramSteps(BootUpProgress):
             self._fail_by(answer)
 
     def _poll(self, request: Request, wanted: NodeProgram, good: Callable[[Answer], bool]) -> Dialogue:
-        """Ask until the answer is good, for as long as the plan allows; return the last answer."""
+        """Repeat a request until the answer is good, for as long as the plan allows; return the last answer."""
         begun = self.outcome.elapsed
         for _ in range(math.ceil(wanted.deadline / POLL)):
             answer = yield from self._ask(request)
@@ -258,7 +263,7 @@ class ProgramSteps(BootUpProgress):
             yield from self._ask(Pause(POLL))
         return (yield from self._ask(request))
 
-    # -- what is known -----------------------------------------------------------------------------------------------
+    # -- outcome -----------------------------------------------------------------------------------------------------
 
     def _at(self, stage: ProgramStage, address: Address) -> None:
         self._note(address=address)
@@ -269,13 +274,13 @@ class ProgramSteps(BootUpProgress):
             self._note(program=replace(self.outcome.program, **facts))  # type: ignore[arg-type]
 
     def _fail_by(self, answer: Answer, **facts: object) -> None:
-        """End it with letter I, because of an answer that is none or a bad one."""
+        """End the boot-up with letter I, because of a missing or bad answer."""
         abort = answer.code if isinstance(answer, SdoAbortReply) else None
         self._fail(Letter.I, abort=abort, **facts)
 
 
 def _is_at_rest(answer: Answer) -> bool:
-    """Also where the node does not say."""
+    """Whether the memory is ready, or the node does not report its state."""
     if isinstance(answer, Got) and isinstance(answer.value, int):
         return not FlashStatus(answer.value).busy
     return isinstance(answer, SdoAbortReply)

@@ -1,4 +1,4 @@
-"""How one boot-up asks and remembers: requests repeated until they are answered, and the outcome as far as it is known."""
+"""Requests and progress of one boot-up: requests are repeated until they are answered, and the outcome is collected."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ Step = Generator[Request, Answer, None]
 
 
 class BootUpEnded(Exception):
-    """The boot-up has ended; the outcome says why."""
+    """The boot-up has ended; the outcome contains the reason."""
 
 
 class BootUpProgress:
-    """One boot-up under way; holds the outcome as far as it is known, and whether the node may be disturbed."""
+    """One running boot-up; holds the outcome as far as it is known, and whether the node may be disturbed."""
 
     def __init__(self, plan: BootPlan) -> None:
         self.plan = plan
@@ -36,7 +36,7 @@ class BootUpProgress:
         self._disturb = True
 
     def _ask(self, request: Request) -> Dialogue:
-        """Make a request until it is answered, at most its ``tries``."""
+        """Repeat a request until it is answered, at most ``tries`` times."""
         answer: Answer = NoReply()
         for number in range(1, request.tries + 1):
             answer = yield request
@@ -51,7 +51,7 @@ class BootUpProgress:
         return answer
 
     def _must(self, request: Request, letter: Letter | None = None) -> Dialogue:
-        """As ``_ask``; silence ends the boot-up with ``letter``, and so does a refusal of what cannot be refused."""
+        """As ``_ask``; silence ends the boot-up with ``letter``, and so does an abort of a request other than ``Read``."""
         answer = yield from self._ask(request)
         if isinstance(answer, Failed):
             self._fail(None)
@@ -62,7 +62,7 @@ class BootUpProgress:
         return answer
 
     def _read(self, index: int, subindex: int = 0) -> Generator[Request, Answer, int | None]:
-        """Read a number; None where the node does not have it."""
+        """Read a number; None if the node does not have it."""
         self._note(address=(index, subindex))
         answer = yield from self._must(Read(index, subindex))
         value = answer.value if isinstance(answer, Got) else None

@@ -1,4 +1,4 @@
-"""The words of a node's boot-up (CiA 302-2): what is planned, what is asked, what comes back, and how it ended."""
+"""Types for a node's boot-up (CiA 302-2): the plan, the requests, the answers, and the outcome."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LOAD = int.from_bytes(b"load", "little")  # the signature of 1011h
 
 
 class Letter(Enum):
-    """The error status of a boot-up, by its letter in CiA 302-2, with a sentence of ours."""
+    """The error status of a boot-up: its letter in CiA 302-2, with a sentence by axisbus."""
 
     A = "the node is not in the master's list of nodes"
     B = "the node does not answer the request for its device type (1000h)"
@@ -39,11 +39,11 @@ class Letter(Enum):
 
     @property
     def sentence(self) -> str:
-        """What the letter means."""
+        """The meaning of the letter."""
         return str(self.value)
 
 
-# What is compared, in the order of the standard: object, its name, and the letter where it differs.
+# Compared values in the order of the standard: object, name, and the letter for a difference.
 IDENTITY = (
     ((o.DEVICE_TYPE, 0), "device type", Letter.C),
     ((o.IDENTITY, o.VENDOR_ID), "vendor ID", Letter.D),
@@ -59,7 +59,10 @@ Address = tuple[int, int]
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """A value of the identity: only the bits of ``mask`` count; ``lenient``: a node that does not say it (0 too) is taken."""
+    """An expected identity value: only the bits of ``mask`` count.
+
+    ``lenient``: a node that does not report it (or 0) is accepted.
+    """
 
     value: int
     mask: int = 0xFFFF_FFFF
@@ -68,9 +71,9 @@ class Expected:
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """An object to be written and read back; ``source`` says in words who asks for it.
+    """An object to be written and read back; ``source`` is the origin of the setting as text.
 
-    ``fixed``: the node does not let it be written, so it is only read, and must have the value already.
+    ``fixed``: the node does not permit writing it, so it is only read, and must have the value already.
     """
 
     index: int
@@ -87,16 +90,16 @@ class BootPlan:
     Attributes:
         node: its ID, 1 to 127.
         listed: whether the node is in the master's list at all.
-        identity: what is expected, by object (see ``IDENTITY``); what is left out is only read.
-        find_tries: how often 1000h is asked for, ``DEADLINE`` seconds each, before nobody is there.
-        keep_alive: a node found operational stays as it is: neither configured nor taken out of operational.
-        program: the program that the node is to have; None: any. It is looked at after the state, and before anything is written.
+        identity: expected values by object (see ``IDENTITY``); objects that are left out are only read.
+        find_tries: number of requests for 1000h, ``DEADLINE`` seconds each, before the node counts as absent.
+        keep_alive: a node found operational stays as it is: it is neither configured nor taken out of operational.
+        program: the expected program of the node; None: any. It is checked after the state, and before anything is written.
         restore: restore the default parameters (1011h:01) and restart the node before it is configured.
         settings: the configuration, in order.
-        version: date (days since 1984-01-01) and time (ms after midnight) of the configuration, for 1020h; a node that has the
-            same is not configured again. None: it always is.
-        heartbeat: seconds between the heartbeats that the node is to send; None: no error control.
-        missed: heartbeats that may stay away.
+        version: date (days since 1984-01-01) and time (ms after midnight) of the configuration, for 1020h; a node that has the same
+            is not configured again. None: it always is.
+        heartbeat: seconds between the node's heartbeats; None: no error control.
+        missed: number of heartbeats that may be missing.
         start: whether the node is started at the end.
     """
 
@@ -119,7 +122,7 @@ class BootPlan:
 
 @dataclass(frozen=True, slots=True)
 class Read:
-    """Read an object; answered by its value."""
+    """Read an object; the answer is its value."""
 
     index: int
     subindex: int = 0
@@ -148,7 +151,7 @@ class ProgramDownload:
     data: bytes = field(repr=False)
     way: SdoTransferType = SdoTransferType.AUTO
     deadline: float = DEADLINE
-    tries: int = 1  # half of it may have been written: nobody but the plan's own steps may repeat it
+    tries: int = 1  # a part may have been written: only the steps of the plan may repeat it
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +164,7 @@ class Pause:
 
 @dataclass(frozen=True, slots=True)
 class BootNmtCommand:
-    """Send an NMT command and see it confirmed; for the resets, by the boot-up message. Answered by the NMT state."""
+    """Send an NMT command and wait for its confirmation; for the resets, the boot-up message. The answer is the NMT state."""
 
     command: NmtCommand
     deadline: float = 2.0
@@ -170,7 +173,7 @@ class BootNmtCommand:
 
 @dataclass(frozen=True, slots=True)
 class Listen:
-    """Await a heartbeat; answered by the NMT state."""
+    """Wait for a heartbeat; the answer is the NMT state."""
 
     deadline: float
     tries: int = 3
@@ -178,7 +181,7 @@ class Listen:
 
 @dataclass(frozen=True, slots=True)
 class GuardRequest:
-    """Ask for the NMT state by node guarding; answered by it."""
+    """Request the NMT state by node guarding; the answer is the NMT state."""
 
     deadline: float = 0.1
     tries: int = TRIES
@@ -189,7 +192,7 @@ class GuardRequest:
 
 @dataclass(frozen=True, slots=True)
 class Got:
-    """What was asked for."""
+    """The requested value."""
 
     value: Value | NmtState | None = None
     elapsed: float = 0.0
@@ -212,7 +215,7 @@ class NoReply:
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """The request could not be made, or the application's part failed: another try would be of no use."""
+    """The request could not be made, or the application's part failed: another try would be useless."""
 
     elapsed: float = 0.0
 
@@ -224,7 +227,7 @@ Answer = Got | SdoAbortReply | NoReply | Failed
 
 
 class ErrorControl(Enum):
-    """How the master will notice that the node is gone."""
+    """How the master will detect the loss of the node."""
 
     HEARTBEAT = "its heartbeat"
     GUARDING = "node guarding"
@@ -233,13 +236,13 @@ class ErrorControl(Enum):
 
 @dataclass(frozen=True, slots=True)
 class BootOutcome:
-    """How a boot-up ended, and everything that is known about it.
+    """The result of a boot-up, and all known facts about it.
 
-    ``letter`` is None for plain success, and where a failure has no letter in the standard (a node that falls silent in mid
-    boot-up, an NMT command that is not confirmed); L is no failure. ``tries`` are those of the last request, ``retries`` all that
-    were made more than once; ``elapsed`` is in seconds. ``setting`` is what could not be written. ``program`` tells of the
-    node's program where one is expected. ``consumer`` is the time in
-    seconds after which a missing heartbeat counts as lost.
+    ``letter`` is None for plain success, and for a failure without a letter in the standard (a node that becomes silent during the
+    boot-up, an NMT command that is not confirmed). L is not a failure. ``tries`` are those of the last request, ``retries`` the
+    number of repeated requests, ``elapsed`` is in seconds. ``setting`` is the setting that could not be written. ``program`` is the
+    state of the node's program if one is expected. ``consumer`` is the time in seconds after which a missing heartbeat counts as
+    lost.
     """
 
     node: int
@@ -265,7 +268,7 @@ class BootOutcome:
 
     @property
     def sentence(self) -> str:
-        """The end in words."""
+        """The result as a sentence."""
         if self.letter is not None:
             return self.letter.sentence
         return "the node is booted" if self.ok else f"the node fell silent at the step {self.step}"
@@ -275,7 +278,7 @@ class BootOutcome:
 
 
 class BootPhase(Enum):
-    """Where the application has a part of its own in a boot-up."""
+    """Points of a boot-up at which the application has a part of its own."""
 
     LOOK = "identified: may it be disturbed?"
     PREPARE = "about to be configured, or found configured"
@@ -285,7 +288,7 @@ class BootPhase(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Local:
-    """Let the application do its part, knowing what is known so far; to ``LOOK`` it answers False to leave the node as it is."""
+    """Let the application do its part, with the outcome so far; the answer False to ``LOOK`` leaves the node as it is."""
 
     phase: BootPhase
     known: BootOutcome
