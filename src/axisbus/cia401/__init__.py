@@ -1,1 +1,1 @@
-"""CiA 401, generic I/O modules: its objects, and what of them one named input or output is."""
+"""CiA 401, generic I/O modules: its objects, and one named input or output of them."""

@@ -1,19 +1,20 @@
-"""The output objects of CiA 401, each with those that say what becomes of it when the module is left alone."""
+"""The output objects of CiA 401, each with the objects for its behaviour when the module loses its master."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-DRIVE_OUTPUTS = 0x60FE  # of CiA 402: sub-index 1 the physical outputs, 2 which of its bits act (CiA 402-2, digital outputs)
+# Of CiA 402: sub-index 1 the physical outputs, 2 the mask of its effective bits (CiA 402-2, digital outputs).
+DRIVE_OUTPUTS = 0x60FE
 OUTPUTS, MASK = 1, 2
 DEVICE_PROFILE = 401  # the low word of 1000h
 PRE_OPERATIONAL, NO_CHANGE, STOPPED = 0, 1, 2  # values of 1029h:01 (CiA 301 7.5.2.32)
 
 
 class ErrorObjects(NamedTuple):
-    """Where a module keeps what an output does in an error: ``mode`` whether it changes, ``value`` to what.
+    """Objects for an output's behaviour in an error: ``mode`` whether it changes, ``value`` its new value.
 
-    ``by_bit``: each bit of both stands for one of the output; else a mode of 1 stands for the whole of it.
+    ``by_bit``: each bit of both belongs to one bit of the output; otherwise a mode of 1 applies to the whole output.
     """
 
     mode: int
@@ -21,7 +22,7 @@ class ErrorObjects(NamedTuple):
     by_bit: bool
 
     def word(self, mode: int, value: int, present: int) -> int:
-        """Return what an output of ``present`` value becomes, by what both objects hold."""
+        """Return the value of an output of ``present`` value after an error, by the values of both objects."""
         return present & ~mode | value & mode if self.by_bit else value if mode == 1 else present
 
 

@@ -1,4 +1,4 @@
-"""The seam between the cycle and the inputs and outputs of one node; see ``cia402.port`` for the one of an axis."""
+"""The interface between the cycle and the inputs and outputs of one node; ``axisbus.cia402.port`` is that of an axis."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from axisbus.cia402.port import Sample, ValueTransport
 
 
 class SignalValidity(Enum):
-    """Whether the value of a point is known, and else why not."""
+    """Whether the value of a point is known, and otherwise the reason."""
 
     YES = "it is known"
     NOT_YET = "it has not come yet"
@@ -27,14 +27,14 @@ class SignalValidity(Enum):
     NOT_BOOTED = "its node has not come up, or was found with an enabled drive and is left as it is"
 
 
-# A node that may still hear us, and whose PDOs are mapped as we know it.
+# A node that may still receive frames, and whose PDOs have the known mapping.
 MAY_HEAR = frozenset({SignalValidity.YES, SignalValidity.SILENT, SignalValidity.NOT_OPERATIONAL})
 
 
 class IoInputs(NamedTuple):
-    """What is known of a node at the beginning of a cycle: the newest of each input, in the order of ``IoPort.inputs``.
+    """The inputs of a node at the beginning of a cycle: the newest sample of each, in the order of ``IoPort.inputs``.
 
-    ``heard`` is when it last gave a sign of life, a TPDO or its error control; infinite where none of it is expected.
+    ``heard`` is the time of its last sign of life, a TPDO or its error control; infinite if none is expected.
     """
 
     known: SignalValidity
@@ -43,7 +43,7 @@ class IoInputs(NamedTuple):
 
 
 class IoPort(Protocol):
-    """The inputs and outputs of one node. Values are whole objects, signed where their type is."""
+    """The inputs and outputs of one node. Values are whole objects, signed if their type is."""
 
     @property
     def inputs(self) -> tuple[Address, ...]:
@@ -55,22 +55,25 @@ class IoPort(Protocol):
 
     @property
     def max_age(self) -> tuple[float, ...]:
-        """How old each input may be, in seconds; infinite where its silence says nothing."""
+        """Maximum age of each input, in seconds; infinite if its silence has no meaning."""
 
     @property
     def sources(self) -> tuple[ValueTransport, ...]:
-        """How each input travels: whether one that has not come was lost on its way, or has not changed."""
+        """The transport of each input; it shows whether a missing one was lost, or has not changed."""
 
     @property
     def found(self) -> tuple[int, ...]:
-        """What each output had at boot."""
+        """Value of each output at boot."""
 
     @property
     def alone(self) -> tuple[int, ...]:
-        """What each output becomes by the module itself when it is left alone, as its objects said at boot; else as ``found``."""
+        """Value that the module itself gives each output when it loses its master, by its objects at boot.
+
+        Otherwise as ``found``.
+        """
 
     def read(self, now: float) -> IoInputs:
         """Return the newest values; does not block."""
 
     def write(self, words: tuple[int | None, ...]) -> None:
-        """Take a value for each output (None: never set). Sends nothing before ``BusCycle.commit``; does not block."""
+        """Set a value for each output (None: never set). Sends nothing before ``BusCycle.commit``; does not block."""

@@ -1,4 +1,4 @@
-"""One named input or output: where it is in its node, and what its raw value means."""
+"""One named input or output: its location in the node, and the meaning of its raw value."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ Address = tuple[int, int]  # index and sub-index
 
 @dataclass(frozen=True, slots=True)
 class IoPoint:
-    """An input or output of a node: one ``bit`` of an object of ``width`` bits, or (None) all of it as a number.
+    """An input or output of a node: one ``bit`` of an object of ``width`` bits, or (None) the whole object as a number.
 
-    ``safe`` is the raw value that an output gets when the node, the program or we are lost; of an input it means nothing. A number
-    is ``raw / scale + offset`` in ``unit``; without ``scale`` it is the raw integer.
+    ``safe`` is the raw value that an output gets when the node, the program or the master is lost; it has no meaning for an input.
+    A number is ``raw / scale + offset`` in ``unit``; without ``scale`` it is the raw integer.
     """
 
     name: str
@@ -55,31 +55,31 @@ class IoPoint:
 
     @property
     def mask(self) -> int:
-        """The bits of its object that are its own."""
+        """The bits of its object that belong to it."""
         return (1 << self.width) - 1 if self.bit is None else 1 << self.bit
 
     def of(self, word: int) -> int:
-        """Return its raw value in the value of its object."""
+        """Return its raw value from the value of its object."""
         return word if self.bit is None else word >> self.bit & 1
 
     def into(self, word: int, raw: int) -> int:
-        """Return the value of its object with its raw value in it; the other bits stay."""
+        """Return the value of its object with its raw value inserted; the other bits are unchanged."""
         if self.bit is None:
             return raw
         made = word & ((1 << self.width) - 1) & ~(1 << self.bit) | raw << self.bit
         return made - (1 << self.width) if self.signed and made >> self.width - 1 == 1 else made
 
     def shown(self, raw: int) -> Value:
-        """Return what a raw value means: True or False of a bit, else a number in ``unit``."""
+        """Return the meaning of a raw value: True or False for a bit, else a number in ``unit``."""
         if self.bit is not None:
             return bool(raw)
         return raw if self.scale is None else float(raw / self.scale) + self.offset
 
     def raw(self, value: Value) -> int:
-        """Return the raw value that means ``value``, the nearest that there is.
+        """Return the raw value nearest to ``value``.
 
         Raises:
-            ArgumentError: it is no such value, or the object cannot hold it.
+            ArgumentError: the value has the wrong kind, or the object cannot hold it.
         """
         raw = self._bit(value) if self.bit is not None else self._number(value)
         low, high = self.range
@@ -114,7 +114,7 @@ class IoPoint:
         return int(exact) if self.scale is None else round((exact - Fraction(self.offset)) * self.scale)
 
     def _exact(self, value: object) -> Fraction | None:
-        """Return a finite number, None for anything else; one of numpy counts as what it is worth."""
+        """Return a finite number as a fraction, None for anything else; numbers of numpy are accepted."""
         if isinstance(value, bool) or not isinstance(value, Real):
             return None
         try:
@@ -124,7 +124,7 @@ class IoPoint:
 
 
 def _shown(value: object) -> str:
-    """Return a value as Python shows it, cut to a line; an integer of thousands of digits has no text."""
+    """Return a value's representation, cut to a line; an integer of thousands of digits has none."""
     try:
         text = repr(value)
     except Exception:  # noqa: BLE001  # or a type of the program's own
@@ -133,5 +133,5 @@ def _shown(value: object) -> str:
 
 
 def addresses(points: Iterable[IoPoint], *, output: bool) -> tuple[Address, ...]:
-    """Return the objects of the outputs, or of the inputs, each once, in their order."""
+    """Return the objects of the outputs, or of the inputs, each once, in ascending order."""
     return tuple(sorted({point.address for point in points if point.output is output}))

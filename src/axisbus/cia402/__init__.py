@@ -1,1 +1,1 @@
-"""CiA 402 as tables and values: words, power-stage states, modes, options, and the seam between motion and a drive."""
+"""CiA 402 as tables and values: words, power-stage states, modes, options, and the interface between motion and a drive."""

@@ -9,22 +9,22 @@ FIRST_AXIS = PROFILE_AREA[:OFFSET]
 
 
 def axis_of(index: int) -> int:
-    """Return the axis (from 1) that an object belongs to; 1 where all axes share it."""
+    """Return the axis (from 1) that an object belongs to; 1 if all axes share it."""
     return 1 + (index - PROFILE_AREA.start) // OFFSET if index in PROFILE_AREA else 1
 
 
 def first_axis(index: int) -> int:
-    """Return the index of the same object on the first axis; one outside the profile's area is its own."""
+    """Return the index of the same object on the first axis; an index outside the profile area is unchanged."""
     return index - offset(axis_of(index))
 
 
 def own_index(index: int, axis: int) -> int:
-    """Return the index that an object of the first axis has on ``axis`` (from 1); others are shared by all axes."""
+    """Return the index of an object of the first axis on ``axis`` (from 1); other objects are shared by all axes."""
     return index + offset(axis) if index in FIRST_AXIS else index
 
 
 def offset(axis: int) -> int:
-    """Return what is added to the indices of the first axis for those of ``axis`` (from 1)."""
+    """Return the difference between the indices of ``axis`` (from 1) and those of the first axis."""
     return OFFSET * (axis - 1)
 
 

@@ -1,4 +1,4 @@
-"""The controlword 6040h (CiA 402-2 8.4.1): commands of the power stage, and the bits that each mode gives a meaning."""
+"""The controlword 6040h (CiA 402-2 8.4.1): commands of the power stage, and the bits with a mode-specific meaning."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HALT = 1 << 8
 # Profile position mode (8.4.1, 10.2).
 NEW_SET_POINT = 1 << 4
 CHANGE_SET_IMMEDIATELY = 1 << 5
-RELATIVE = 1 << 6  # never sent: see the design's rule that the master computes absolute targets
+RELATIVE = 1 << 6  # never sent: by design the master computes absolute targets
 CHANGE_ON_SET_POINT = 1 << 9
 
 # Homing mode (11.2).
@@ -29,7 +29,7 @@ MODE_BITS = NEW_SET_POINT | CHANGE_SET_IMMEDIATELY | RELATIVE | CHANGE_ON_SET_PO
 
 
 class PowerCommand(Enum):
-    """A command of the power stage and the controlword that gives it (CiA 402-2 table 27).
+    """A command of the power stage and its controlword (CiA 402-2 table 27).
 
     Fault reset acts on the *rising edge* of bit 7.
     """
@@ -47,11 +47,11 @@ class PowerCommand(Enum):
         return self.value
 
 
-# "Disable operation" is the same word as "switch on"; the state it is given in makes the difference.
+# "Disable operation" is the same word as "switch on"; the present state makes the difference.
 DISABLE_OPERATION = PowerCommand.SWITCH_ON
 
 
-# What bits 4, 5, 6 and 9 say in each mode.
+# Meaning of bits 4, 5, 6 and 9 in each mode.
 _POSITION_BITS = {4: "new set-point", 5: "change set immediately", 6: "relative", 9: "change on set-point"}
 MODE_WORDS: dict[ModeOfOperation, dict[int, str]] = {
     ModeOfOperation.PROFILE_POSITION: _POSITION_BITS,
@@ -62,9 +62,9 @@ MODE_WORDS: dict[ModeOfOperation, dict[int, str]] = {
 
 
 def words(controlword: int, mode: ModeOfOperation | None = None) -> str:
-    """Return the controlword's command and set bits for a person, such as ``enable operation, halt``.
+    """Return the controlword's command and set bits as text, such as ``enable operation, halt``.
 
-    Bits 4, 5, 6 and 9 are read as ``mode`` (6060h) gives them a meaning, and by their numbers where it is not known.
+    Bits 4, 5, 6 and 9 have the meaning of ``mode`` (6060h); if the mode is unknown, they are named by number.
     """
     named = [_command_text(controlword)]
     if controlword & HALT:

@@ -1,4 +1,4 @@
-"""The device type 1000h in words: the device profile, and of a drive its kind (CiA 301 7.5.2.1, CiA 402-1)."""
+"""The device type 1000h as text: the device profile, and the kind of a drive (CiA 301 7.5.2.1, CiA 402-1)."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ _MULTIPLE = 0xFFFF  # the high word: several logical devices, each with its own 
 
 
 def device_kind(device_type: int | None) -> str:
-    """Return the device type 1000h in words, such as ``servo drive (CiA 402)``; empty where it is not known.
+    """Return the device type 1000h as text, such as ``servo drive (CiA 402)``; empty if it is unknown.
 
-    A profile that has no name here is a ``device`` with its number.
+    A profile without a name here is a ``device`` with its number.
     """
     if device_type is None:
         return ""

@@ -1,4 +1,4 @@
-"""What CiA 301 and CiA 402 say of each object: one catalogue for the objects of communication and those of every axis."""
+"""The catalogue of all objects of CiA 301 and CiA 402, for communication and for every axis."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ CIA_301, CIA_402 = "CiA 301", "CiA 402"
 
 @dataclass(frozen=True, slots=True)
 class StandardObject:
-    """One row of a standard: an object as a whole, or one of its entries; empty where the standard leaves something open.
+    """One row of a standard: an object as a whole, or one of its entries; a field is empty if the standard leaves it open.
 
-    Parameters that come in numbers, such as those of PDOs, share one row: then ``indices`` or ``subindices`` are several.
-    ``subindices`` are none for an ARRAY or RECORD as a whole; of an ARRAY the type and access are those of its elements, where they
-    are the same for all. ``sure`` tells whether a drive that does otherwise is wrong beyond doubt.
+    Parameters with several instances, such as those of PDOs, share one row: then ``indices`` or ``subindices`` are several.
+    ``subindices`` is empty for an ARRAY or RECORD as a whole. The type and access of an ARRAY are those of its elements, if all
+    have the same. ``sure``: a different drive is wrong beyond doubt.
     """
 
     standard: str
@@ -29,9 +29,9 @@ class StandardObject:
     name: str
     object_type: str  # VAR, ARRAY or RECORD
     type_text: str
-    data_types: tuple[DataType, ...]  # all that it may have
+    data_types: tuple[DataType, ...]  # all permitted types
     access_text: str
-    access: frozenset[str]  # what of ro, rw, wo and const it may be
+    access: frozenset[str]  # the permitted ones of ro, rw, wo and const
     mapping: str  # RPDO, TPDO or TPDO/RPDO
     category: str
     modes: tuple[str, ...]
@@ -44,38 +44,38 @@ class StandardObject:
 
     @property
     def subindex(self) -> int:
-        """The only sub-index, or the first one; 0 of an object as a whole."""
+        """The only sub-index, or the first one; 0 for an object as a whole."""
         return self.subindices.start
 
     @property
     def single(self) -> bool:
-        """Whether it is about one object, not about several of a kind."""
+        """Whether the row describes one object, not several of a kind."""
         return len(self.indices) == 1
 
     @property
     def data_type(self) -> DataType | None:
-        """The data type; None where the standard has none for it, or a choice of several."""
+        """The data type; None if the standard has none for it, or permits several."""
         return DataType.__members__.get(self.type_text)
 
     @property
     def mandatory(self) -> bool:
-        """Whether every device has it that has the object."""
+        """Whether every device with the object has this entry."""
         return self.category == "mandatory"
 
 
 def of(index: int) -> tuple[StandardObject, ...]:
-    """Return the rows of an object of any axis, that of the object as a whole first; none where the standards do not have it."""
+    """Return the rows of an object of any axis, that of the whole object first; empty if the standards do not have it."""
     return _BY_INDEX.get(first_axis(index), ())
 
 
 def whole(index: int) -> StandardObject | None:
-    """Return the row of an object of any axis; None where the standards do not have it."""
+    """Return the row of an object of any axis; None if the standards do not have it."""
     found = of(index)
     return found[0] if found else None
 
 
 def entry(index: int, subindex: int) -> StandardObject | None:
-    """Return the row of an entry of any axis; None where it has none of its own."""
+    """Return the row of an entry of any axis; None if it has no row of its own."""
     for row in of(index):
         if subindex in row.subindices:
             return row
@@ -83,13 +83,13 @@ def entry(index: int, subindex: int) -> StandardObject | None:
 
 
 def name(index: int) -> str:
-    """Return the name of an object; empty where the standards do not have it."""
+    """Return the name of an object; empty if the standards do not have it."""
     found = whole(index)
     return found.name if found is not None else ""
 
 
 def named(text: str) -> tuple[int, int] | None:
-    """Return index and sub-index of the object without sub-indices that has this name in any case; None where none has it."""
+    """Return index and sub-index of the object without sub-indices that has this name in any case; None if there is none."""
     return NAMES.get(text.strip().lower())
 
 
@@ -124,7 +124,7 @@ def _range(text: str) -> range:
     return range(int(low, 16), int(high or low, 16) + 1)
 
 
-# Read on import: an axis names objects inside the scan, which waits for no disk.
+# Read on import: an axis names objects inside the scan, which must not wait for a disk.
 ROWS = tuple(
     _row(standard, line)
     for standard, package in ((CIA_301, "axisbus.cia301"), (CIA_402, "axisbus.cia402"))

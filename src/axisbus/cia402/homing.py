@@ -1,4 +1,4 @@
-"""Homing methods (CiA 402-2 11.3, object 6098h) as a table of what each looks for."""
+"""Homing methods (CiA 402-2 11.3, object 6098h) with the switch or pulse that each one searches for."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ METHODS: dict[int, str] = {
     37: "the actual position is home",
 }
 
-# Methods that define home where the axis stands, without motion.
+# Methods that define home at the present position, without motion.
 IN_PLACE = frozenset({35, 37})
 
 
 def needs_speeds(method: int) -> bool:
-    """Whether a method is known to move, and so needs the speeds of 6099h; what a maker's own (negative) does, only he knows."""
+    """Whether a method is known to move and so needs the speeds of 6099h; manufacturer-specific (negative) methods are unknown."""
     return method > 0 and method not in IN_PLACE
 
 
 def describe(method: int) -> str:
-    """Return what a method looks for; negative numbers are the maker's."""
+    """Return the description of a method; negative numbers are manufacturer-specific."""
     if method < 0:
         return "specific to the maker"
     return METHODS.get(method, "reserved")

@@ -1,16 +1,17 @@
-"""A drive that has interpolated position mode (ip) and no csp, seen as one that has csp.
+"""Port of a drive that has interpolated position mode (ip) and no csp, presented to motion as a drive with csp.
 
 Theory of operation
 -------------------
-Both modes take a position at each SYNC and go evenly from one to the next. They differ in three things (CiA 402-2 11 and 14): the
-mode's number, the object of the target (60C1h:01), and bit 4 of the controlword, which lets the drive interpolate; bit 12 of the
-statusword tells that it does. So motion knows csp alone, and this port translates:
+In both modes the drive takes a position at each SYNC and interpolates between them. The modes differ in three points (CiA 402-2 11
+and 14): the mode's number, the object of the target (60C1h:01), and bit 4 of the controlword, which enables interpolation. Bit 12
+of the statusword shows that interpolation is active. Motion uses only csp, and this port translates:
 
-- Targets go to 60C1h:01 as well as to 607Ah, in every mode: a drive that falls into pp finds the newest place there.
-- Bit 4 rises in a cycle that has a target, in a drive that is seen enabled in ip. The mode counts as csp once bit 12 is there.
-- In pp and in homing bit 4 means something else. A drive that stands gets the word without it before the other mode is asked for.
-  One that moves must be led on until it has left: then the bit falls, and the new mode is shown to motion two cycles later, so that
-  no edge is swallowed.
+- Targets are written to 60C1h:01 as well as to 607Ah, in every mode. A drive that changes to pp finds the newest position there.
+- Bit 4 is set in a cycle that has a target, if the drive is seen enabled in ip. While bit 12 is then still 0, motion sees
+  ip; otherwise it sees csp.
+- In pp and in homing bit 4 has another meaning. A drive at standstill gets the controlword without bit 4 before the other mode is
+  requested. A moving drive must get targets until it has left ip. Then the bit is cleared, and motion still sees csp for ``_FALLS``
+  cycles, so that no edge is lost.
 """
 
 from __future__ import annotations
@@ -27,12 +28,12 @@ from axisbus.cia402.statusword import BIT_12
 _CSP, _IP = int(ModeOfOperation.CYCLIC_SYNC_POSITION), int(ModeOfOperation.INTERPOLATED_POSITION)
 ENABLE_INTERPOLATION = 0x10  # bit 4 of 6040h
 _ENABLED = cw.PowerCommand.ENABLE_OPERATION.word
-_FALLS = 3  # cycles in which the word without bit 4 has arrived
+_FALLS = 3  # cycles after which the word without bit 4 has arrived
 _STANDS = 3  # cycles with the same target
 
 
 def as_csp_capable(ports: Mapping[str, Port]) -> dict[str, Port]:
-    """Return ports by name, those of drives that are led in ip as motion is to see them."""
+    """Return ports by name; those of drives commanded in ip are replaced by ports with csp."""
     return {
         name: InterpolatedPort(port) if "interpolation_target" in port.capabilities.outputs else port
         for name, port in ports.items()
@@ -40,7 +41,7 @@ def as_csp_capable(ports: Mapping[str, Port]) -> dict[str, Port]:
 
 
 class InterpolatedPort:
-    """A port of such an axis (``cia402.port.Port``); holds what was sent last, and what the drive showed."""
+    """A port of such an axis (``axisbus.cia402.port.Port``); holds the last outputs, and the drive's state."""
 
     def __init__(self, port: Port) -> None:
         self.port = port
@@ -49,11 +50,11 @@ class InterpolatedPort:
         if outputs.get("target_position") is ValueTransport.SYNC_PDO:
             outputs["target_position"] = own
         self._capabilities = replace(port.capabilities, outputs=outputs)
-        self._mode: int | None = None  # as the drive shows it
+        self._mode: int | None = None  # as the drive reports it
         self._active = self._enabled = False
         self._bit = False  # whether bit 4 is set
-        self._asked: int | None = None  # the mode that motion has asked for last
-        self._falling = 0  # cycles until the drive has had the word without bit 4
+        self._asked: int | None = None  # the mode that motion requested last
+        self._falling = 0  # cycles until the drive has received the word without bit 4
         self._target: int | None = None
         self._stood = 0  # cycles
         self._leads = False  # whether motion has given a target in the last cycle
@@ -61,11 +62,11 @@ class InterpolatedPort:
 
     @property
     def capabilities(self) -> Capabilities:
-        """How the axis's values travel; the target position as 60C1h:01 does."""
+        """The transport of the axis's values; that of the target position is the one of 60C1h:01."""
         return self._capabilities
 
     def read(self, now: float) -> Inputs:
-        """Return the newest values, with ip called csp where it interpolates."""
+        """Return the newest values; mode ip is shown as csp, unless an enabled drive with a target does not yet interpolate."""
         inputs = self.port.read(now)
         word, mode = inputs.statusword, inputs.mode
         self._enabled = word is not None and decode(word.value) is PowerState.OPERATION_ENABLED
@@ -77,7 +78,7 @@ class InterpolatedPort:
         return inputs if shown == mode.value else inputs._replace(mode=Sample(shown, mode.stamp))
 
     def write(self, outputs: Outputs) -> None:
-        """Take the values for this cycle."""
+        """Set the values for this cycle."""
         if outputs.mode is not None:
             self._asked = outputs.mode
         target = outputs.target_position
@@ -101,7 +102,7 @@ class InterpolatedPort:
 
     @property
     def _leaves(self) -> bool:
-        """Whether motion has asked for another mode."""
+        """Whether motion has requested another mode."""
         return self._asked is not None and self._asked != _CSP
 
     def _shown(self, mode: int) -> int:

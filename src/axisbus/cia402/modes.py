@@ -9,7 +9,7 @@ from axisbus.cia402 import homing, objects
 
 
 class ModeOfOperation(IntEnum):
-    """Value of 6060h and 6061h; negative values are the maker's, and an unknown one is kept as a member."""
+    """Value of 6060h and 6061h; negative values are manufacturer-specific, and an unknown value becomes a member, too."""
 
     NONE = 0
     PROFILE_POSITION = 1
@@ -40,7 +40,7 @@ class ModeOfOperation(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class ModeFacts:
-    """What CiA 402 says of a mode: short name, bit of 6502h, mandatory objects, and whether targets come with SYNC."""
+    """Properties of a mode in CiA 402: short name, bit of 6502h, mandatory objects, and whether targets come with SYNC."""
 
     short: str
     supported_bit: int
@@ -80,7 +80,7 @@ FACTS: dict[ModeOfOperation, ModeFacts] = {
 }
 
 
-# What a master cannot do without, where that is less than what CiA 402 wants of the drive: the rest it does without.
+# Objects that the master needs, if these are fewer than CiA 402 requires of the drive; it works without the others.
 _NEEDED: dict[ModeOfOperation, tuple[int, ...]] = {
     _M.PROFILE_POSITION: (objects.TARGET_POSITION, objects.PROFILE_VELOCITY, objects.PROFILE_ACCELERATION),
     _M.PROFILE_VELOCITY: (objects.TARGET_VELOCITY, objects.PROFILE_ACCELERATION),
@@ -90,14 +90,14 @@ _NEEDED: dict[ModeOfOperation, tuple[int, ...]] = {
 
 
 def needed(mode: ModeOfOperation, method: int | None = None) -> tuple[int, ...]:
-    """Return the objects without which a master cannot run ``mode``; ``method``: how it is to home (6098h)."""
+    """Return the objects that the master needs for ``mode``; ``method``: the homing method (6098h)."""
     own = _NEEDED.get(mode, FACTS[mode].required)
     moves = mode is _M.HOMING and method is not None and homing.needs_speeds(method)
     return (*own, objects.HOMING_SPEEDS) if moves else own
 
 
 def supported(word: int) -> list[ModeOfOperation]:
-    """Return the modes that the value of 6502h claims."""
+    """Return the modes that a value of 6502h declares."""
     return [mode for mode, facts in FACTS.items() if word >> facts.supported_bit & 1]
 
 

@@ -1,4 +1,4 @@
-"""The objects of CiA 402: their indices by name, and all objects whose writing is an order and no setting."""
+"""The objects of CiA 402: their indices by name, and all objects that act at once when written."""
 
 from __future__ import annotations
 
@@ -83,8 +83,8 @@ SUPPORTED_DRIVE_MODES = 0x6502
 # Low word of the device type 1000h of a drive.
 PROFILE_NUMBER = 402
 
-# First-axis objects that make a drive move, let it move, or let its load go: the controlword, modes, targets and offsets of every
-# mode, and the digital outputs, which release brakes (CiA 402-2).
+# First-axis objects that make a drive move, permit it to move, or release its load: the controlword, modes, targets and offsets of
+# every mode, and the digital outputs, which release brakes (CiA 402-2).
 MOVING = frozenset(
     {
         *(CONTROLWORD, MODES_OF_OPERATION, TARGET_TORQUE, TARGET_POSITION, TARGET_VELOCITY),
@@ -94,7 +94,7 @@ MOVING = frozenset(
 
 _COMMANDED = "it commands the drive: it could energise or move it, or let its load go"
 
-# Communication objects -> what writing them does (CiA 301 7.5.2, CiA 302-2, -3).
+# Communication objects -> effect of writing them (CiA 301 7.5.2, CiA 302-2, -3).
 _COMMUNICATION: tuple[tuple[range, str], ...] = (
     (range(c301.PREDEFINED_ERROR_FIELD, c301.PREDEFINED_ERROR_FIELD + 1), "it clears the error history"),
     (range(c301.STORE_PARAMETERS, c301.STORE_PARAMETERS + 1), "it stores parameters"),
@@ -107,9 +107,9 @@ _COMMUNICATION: tuple[tuple[range, str], ...] = (
 
 
 def order(index: int) -> str:
-    """Return what writing an object of any axis does at once, in words; empty where it is a setting.
+    """Return the immediate effect of writing an object of any axis as text; empty for a setting.
 
-    What acts at once cannot be configured, backed up or restored.
+    Objects with an immediate effect cannot be configured, backed up or restored.
     """
     if first_axis(index) in MOVING:
         return _COMMANDED

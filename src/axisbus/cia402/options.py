@@ -1,4 +1,4 @@
-"""Option codes that decide how a drive stops (CiA 402-2 8.4.3-8.4.8; 1029h of CiA 301): words, values and plain meanings."""
+"""Option codes for stopping a drive (CiA 402-2 8.4.3-8.4.8; 1029h of CiA 301): words, values and plain meanings."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from axisbus.cia402 import objects
 
 @dataclass(frozen=True, slots=True)
 class OptionCode:
-    """One option object: where it is, the word in cell.toml for each value, and the plain meaning of each value."""
+    """One option object: its location, the word in cell.toml for each value, and the plain meaning of each value."""
 
     key: str
     index: int
@@ -21,7 +21,7 @@ class OptionCode:
     meanings: dict[int, str]
 
     def meaning(self, value: int) -> str:
-        """Return what ``value`` does, in plain words; an unknown one is the maker's."""
+        """Return the effect of ``value`` in plain words; an unknown value is manufacturer-specific."""
         return self.meanings.get(value, "specific to the maker (see the drive's manual)")
 
 
@@ -128,7 +128,7 @@ HOLDING_QUICK_STOPS = range(5, 9)
 
 
 class Ramp(Enum):
-    """What brakes the motor on a halt or a quick stop."""
+    """Deceleration of the motor on a halt or a quick stop."""
 
     UNKNOWN = "unknown"
     COAST = "nothing"
@@ -138,6 +138,6 @@ class Ramp(Enum):
 
 
 _R = Ramp
-# By the values of 605Dh and 605Ah (CiA 402-2 8.4.6, 8.4.3); others are the maker's.
+# By the values of 605Dh and 605Ah (CiA 402-2 8.4.6, 8.4.3); other values are manufacturer-specific.
 HALT_RAMPS = {0: _R.COAST, 1: _R.SLOW, 2: _R.QUICK, 3: _R.LIMIT, 4: _R.LIMIT}
 QUICK_STOP_RAMPS = HALT_RAMPS | {5: _R.SLOW, 6: _R.QUICK, 7: _R.LIMIT, 8: _R.LIMIT}

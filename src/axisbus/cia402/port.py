@@ -1,11 +1,11 @@
-"""The seam between motion and a drive: what one cycle brings in and takes out, and what a bus or a simulation must offer.
+"""The interface between motion and a drive: the inputs and outputs of one cycle, and the protocols of a bus or a simulation.
 
-``bus`` implements ``Port`` and ``BusCycle`` over CAN, ``sim`` over arithmetic. Everything here is a plain value in raw increments
-that can be pickled, so that the scan can run in another process than the program that commands it. The values are NamedTuples
-because they are made in every cycle, where frozen dataclasses cost three times as much.
+``bus`` implements ``Port`` and ``BusCycle`` over CAN, ``sim`` by computation. All values are plain values in raw increments that
+can be pickled, so that the scan can run in another process than the client. The values are NamedTuples because they are made in
+every cycle, in which frozen dataclasses cost three times as much.
 
-All times are seconds of the monotonic clock that ``BusCycle.now`` reads; indices are those of a single-axis device, a port adds its
-axis's offset (800h each).
+All times are seconds of the monotonic clock that ``BusCycle.now`` reads. Indices are those of a single-axis device; a port adds the
+offset of its axis (800h each).
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from axisbus.errors import BusError
 
 
 class Sample(NamedTuple):
-    """A received value and when it was received; where it is known to come late, when it was sampled at the earliest."""
+    """A received value and its time of reception; if it is known to be delayed, its earliest sampling time."""
 
     value: int
     stamp: float
 
 
 class ValueTransport(Enum):
-    """How a value travels."""
+    """Transport of a value."""
 
     SYNC_PDO = "synchronous PDO"
     EVENT_PDO = "event-driven PDO"
@@ -36,16 +36,16 @@ class ValueTransport(Enum):
 
 
 class SdoRequest(NamedTuple):
-    """An SDO transfer that motion wants: ``value`` None reads (upload), a number writes (download)."""
+    """An SDO transfer requested by motion: ``value`` None reads (upload), a number writes (download)."""
 
     id: int
-    index: int  # type: ignore[assignment]  # hides tuple.index, which nobody wants here
+    index: int  # type: ignore[assignment]  # hides tuple.index, which is not needed here
     subindex: int
     value: int | None
 
 
 class SdoReply(NamedTuple):
-    """The end of a transfer: ``abort`` is None when it succeeded, else the code (0x05040000 also for no answer)."""
+    """The end of a transfer: ``abort`` is None for success, else the code (0x05040000 also for no answer)."""
 
     id: int
     value: int | None
@@ -53,18 +53,18 @@ class SdoReply(NamedTuple):
 
 
 class Inputs(NamedTuple):
-    """What is known of a drive at the beginning of a cycle; a value never received is None.
+    """State of a drive at the beginning of a cycle; a value never received is None.
 
-    ``operational`` holds when the node's NMT state is operational and its heartbeat (where watched) is not overdue; ``nmt`` is the
-    last state it reported (-1: none). ``emcy`` and ``sdo`` hold what came since the last cycle. ``bus`` is why the bus itself
-    carries nothing, or has not in between (bus-off), or why nothing can be sent (a full transmit queue); the node is then not
-    operational, whatever it may have said before.
-    ``overdue``: its heartbeat, or its answer to node guarding, has not come in time.
+    ``operational``: the node's NMT state is operational and its heartbeat (if monitored) is not overdue. ``nmt`` is the last
+    reported state (-1: none). ``emcy`` and ``sdo`` contain the messages and replies since the last cycle. ``bus`` is the reason why
+    the bus carries nothing now or did not in between (bus-off), or why nothing can be sent (a full transmit queue). The node is
+    then not operational, whatever it reported before. ``overdue``: its heartbeat, or its answer to node guarding, has not come in
+    time.
 
-    ``restarted``: the node sent a boot-up message, or may have restarted unheard, since it was taken into service. Its PDO
-    configuration may be gone: the samples are then only those received since, and nothing but a stop is sent to it. ``duplicate``
-    says what shows that a second device has its node-ID (empty: nothing does). ``lag``: by how many seconds its process data come
-    later than they should, as far as that matters; the stamps of the samples allow for it.
+    ``restarted``: the node sent a boot-up message, or may have restarted unnoticed, since it was booted. Its PDO configuration may
+    be lost. The samples are then only those received since, and only stops are sent to it. ``duplicate`` is the evidence that a
+    second device has its node-ID (empty: none). ``lag``: delay in seconds of its process data, as far as it is relevant; the stamps
+    of the samples allow for it.
     """
 
     now: float
@@ -86,12 +86,12 @@ class Inputs(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """What a drive is to get in this cycle; None leaves a value as it was last sent.
+    """Outputs to a drive in this cycle; None leaves a value as it was last sent.
 
-    A ``controlword`` of None sends nothing that holds 6040h. ``cancel`` names SDO requests that are no longer wanted.
-    ``nmt_stop`` asks for the NMT command *stop*, the last rung of the stop ladder. The offsets are those of feed-forward (60B1h in
-    velocity increments, 60B2h in 0.1 % of rated torque): None for an axis without it, and for a drive that is left as it was found.
-    ``interpolation_target`` (60C1h:01) is the target position once more, for a drive that is led in ip (``interpolated``).
+    If ``controlword`` is None, no frame with 6040h is sent. ``cancel`` contains SDO requests that are no longer needed.
+    ``nmt_stop`` requests the NMT command *stop*, the last step of the stop sequence. The offsets are those of feed-forward (60B1h
+    in velocity increments, 60B2h in 0.1 % of rated torque): None for an axis without it, and for a drive that is left as it was
+    found. ``interpolation_target`` (60C1h:01) repeats the target position for a drive that is commanded in ip (``ip_as_csp``).
     """
 
     controlword: int | None = None
@@ -107,7 +107,7 @@ class Outputs(NamedTuple):
     interpolation_target: int | None = None
 
 
-# The names that Capabilities uses, and the CiA 402 object behind each.
+# The names in Capabilities, and the CiA 402 object of each.
 INPUT_OBJECTS = {
     "statusword": 0x6041,
     "mode": 0x6061,
@@ -123,19 +123,20 @@ OUTPUT_OBJECTS = {
     "target_velocity": 0x60FF,
     "target_torque": 0x6071,
 }
-# What is sent beside them to an axis with feed-forward, and to no other.
+# Additional outputs of an axis with feed-forward.
 OFFSET_OBJECTS = {"velocity_offset": 0x60B1, "torque_offset": 0x60B2}
-# What is sent beside them to an axis that is led in ip.
+# Additional outputs of an axis that is commanded in ip.
 INTERPOLATION_OBJECTS = {"interpolation_target": 0x60C1}
 ALL_OUTPUTS = OUTPUT_OBJECTS | OFFSET_OBJECTS | INTERPOLATION_OBJECTS
 
 
 @dataclass(frozen=True, slots=True)
 class Capabilities:
-    """How each value of a drive travels, and how old an input may be (seconds) before it counts as unknown.
+    """The transport of each value of a drive, and the maximum age of an input (seconds) before it is unknown.
 
-    ``edge_delay``: by how many cycles the edge of a set-point must come after its target; 0 where the drive never sees the
-    controlword of a cycle before the target of the same cycle. ``guarded``: the node sends no heartbeat and is asked for its state.
+    ``edge_delay``: number of cycles by which the edge of a set-point must follow its target; 0 if the drive never sees the
+    controlword of a cycle before the target of the same cycle. ``guarded``: the node sends no heartbeat and is monitored by node
+    guarding.
     """
 
     inputs: dict[str, ValueTransport]
@@ -151,47 +152,48 @@ class Port(Protocol):
 
     @property
     def capabilities(self) -> Capabilities:
-        """How its values travel."""
+        """The transport of its values."""
 
     def read(self, now: float) -> Inputs:
         """Return the newest values; does not block."""
 
     def write(self, outputs: Outputs) -> None:
-        """Take the values for this cycle; does not block, sends nothing before ``BusCycle.commit``."""
+        """Set the values for this cycle; does not block, sends nothing before ``BusCycle.commit``."""
 
 
 class BusCycle(Protocol):
-    """One bus, as the scan drives it. Every method raises ``BusError`` when the bus fails."""
+    """One bus, as used by the scan. Every method raises ``BusError`` if the bus fails."""
 
     def now(self) -> float:
         """Return the monotonic time in seconds."""
 
     def wait_until(self, t: float) -> float | None:
-        """Return None when ``now() >= t``; a simulated plant advances in here.
+        """Return None when ``now() >= t``; a simulated plant advances in this call.
 
-        Where another device's SYNC begins each cycle, ``t`` is only expected: return when it came.
+        If another device's SYNC begins each cycle, ``t`` is only the expected time: return the time of that SYNC.
         """
 
     def receive(self) -> bool:
-        """Take what has come since the last cycle, where nobody else does; does not block.
+        """Read the frames since the last cycle, if no other thread does; does not block.
 
-        Return whether simulated drives had not yet taken all of the last cycle when this one began: they are given no time.
+        Return whether simulated drives had not yet received all frames of the last cycle when this one began: they lack processor
+        time.
         """
 
     def commit(self) -> None:
-        """Send what the ports were given since the last commit."""
+        """Send the outputs given to the ports since the last commit."""
 
     def sync(self) -> None:
-        """Send SYNC, where the bus has it."""
+        """Send SYNC, if the bus has it."""
 
     def heartbeat(self) -> None:
-        """Send our own heartbeat when it is due."""
+        """Send the master's heartbeat when it is due."""
 
     def quick_stop_all(self) -> bool:
         """Send the last committed frames once more with a quick stop in each controlword, and one SYNC.
 
-        Return whether the bus took all of them; whether the drives obey is another matter. Never raises; used when the scan has
-        failed.
+        Return whether the bus accepted all of them; this does not show whether the drives obey. Never raises; used after the scan
+        has failed.
         """
 
     def close(self) -> None:
@@ -199,9 +201,9 @@ class BusCycle(Protocol):
 
 
 class Waiter(Protocol):
-    """How a command's owner waits for its end: a condition in real time, a pump of the scan in virtual time."""
+    """How the owner of a command waits for its end: by a condition in real time, by running the scan in virtual time."""
 
-    realtime: bool  # whether time passes while nobody waits
+    realtime: bool  # whether time passes without a call of ``wait``
 
     def wait(self, done: Callable[[], bool], timeout: float | None) -> bool:
         """Block until ``done()`` is true or ``timeout`` seconds passed; return ``done()``."""

@@ -1,7 +1,7 @@
-"""What one increment of a drive's positions, velocities and accelerations is, by its SI unit objects (60A8h, 60A9h, 60AAh).
+"""Size of one increment of a drive's positions, velocities and accelerations, by its SI unit objects (60A8h, 60A9h, 60AAh).
 
-Bits 31 to 24 are a power of ten, 23 to 16 what is counted, 15 to 8 per which time (codes of CiA 303-2). Older drives have a
-notation index (the power of ten) and a dimension index instead, of which the code of revolutions per minute is known here.
+Bits 31 to 24 are a power of ten, 23 to 16 the unit, 15 to 8 the time unit (codes of CiA 303-2). Older drives have a notation index
+(the power of ten) and a dimension index instead; of the latter only the code of revolutions per minute is supported.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ WHAT = {
 }
 PER = {0x00: "", 0x03: "/s", 0x47: "/min", 0x48: "/h", 0x57: "/s²"}
 _SECONDS = {0x00: 1, 0x03: 1, 0x47: 60, 0x48: 3600, 0x57: 1}
-_RPM = 0xC0  # as what is counted: revolutions per minute, for accelerations in rpm/s
+_RPM = 0xC0  # as the unit: revolutions per minute, for accelerations in rpm/s
 _DIMENSION_RPM = 0xA4
 _GON = Fraction(1, 400)
 
 
 class IncrementSize(NamedTuple):
-    """What one increment is: so many of ``what`` (increments of the position, turns, or metres), per second or second² where timed.
+    """Size of one increment in ``what`` (increments of the position, turns, or metres), per second or second² if it has a time.
 
-    ``text`` is the unit for a person.
+    ``text`` is the unit as text.
     """
 
     what: str
@@ -41,7 +41,7 @@ class IncrementSize(NamedTuple):
 
 
 def decoded(code: int | None) -> IncrementSize | None:
-    """Return what an SI unit object means; None where it is missing, 0, or none of the usual units."""
+    """Return the meaning of an SI unit object; None if it is missing, 0, or not one of the usual units."""
     if not code:
         return None
     power, what, per = int.from_bytes((code >> 24 & 0xFF,), signed=True), code >> 16 & 0xFF, code >> 8 & 0xFF
@@ -55,7 +55,7 @@ def decoded(code: int | None) -> IncrementSize | None:
 
 
 def by_dimension(notation: int | None, dimension: int | None) -> IncrementSize | None:
-    """Return what a notation index and a dimension index (608Bh, 608Ch) mean; None where that is not known."""
+    """Return the meaning of a notation index and a dimension index (608Bh, 608Ch); None if it is not known."""
     if dimension != _DIMENSION_RPM:
         return None
     power = (notation or 0) - (0x100 if (notation or 0) > 0x7F else 0)

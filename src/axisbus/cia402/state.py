@@ -1,23 +1,24 @@
-"""The power-stage state machine of CiA 402 as one table, and the planner that walks it.
+"""The power-stage state machine of CiA 402 as one table, and the planner of the next command.
 
 Theory of operation
 -------------------
 Two rules:
 
-1. The drive owns the state. We only see it in the statusword (``decode``), and we only ask, with the controlword.
-2. A plan is one step: from the state seen now and the state wanted, ``plan`` gives the command to send now, or None when there is
-   nothing to send. It remembers nothing, so a drive that jumps, falls into a fault or is slow is simply planned for again.
+1. The drive owns the state. The master only sees it in the statusword (``decode``), and only requests changes with the controlword.
+2. A plan is one step: from the present and the wanted state, ``plan`` returns the command to send now, or None if there is nothing
+   to send. It keeps no state, so if a drive changes its state unexpectedly, goes to fault or is slow, the next call simply plans
+   again.
 
-``TRANSITIONS`` is the figure of CiA 402-2 (7.2, "state machine of the power drive system") with its numbers 0 to 16. ``plan``
-takes the shortest way over the transitions that a master may ask for (``_PLANNED``), and never passes through *operation enabled*
-on the way to somewhere else: a typing error must not energise a motor. *Quick stop active* is no way station either: the way down
-from *operation enabled* is 5, 6, 7, so that the drive's own disabling ramp and brake times are kept.
+``TRANSITIONS`` is the figure of CiA 402-2 (7.2, "state machine of the power drive system") with its numbers 0 to 16. ``plan`` takes
+the shortest sequence of transitions that a master may request (``_PLANNED``). It never passes through *operation enabled* to reach
+another state: a typing error must not energise a motor. It never passes through *quick stop active* either: from *operation
+enabled* downwards it uses 5, 6, 7, so that the drive's own disabling ramp and brake times take effect.
 
-Left out of every plan, on purpose:
+These transitions are intentionally not planned, or only in one case:
 
-- 8 and 9 leave *operation enabled* past the drive's disabling ramp (9 lets the motor coast). They must be asked for by name.
-- 15 (fault reset) is a rising edge and a decision of its own; it belongs to ``reset``.
-- 16 (quick stop active to operation enabled) only happens where *operation enabled* itself is what was asked for.
+- 8 and 9 leave *operation enabled* without the drive's disabling ramp (9 lets the motor coast). They must be requested explicitly.
+- 15 (fault reset) is a rising edge and a separate decision; it belongs to ``reset``.
+- 16 (quick stop active to operation enabled) is only used if *operation enabled* itself is the target.
 """
 
 from __future__ import annotations
@@ -33,10 +34,10 @@ from axisbus.cia402.controlword import DISABLE_OPERATION, PowerCommand
 class PowerState(Enum):
     """A state of the power stage, by the standard's name.
 
-    What looks at a member in every cycle gives it a name of its module's own: a look-up in an Enum costs more than a call.
+    Modules that use a member in every cycle bind it to a module-level name: a look-up in an Enum costs more than a call.
     """
 
-    __hash__ = object.__hash__  # members are looked up in sets in every cycle, and Enum's own is slow
+    __hash__ = object.__hash__  # members are looked up in sets in every cycle, and Enum's own method is slow
 
     NOT_READY_TO_SWITCH_ON = "not ready to switch on"
     SWITCH_ON_DISABLED = "switch on disabled"
@@ -50,7 +51,7 @@ class PowerState(Enum):
 
 
 _S = PowerState
-# (mask, value, state): CiA 402-2 table 29. The order matters to nobody, the rows exclude each other.
+# (mask, value, state): CiA 402-2 table 29. The order does not matter, because the rows exclude each other.
 STATUSWORD_PATTERNS = (
     (0x4F, 0x00, _S.NOT_READY_TO_SWITCH_ON),
     (0x4F, 0x40, _S.SWITCH_ON_DISABLED),
@@ -64,7 +65,7 @@ STATUSWORD_PATTERNS = (
 
 
 class Transition(NamedTuple):
-    """One arrow of the figure; ``command`` is None where only the drive itself takes it."""
+    """One transition of the figure; ``command`` is None if only the drive itself makes it."""
 
     number: int
     source: PowerState | None  # None: any state
@@ -85,7 +86,8 @@ TRANSITIONS = (
     Transition(9, _S.OPERATION_ENABLED, _S.SWITCH_ON_DISABLED, PowerCommand.DISABLE_VOLTAGE),
     Transition(10, _S.SWITCHED_ON, _S.SWITCH_ON_DISABLED, PowerCommand.DISABLE_VOLTAGE),
     Transition(11, _S.OPERATION_ENABLED, _S.QUICK_STOP_ACTIVE, PowerCommand.QUICK_STOP),
-    Transition(12, _S.QUICK_STOP_ACTIVE, _S.SWITCH_ON_DISABLED, PowerCommand.DISABLE_VOLTAGE),  # or by itself
+    # Transition 12 may also be automatic.
+    Transition(12, _S.QUICK_STOP_ACTIVE, _S.SWITCH_ON_DISABLED, PowerCommand.DISABLE_VOLTAGE),
     Transition(13, None, _S.FAULT_REACTION_ACTIVE, None),
     Transition(14, _S.FAULT_REACTION_ACTIVE, _S.FAULT, None),
     Transition(15, _S.FAULT, _S.SWITCH_ON_DISABLED, PowerCommand.FAULT_RESET),
@@ -96,7 +98,7 @@ _PLANNED = frozenset({2, 3, 4, 5, 6, 7, 11, 12, 16})
 
 _NEVER_PASSED = frozenset({_S.OPERATION_ENABLED, _S.QUICK_STOP_ACTIVE})
 
-# What a master may ask for; the other states are the drive's own affair.
+# States that a master may request; only the drive enters the others.
 TARGETS = frozenset(
     {
         _S.SWITCH_ON_DISABLED,
@@ -107,12 +109,12 @@ TARGETS = frozenset(
     }
 )
 
-# The power stage drives the motor in these.
+# In these states the power stage drives the motor.
 ENERGISED = frozenset({_S.OPERATION_ENABLED, _S.QUICK_STOP_ACTIVE, _S.FAULT_REACTION_ACTIVE})
 
 
 def decode(statusword: int) -> PowerState:
-    """Return the state that a statusword shows; a pattern outside the table is ``PowerState.UNKNOWN``."""
+    """Return the state in a statusword; a pattern outside the table is ``PowerState.UNKNOWN``."""
     return _DECODED[statusword & 0x6F]
 
 
@@ -128,13 +130,13 @@ _DECODED = tuple(_decode(word) for word in range(0x70))
 
 @cache
 def plan(state: PowerState, target: PowerState) -> PowerCommand | None:
-    """Return the command that leads from ``state`` towards ``target``; None to wait (or when it is reached).
+    """Return the next command from ``state`` to ``target``; None to wait (or if the target is reached).
 
-    None also comes for states in which only the drive can act (not ready to switch on, fault reaction active), for *fault*, which
-    needs a reset first, and for an unknown state: what is not understood is not commanded.
+    None is also returned for states in which only the drive can act (not ready to switch on, fault reaction active), for *fault*,
+    which needs a reset first, and for an unknown state, in which nothing is commanded.
 
     Raises:
-        ValueError: ``target`` is no state that a master may ask for.
+        ValueError: ``target`` is not a state that a master may request.
     """
     if target not in TARGETS:
         raise ValueError(f"no drive can be asked for the state {target.value!r}")
@@ -143,7 +145,7 @@ def plan(state: PowerState, target: PowerState) -> PowerCommand | None:
 
 
 def _route(state: PowerState, target: PowerState) -> list[Transition]:
-    """Return the shortest way by breadth-first search; empty when there, or when there is none."""
+    """Return the shortest sequence of transitions by breadth-first search; empty if the target is reached or not reachable."""
     paths: deque[tuple[PowerState, list[Transition]]] = deque([(state, [])])
     seen = {state}
     while paths:

@@ -1,4 +1,4 @@
-"""The statusword 6041h (CiA 402-2 8.4.2): its bits, and what bits 10, 12 and 13 mean in each mode."""
+"""The statusword 6041h (CiA 402-2 8.4.2): its bits, and the meaning of bits 12 and 13 in each mode."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ MODE_BITS: dict[ModeOfOperation, dict[int, str]] = {
 
 
 def bit_words(statusword: int, mode: ModeOfOperation | None = None) -> list[str]:
-    """Return the names of the set bits beside the state, bits 12 and 13 as ``mode`` (6061h) reads them."""
+    """Return the names of the set bits that are not part of the state, bits 12 and 13 by ``mode`` (6061h)."""
     texts = dict(COMMON_BITS)
     texts.update(MODE_BITS.get(mode, {}) if mode is not None else {})
     for bit in (12, 13):
@@ -68,7 +68,7 @@ def bit_words(statusword: int, mode: ModeOfOperation | None = None) -> list[str]
 
 
 def hints(statusword: int, mode: int | None = None) -> list[str]:
-    """Return why a drive may refuse to be enabled or to move, as bits 4, 7, 9 and 11 tell it, and bit 12 in a cyclic ``mode``."""
+    """Return possible reasons why a drive cannot be enabled or moved, by bits 4, 7, 9 and 11, and bit 12 in a cyclic ``mode``."""
     found = []
     if not statusword & VOLTAGE_ENABLED:
         found.append("bit 4 (voltage enabled) is 0: the power supply of the motor is off or not ready")

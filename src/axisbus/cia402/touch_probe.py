@@ -1,7 +1,7 @@
-"""The touch probe of CiA 402-2: the bits of its function (60B8h) and status (60B9h), and where it keeps what it has latched.
+"""The touch probe of CiA 402-2: the bits of its function (60B8h) and status (60B9h), and the objects of its latched positions.
 
-The bits below are those of touch probe 1; those of touch probe 2 are eight bits higher. Bits 6 and 7 are the maker's own in both
-objects: they are left as they are, and prove nothing.
+The bits below are those of touch probe 1; those of touch probe 2 are eight bits higher. Bits 6 and 7 are manufacturer-specific in
+both objects: they are not changed and not evaluated.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ class Edge(Enum):
 
 
 class ProbeSource(Enum):
-    """What the signal is: the touch probe's own input, or the zero pulse of the encoder."""
+    """Source of the signal: the touch probe's own input, or the zero pulse of the encoder."""
 
     INPUT = "input"
     ZERO_PULSE = "zero pulse"
 
 
-# 60B8h: what the touch probe does.
+# 60B8h: function of the touch probe.
 ENABLE = 0x01
 CONTINUOUS = 0x02  # 0: the first edge only
 SOURCE = {ProbeSource.INPUT: 0x00, ProbeSource.ZERO_PULSE: 0x04}
 SAMPLE = {Edge.RISING: 0x10, Edge.FALLING: 0x20}
-# 60B9h: what it has done.
+# 60B9h: status of the touch probe.
 ENABLED = 0x01
 STORED = {Edge.RISING: 0x02, Edge.FALLING: 0x04}
 IN_USE = ENABLED | STORED[Edge.RISING] | STORED[Edge.FALLING]
 
 MAKERS_OWN = 0xC0  # of each byte
 
-# Where the latched position is, and how many edges have been latched (modulo 10000h), by input and edge.
+# Objects of the latched position, and of the number of latched edges (modulo 10000h), by input and edge.
 POSITIONS = {
     (1, Edge.RISING): 0x60BA,
     (1, Edge.FALLING): 0x60BB,
@@ -58,7 +58,10 @@ def byte_of(word: int, number: int) -> int:
 
 
 def with_byte(word: int, number: int, bits: int) -> int:
-    """Return a function in which touch probe ``number`` has ``bits``, but for the maker's own, and the other is as it was."""
+    """Return a function with ``bits`` for touch probe ``number``.
+
+    Its manufacturer-specific bits and the other probe are unchanged.
+    """
     place = 8 * (number - 1)
     own = byte_of(word, number) & MAKERS_OWN
     return word & ~(0xFF << place) & 0xFFFF | (own | bits) << place

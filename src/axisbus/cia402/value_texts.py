@@ -1,4 +1,4 @@
-"""What CiA 301 and CiA 402 say of the values and bits of well-known objects: as tables to look things up in, and of one value."""
+"""Meanings of the values and bits of well-known objects of CiA 301 and CiA 402: as tables, and as text for one value."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Reader = Callable[[int, ModeOfOperation | None], str]
 
 
 class Table(NamedTuple):
-    """One table: its title, the heading of its first column, and rows of (value or bit, what it means)."""
+    """One table: its title, the heading of its first column, and rows of (value or bit, meaning)."""
 
     title: str
     key: str
@@ -25,25 +25,25 @@ class Table(NamedTuple):
 
 
 class Meaning(NamedTuple):
-    """What is said of an object: its tables, and what one value means in words (in a mode of operation, None: not known)."""
+    """Meaning of an object: its tables, and a function for the meaning of one value (in a mode of operation, None: unknown)."""
 
     tables: tuple[Table, ...]
     words: Reader
 
 
 def tables(index: int, subindex: int) -> tuple[Table, ...]:
-    """Return the tables that the standards have for an entry of any axis; empty where they have none.
+    """Return the tables of the standards for an entry of any axis; empty if there are none.
 
-    What is the same for all elements of an array is told with the first.
+    Tables that apply to all elements of an array are returned for the first element.
     """
     found = _of_entry(index, subindex) or (_ELEMENTS.get(index) if subindex == 1 else None)
     return found.tables if found is not None else ()
 
 
 def words(index: int, subindex: int, value: int, mode: ModeOfOperation | None = None) -> str:
-    """Return what a value means; empty where the standards give it no meaning beyond the number.
+    """Return the meaning of a value; empty if the standards give it no meaning beyond the number.
 
-    ``mode`` is that of the axis, which gives some bits of the controlword and of the statusword their meaning.
+    ``mode`` is that of the axis; it determines the meaning of some bits of the controlword and of the statusword.
     """
     found = _of_entry(index, subindex) or (_ELEMENTS.get(index) if subindex else None)
     return found.words(value, mode) if found is not None else ""
@@ -55,7 +55,7 @@ def _of_entry(index: int, subindex: int) -> Meaning | None:
     return _ENTRIES.get((first_axis(index), subindex))
 
 
-# -- how a table is made, and how one value is read ------------------------------------------------------------------------------
+# -- construction of tables, and texts for one value ---------------------------------------------------------------------------
 
 
 def _bits(title: str, names: Mapping[int, str]) -> Table:
@@ -96,7 +96,7 @@ def _consumer(value: int, _: ModeOfOperation | None) -> str:
 
 
 def _signature(letters: str, does: str, order: str) -> Meaning:
-    """An object that acts when these letters are written into it."""
+    """Return the meaning of an object that acts when these letters are written into it."""
     number = int.from_bytes(letters.encode("ascii"), "little")
     return Meaning(
         (Table("Values", "value", ((f"0x{number:08X}", f'{does}: the letters "{letters}"'),)),),
@@ -208,7 +208,7 @@ def _option(option: options.OptionCode) -> Meaning:
     )
 
 
-# -- the table: index and sub-index on the first axis -> what its values mean ----------------------------------------------------
+# -- the table: index and sub-index on the first axis -> meaning of its values ---------------------------------------------------
 
 _ENTRIES: Mapping[tuple[int, int], Meaning] = {
     (cia301.ERROR_REGISTER, 0): Meaning((_bits("Bits", emcy.REGISTER_BITS),), _register),
@@ -251,7 +251,7 @@ _ENTRIES: Mapping[tuple[int, int], Meaning] = {
     ),
     **{(option.index, option.subindex): _option(option) for option in options.ALL},
 }
-# Of each element of an array.
+# For each element of an array.
 _ELEMENTS: Mapping[int, Meaning] = {
     cia301.PREDEFINED_ERROR_FIELD: Meaning((), _error_code),
     cia301.STORE_PARAMETERS: _signature("save", "stores", "store"),
