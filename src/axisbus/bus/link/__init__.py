@@ -1,1 +1,1 @@
-"""The adapter and what stands directly on it: frames in and out, bus-off, listening, recordings of candump."""
+"""The CAN adapter and the layer on it: frames in and out, bus-off, listening, candump recordings."""

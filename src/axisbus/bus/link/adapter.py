@@ -1,4 +1,4 @@
-"""Opening a CAN adapter through python-can, with errors that say what to do."""
+"""Open a CAN adapter through python-can, with errors that contain a remedy."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from axisbus.bus.link import socketcan
 from axisbus.bus.link.interfaces import MODBUS, RATE_ELSEWHERE, sets_rate
 from axisbus.errors import AdapterError, ArgumentError, AxisbusError
 
-# What python-can needs beside itself for an interface.
+# What an interface needs in addition to python-can.
 _NEEDS: Mapping[str, str] = {
     "canalystii": 'pip install "python-can[canalystii]"',
     "cantact": 'pip install "python-can[cantact]"',
@@ -37,7 +37,7 @@ _SERIAL_SEND_TIMEOUT = {"slcan": 0.05, "robotell": 0.05}
 
 
 def send_timeout(interface: str) -> float | None:
-    """Return the time-out in seconds to give to python-can's ``send``; None where giving one would make it wait for the wire."""
+    """Return the time-out in seconds for python-can's ``send``; None if a time-out would make it wait for the transmission."""
     return _SERIAL_SEND_TIMEOUT.get(interface)
 
 
@@ -48,14 +48,14 @@ def open_adapter(
     options: Mapping[str, object],
     link: Callable[[str], socketcan.CanInterface | None] = socketcan.link,
 ) -> can.BusABC:
-    """Open the adapter; may block as long as its driver does (a second or so).
+    """Open the adapter; may block as long as its driver does (about a second).
 
     Args:
         interface: python-can's name of the adapter type, such as ``socketcan`` or ``pcan``.
-        channel: which one of them, as python-can wants it, such as ``can0``.
-        bitrate: bit/s; None where the link sets it.
-        options: what else the adapter takes.
-        link: how to ask Linux for a SocketCAN link.
+        channel: the adapter's channel in python-can's notation, such as ``can0``.
+        bitrate: bit/s; None if the link sets it.
+        options: further options of the adapter.
+        link: how to get a SocketCAN link from Linux.
 
     Raises:
         AdapterError: unknown interface, driver or package missing, no such channel, link down, bitrate missing or different.
@@ -72,12 +72,12 @@ def open_adapter(
 
 
 def interfaces() -> list[str]:
-    """Return the names of the interfaces that there are: python-can's, and ours."""
+    """Return the names of all interfaces: those of python-can and of axisbus."""
     return sorted([*VALID_INTERFACES, MODBUS])
 
 
 def check_interface(interface: str) -> None:
-    """Check that there is such an interface.
+    """Check that an interface exists.
 
     Raises:
         AdapterError: it does not; the remedy names the nearest ones.
@@ -93,7 +93,7 @@ def check_interface(interface: str) -> None:
 
 
 def check_link(name: str, bitrate: int | None, ask: Callable[[str], socketcan.CanInterface | None]) -> None:
-    """Check that the SocketCAN link exists, is up, and runs at ``bitrate`` (None: at whatever it is set to).
+    """Check that the SocketCAN link exists, is up, and runs at ``bitrate`` (None: any rate).
 
     Raises:
         AdapterError: it does not.
@@ -123,7 +123,8 @@ def _construct(
     interface: str, channel: str | int | None, bitrate: int | None, options: dict[str, object]
 ) -> can.BusABC:
     arguments: dict[str, object] = dict(options)
-    arguments.pop("receive_own_messages", None)  # our own frames would look like another master's
+    # The master's own frames would look like those of another master.
+    arguments.pop("receive_own_messages", None)
     if bitrate is not None and interface not in RATE_ELSEWHERE:
         arguments["bitrate"] = bitrate
     try:
@@ -142,7 +143,7 @@ def _construct(
             observed=str(error),
             remedy="see python-can's manual for the options of this interface ([bus.options])",
         ) from error
-    except AxisbusError:  # of our own, with its remedy
+    except AxisbusError:  # of axisbus, with its own remedy
         raise
     except Exception as error:  # drivers raise anything, NameError included
         raise _cannot_open(interface, channel, error) from error

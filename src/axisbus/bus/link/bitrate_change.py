@@ -1,13 +1,15 @@
-"""A whole bus to another bit rate (CiA 305 activate bit timing): the slaves, then our own adapter, then whether they answer.
+"""Change the bit rate of a whole bus (CiA 305 activate bit timing): slaves and adapter; then check that the slaves answer.
 
 Theory of operation
 -------------------
-After *activate bit timing* a slave goes on for one switch delay at the old rate, changes over, and is silent for one delay more. In
-that silence our adapter is closed and opened again at the new rate: earlier it might not have sent the command yet, later it would
-destroy, as every controller with another rate does, each frame of the others. When both delays are over the slaves are asked.
+After *activate bit timing* a slave uses the old rate for one switch delay, changes the rate, and is silent for one more delay.
+During that silence the master closes its adapter and opens it again at the new rate. Before the silence, the adapter might not have
+sent the command yet. After it, the adapter would destroy every frame of the others, as every controller with another rate does.
+When both delays are over, the master sends requests to the slaves.
 
-Who sets the adapter's rate differs. Most drivers take it on opening. SocketCAN's link belongs to the system: nothing is re-opened
-or asked then, and the result holds the lines to be typed. A virtual bus has no rate, and its slaves are asked at once.
+How the adapter's rate is set depends on the interface. Most drivers set it on opening. A SocketCAN link belongs to the system: the
+master then re-opens nothing and sends no requests, and the result contains the commands for the user. A virtual bus has no rate, so
+its slaves are requested without re-opening.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ _PAUSE = 0.2
 
 
 class OwnRate(Enum):
-    """What became of our own adapter's rate."""
+    """Result for the rate of the master's adapter."""
 
     REOPENED = "re-opened at the new rate"
     SYSTEM = "still at the old rate: the system sets it"
@@ -39,7 +41,7 @@ class OwnRate(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Opening:
-    """How a channel is opened, so that it can be opened again at another rate; ``bitrate`` in bit/s."""
+    """Parameters to open a channel again at another rate; ``bitrate`` in bit/s."""
 
     interface: str
     channel: str | int | None
@@ -48,23 +50,23 @@ class Opening:
 
     @property
     def own_rate(self) -> OwnRate:
-        """Who sets the rate: we, the system, or nobody."""
+        """How the rate is set: by opening, by the system, or not at all."""
         if self.interface in interfaces.NO_RATE:
             return OwnRate.NONE
         return OwnRate.REOPENED if interfaces.sets_rate(self.interface, self.options) else OwnRate.SYSTEM
 
     def open(self, bitrate: int | None = None) -> Channel:
-        """Open it, at ``bitrate`` where given; blocks and raises as ``Channel.open``."""
+        """Open the channel, at ``bitrate`` if given; blocks and raises as ``Channel.open``."""
         return Channel.open(self.interface, self.channel, bitrate or self.bitrate, **self.options)
 
 
 @dataclass(frozen=True, slots=True)
 class ChangedOver:
-    """What a change-over came to, in bit/s and by LSS address.
+    """The result of a change, in bit/s and by LSS address.
 
-    ``asked``: whether slaves were looked for at the new rate at all. ``answered`` and ``silent`` are those that were named; where
-    all were told, ``nodes`` are the node-IDs that answer, and ``others`` whether one without a node-ID does. ``commands`` is to be
-    typed, in this order, before the bus can be used again.
+    ``asked``: whether the master has searched for slaves at the new rate. ``answered`` and ``silent`` are the slaves in
+    ``addresses``. If all slaves were changed, ``nodes`` are the node-IDs that answer, and ``others`` is whether a slave without a
+    node-ID answers. The user must run ``commands``, in this order, before the bus can be used again.
     """
 
     bitrate: int
@@ -78,7 +80,7 @@ class ChangedOver:
 
     @property
     def complete(self) -> bool:
-        """Whether everybody named, or at least somebody where all were told, is known to be at the new rate."""
+        """Whether all slaves in ``addresses`` (or at least one, if all were changed) are known to be at the new rate."""
         return self.asked and not self.silent and bool(self.answered or self.nodes or self.others)
 
 
@@ -91,15 +93,15 @@ def change_over(
     stack: ExitStack,
     open_again: Callable[[Opening, int], Channel] = Opening.open,
 ) -> ChangedOver:
-    """Have slaves (None: all) change over to ``bitrate`` (bit/s), which ``set_bit_rate`` told them, and our adapter with them.
+    """Change slaves (None: all) and the adapter to ``bitrate`` (bit/s), which ``set_bit_rate`` has configured in the slaves.
 
     Blocks for twice ``delay`` s (0.01 to 65.535), the adapter's opening, and up to 5 s for each slave that stays silent. The
-    master's channel is closed where the adapter is opened again; ``stack`` then closes the new one.
+    master's channel is closed if the adapter is opened again; ``stack`` then closes the new channel.
 
     Raises:
-        ArgumentError: the delay cannot be used, or nobody is named.
-        LssTimeout: a slave named does not answer; nothing was activated.
-        AdapterError: the slaves have changed over, and our adapter cannot be opened at the new rate; or the channel failed.
+        ArgumentError: the delay cannot be used, or ``addresses`` is empty.
+        LssTimeout: a slave in ``addresses`` does not answer; nothing was activated.
+        AdapterError: the slaves have changed, and the adapter cannot be opened at the new rate; or the channel failed.
     """
     own = opening.own_rate
     if own is OwnRate.SYSTEM:
@@ -141,7 +143,7 @@ def _ask(
     bitrate: int,
     own: OwnRate,
 ) -> ChangedOver:
-    master = LssMaster(channel, before.pace.timing, beside_operation=True)  # that was looked for before
+    master = LssMaster(channel, before.pace.timing, beside_operation=True)  # already checked before
     if addresses is None:
         nodes = tuple(node.node_id for node in discover.scan(channel))
         return ChangedOver(bitrate, own, nodes=nodes, others=master.any_unconfigured())
@@ -155,7 +157,7 @@ def _answers(master: LssMaster, address: LssAddress) -> bool:
     while True:
         try:
             master.inquire(address)
-        except LssError:  # silent, or somebody else answers: it is not known to be there
+        except LssError:  # silent, or another slave answers: it is not known to be there
             if time.monotonic() > deadline:
                 return False
             time.sleep(_PAUSE)

@@ -1,4 +1,4 @@
-"""Whether a machine is running on a bus, found out by listening only."""
+"""Detect whether a machine is running on a bus, by listening only."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from axisbus.bus.link.channel import Channel, Receiver, require_other_thread
 from axisbus.cia301 import cob
 from axisbus.cia301.nmt import NmtState
 
-_SLICE = 0.05  # s between two looks at what came
+_SLICE = 0.05  # s between two checks
 
 
 def bus_activity(channel: Channel, listen: float) -> list[str]:
-    """Listen for ``listen`` s and return in words what shows that a machine is running: SYNC, PDOs, operational nodes.
+    """Listen for up to ``listen`` s; return texts of the first signs of a running machine: SYNC, PDOs, operational nodes.
 
     Raises:
         AdapterError: the channel failed.

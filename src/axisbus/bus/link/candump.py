@@ -1,4 +1,4 @@
-"""Reading what can-utils' ``candump`` writes: its log format (-L, -l) and its screen format, line by line."""
+"""Parse the output of can-utils' ``candump`` line by line: its log format (-L, -l) and its screen format."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _ERROR_FLAG = 0x2000_0000  # CAN_ERR_FLAG of linux/can.h, in the identifier of a
 _MASK = 0x1FFF_FFFF
 _STANDARD = 0x7FF
 
-# (1436509052.249713) vcan0 044#2A366C2BBA    also with a flag R or T, or more, behind it
+# (1436509052.249713) vcan0 044#2A366C2BBA    optionally followed by a flag R or T, or more
 _LOG = re.compile(
     r"\((?P<time>\d{1,20}\.\d{1,20})\)\s+(?P<channel>\S+)\s+(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(?P<data>R\d?|[0-9A-Fa-f.]*)(?:\s.*)?"
 )
@@ -25,9 +25,9 @@ _SCREEN = re.compile(
 
 
 def parse(line: str) -> CanFrame | None:
-    """Return the frame of a line, None where the line is none that ``candump`` writes for a classic CAN frame.
+    """Return the frame of a line; None if it is not a line of ``candump`` with a classic CAN frame.
 
-    Without a time stamp the time is 0; a relative one (-t d, -t z) is taken as it stands.
+    Without a time stamp the time is 0. A relative time stamp (-t d, -t z) is returned unchanged.
     """
     found = _LOG.fullmatch(line.strip())
     if found is not None:

@@ -1,25 +1,25 @@
-"""One open CAN channel: paced sending, a receive thread that never dies in silence, and who is to get which frame.
+"""One open CAN channel: sending with a limited wait, a receive thread whose failure is reported, and the receivers by COB-ID.
 
 Theory of operation
 -------------------
-One daemon thread takes what has come and hands each frame to the receivers of its COB-ID, with the monotonic time of its reception.
-Receivers store and return; they never block and never send. What comes in every cycle the scan takes itself by ``drain``, where the
-adapter lets us keep it apart (``cyclic``).
+One daemon thread reads the received frames and passes each one to the receivers of its COB-ID, with its monotonic time of
+reception. Receivers store and return; they never block and never send. The scan itself reads the frames of every cycle by
+``drain``, if the adapter can separate them (``cyclic``).
 
-What goes wrong is *remembered*: an exception from the adapter or from a receiver sets ``failure``, tells
-``on_failure``, and from then on every ``send`` and ``check`` raises it. So a master that has become deaf cannot go on driving.
-Stop frames are the exception: ``send_urgent`` tries in any state and never raises.
+A failure is *stored*: an exception from the adapter or from a receiver sets ``failure`` and calls ``on_failure``. From then on
+every ``send`` and ``check`` raises it. So a master that can no longer receive cannot continue to control drives. Stop frames are
+the exception: ``send_urgent`` tries in any state and never raises.
 
-Bus-off is no such end, because a controller can be restarted. While it is ``off``, ``send`` and ``check`` raise ``BusOff``, and
-nothing is given to the driver: Linux would take the frames with success, keep them in the interface's queue, and send them in a
-burst at the restart, set-points of long ago among them. (What the queue took before the bus-off was told is out of our hands; some
-milliseconds' worth, which only taking the interface down throws away.) ``off`` ends when the restart is told; ``last_off`` and
-``offs`` stay, so that nobody misses a short one. ``on_failure`` is told of a bus-off too.
+Bus-off is not a final failure, because a controller can be restarted. While it is ``off``, ``send`` and ``check`` raise ``BusOff``,
+and no frame is passed to the driver. Linux would accept the frames, keep them in the interface's queue, and send them in a burst at
+the restart, old set-points among them. (Frames that the queue accepted before the bus-off was reported cannot be withdrawn: some
+milliseconds' worth, which only taking the interface down discards.) ``off`` ends when the restart is reported. ``last_off`` and
+``offs`` remain, so that a short bus-off is not missed. ``on_failure`` is called for a bus-off too.
 
-Where the adapter's queue stays full, only sending has failed: what comes is still heard, so ``check`` raises nothing. The scan says
-by ``block`` that its frames are refused, ``off`` is that error until it says ``unblock``, and each port sees it meanwhile.
+If the adapter's queue stays full, only sending has failed. Frames are still received, so ``check`` raises nothing. The scan reports
+refused frames by ``block``. ``off`` is that error until ``unblock``, and each port sees it meanwhile.
 
-The send lock is held for one attempt only, never while waiting for a full queue to drain; ``send_urgent`` does not wait for it
+The send lock is held for one attempt only, never while waiting for a full queue to drain. ``send_urgent`` waits for the lock no
 longer than a few milliseconds, because the thread that holds it may be stuck in the driver for ever.
 """
 
@@ -56,7 +56,7 @@ from axisbus.errors import AdapterError, BusError, BusOff, StateError, TransmitQ
 
 Receiver = Callable[[bytes, float], None]
 Ear = Callable[[CanFrame], None]
-_T = TypeVar("_T", bytes, int)  # a frame's data, or what a remote frame asks for
+_T = TypeVar("_T", bytes, int)  # the data of a frame, or the length that a remote frame requests
 
 RECEIVE_SLICE = 0.05  # seconds; the longest that close() waits for the receive thread
 SEND_PATIENCE = 0.005  # seconds that a full queue may take to have room again
@@ -64,12 +64,12 @@ SEND_PAUSE = 0.0002
 URGENT_LOCK = 0.005  # seconds that a stop frame waits for the send lock
 URGENT_TOTAL = 0.1  # seconds that all stop frames together may take
 CLOSE_PATIENCE = 1.0
-STATE_PERIOD = 0.1  # seconds between two looks at the driver's own state, where no error frame tells it
+STATE_PERIOD = 0.1  # seconds between two polls of the driver's state, if no error frame reports it
 STUCK = (
-    1.0  # seconds after which a send that has not returned will not; a slow driver's take some milliseconds
+    1.0  # seconds after which a send that has not returned never will; a slow driver takes some milliseconds
 )
-STUCK_SLICE = 0.02  # seconds; one that takes much longer shows that this program does not run
-STARVED = 10.0  # seconds that the other thread is given where neither runs
+STUCK_SLICE = 0.02  # seconds; a wait that takes much longer shows that this program does not run
+STARVED = 10.0  # seconds that the other thread gets if neither thread runs
 
 _DATA = 8  # bytes of a classic frame
 _LINK_GONE = frozenset({errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF})
@@ -77,11 +77,11 @@ _LINK_GONE = frozenset({errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF})
 
 @dataclass(slots=True)
 class Counters:
-    """What a channel has seen; ``full`` counts attempts refused by a full queue (the frame went out later, or was given up)."""
+    """Counters of a channel; ``full`` counts attempts refused by a full queue (the frame went out later, or was given up)."""
 
     sent: int = 0
     received: int = 0
-    octets: int = 0  # of data, in both directions
+    octets: int = 0  # data bytes in both directions
     full: int = 0
     error_frames: int = 0
     errors: deque[str] = field(default_factory=lambda: deque(maxlen=16))
@@ -90,7 +90,7 @@ class Counters:
 class Channel:
     """One CAN channel; holds state: the adapter, the receive thread, the receivers by COB-ID, the counters and the failure.
 
-    Everything may be called from any thread, unless it says otherwise.
+    All methods may be called from any thread, unless stated otherwise.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class Channel:
     ) -> None:
         """Take over an open python-can bus and start to receive.
 
-        ``send_timeout``: see ``adapter.send_timeout``; ``cyclic``: where ``drain`` finds frames.
+        ``send_timeout``: see ``adapter.send_timeout``; ``cyclic``: the source of the frames for ``drain``.
         """
         self.bus = bus
         self.name = name
@@ -125,7 +125,7 @@ class Channel:
         self.controller = CanController(name)
         self.last_off: BusOff | None = None
         self.offs = 0
-        # Why nothing is sent now: the controller is bus-off, or takes no frames of the scan.
+        # Why nothing is sent now: the controller is bus-off, or refuses the frames of the scan.
         self.off: BusOff | TransmitQueueFull | None = None
         self._state_due = 0.0
         self._send_lock = threading.Lock()
@@ -133,7 +133,7 @@ class Channel:
         self._closing = False
         self._inherited = False  # by a forked child
         self.network = CanopenNetwork(self)
-        # Of simulated drives: whether they have not yet taken what they were sent.
+        # For simulated drives: returns whether they have not yet received all sent frames.
         self.behind: Callable[[], bool] | None = None
         self._thread = threading.Thread(target=self._receive, name=f"axisbus receive {name}", daemon=True)
         self._thread.start()
@@ -149,7 +149,7 @@ class Channel:
     ) -> Channel:
         """Open an adapter by python-can's interface name; may block as long as its driver does.
 
-        ``bitrate`` is in bit/s; for SocketCAN it is only compared with the link's. ``options`` go to the adapter.
+        ``bitrate`` is in bit/s; for SocketCAN it is only compared with that of the link. ``options`` are passed to the adapter.
 
         Raises:
             AdapterError: see ``adapter.open_adapter``.
@@ -160,18 +160,18 @@ class Channel:
 
     @property
     def failure(self) -> BusError | None:
-        """What made this channel unusable, None while it works."""
+        """The error that made this channel unusable, None while it works."""
         return self._failure
 
     @property
     def carried(self) -> BusTraffic:
-        """What it has sent and received so far; of frames that come and go at the same time one may be missing."""
+        """The traffic so far, sent and received; with simultaneous sending and receiving a frame may be missing from the count."""
         counters = self.counters
         return BusTraffic(time.monotonic(), counters.sent + counters.received, counters.octets)
 
     @property
     def in_receive_thread(self) -> bool:
-        """Whether the caller runs in the receive thread, where nothing may wait for a frame."""
+        """Whether the caller runs in the receive thread, which must not wait for a frame."""
         return threading.current_thread() is self._thread
 
     def check(self) -> None:
@@ -183,7 +183,7 @@ class Channel:
         """
         failure = self._failure
         if failure is not None:
-            # A copy each time: one error that is raised again and again would collect tracebacks.
+            # A copy each time: an error that is raised repeatedly would collect tracebacks.
             raise copy.copy(failure) from failure
         if self._closing:
             raise AdapterError(f"the CAN channel {self.name} is closed")
@@ -192,7 +192,7 @@ class Channel:
             raise copy.copy(off) from off
 
     def subscribe(self, can_id: int, receiver: Receiver) -> None:
-        """Have ``receiver(data, stamp)`` called in the receive thread for each frame of this COB-ID; it must not block.
+        """Call ``receiver(data, stamp)`` in the receive thread for each frame of this COB-ID; the receiver must not block.
 
         ``stamp`` is ``time.monotonic()`` at reception.
         """
@@ -202,7 +202,7 @@ class Channel:
             self._receivers = receivers
 
     def unsubscribe(self, can_id: int, receiver: Receiver) -> None:
-        """End a subscription; harmless where there is none."""
+        """End a subscription; harmless if there is none."""
         with self._state_lock:
             receivers = dict(self._receivers)
             left = tuple(other for other in receivers.get(can_id, ()) if other != receiver)
@@ -214,16 +214,16 @@ class Channel:
                 self._listen_cyclic(self._cyclic_ids - {can_id})
 
     def subscribe_cyclic(self, can_id: int, receiver: Receiver) -> None:
-        """As ``subscribe``, for frames that come in every cycle: where the adapter lets us, ``drain`` brings them."""
+        """As ``subscribe``, for frames of every cycle: if the adapter can separate them, ``drain`` reads them."""
         self.subscribe(can_id, receiver)
         if can_id <= cob.ID_MASK_11:
             with self._state_lock:
                 self._listen_cyclic(self._cyclic_ids | {can_id})
 
     def drain(self) -> None:
-        """Hand out, in the calling thread, the frames of ``subscribe_cyclic`` that have come; does not block.
+        """Pass the received frames of ``subscribe_cyclic`` to their receivers, in the calling thread; does not block.
 
-        Nothing is left to be done where the receive thread brings them. What goes wrong is raised by the next ``check``.
+        Does nothing if the receive thread reads these frames. The next ``check`` raises any error.
         """
         if not self._cyclic_ids or self._cyclic is None:
             return
@@ -250,9 +250,9 @@ class Channel:
 
     @contextmanager
     def overheard(self, ear: Ear) -> Iterator[None]:
-        """Have ``ear(frame)`` called in the receive thread for every frame, remote ones included, within the block.
+        """Call ``ear(frame)`` in the receive thread for every received frame, remote frames included, within the block.
 
-        It must not block. The frame's time is ``time.monotonic()`` at reception. Error frames go to ``controller``.
+        ``ear`` must not block. The frame's time is ``time.monotonic()`` at reception. Error frames go to ``controller``.
         """
         with self._state_lock:
             self._ears = (*self._ears, ear)
@@ -263,12 +263,12 @@ class Channel:
                 self._ears = tuple(other for other in self._ears if other is not ear)
 
     def tap(self, ear: Ear) -> None:
-        """Have ``ear(frame)`` called for every frame, sent ones included, in whatever thread has it; it must not block."""
+        """Call ``ear(frame)`` for every frame, sent frames included, in the thread that handles it; ``ear`` must not block."""
         with self._state_lock:
             self._taps = (*self._taps, ear)
 
     def untap(self, ear: Ear) -> None:
-        """End that; harmless where it has ended."""
+        """End the calls of ``tap``; harmless if they have ended."""
         with self._state_lock:
             self._taps = tuple(other for other in self._taps if other != ear)
 
@@ -277,7 +277,7 @@ class Channel:
 
         Raises:
             BusOff: the controller is bus-off; the frame was not queued.
-            AdapterError: the queue stayed full, or the adapter failed (also when another frame has been stuck in it for a second).
+            AdapterError: the queue stayed full, or the adapter failed (also if another frame has been stuck in it for a second).
         """
         if not self._freely or self._failure is not None or self._closing or self.off is not None:
             self._send_paced(self._line.send, can_id, data, patience)
@@ -293,9 +293,9 @@ class Channel:
             self._tell_taps(can_id, data)
 
     def send_all(self, frames: Sequence[tuple[int, bytes]]) -> int:
-        """Send data frames by as few calls as the adapter needs, without waiting; return how many it took. For the scan's thread.
+        """Send data frames with as few calls as possible, without waiting; return how many were accepted. For the scan's thread.
 
-        The others are for ``send``, which waits for a full queue and says what is wrong.
+        Send the remaining frames by ``send``, which waits for a full queue and reports the reason.
 
         Raises:
             BusOff: the controller is bus-off; no frame was queued.
@@ -312,7 +312,7 @@ class Channel:
         return taken
 
     def send_remote(self, can_id: int, length: int = 0) -> None:
-        """Send a remote frame (node guarding needs it) with the data length of the frame that it asks for.
+        """Send a remote frame (for node guarding) with the data length of the requested frame.
 
         Raises:
             AdapterError: as ``send``.
@@ -320,10 +320,10 @@ class Channel:
         self._send_paced(self._line.send_remote, can_id, length, SEND_PATIENCE)
 
     def send_urgent(self, frames: Iterable[tuple[int, bytes]]) -> int:
-        """Send stop frames in any state of the channel, and return how many the adapter took; never raises.
+        """Send stop frames in any state of the channel; return how many the adapter accepted. Never raises.
 
-        Frames that find the queue full wait for it together, about 0.1 s, and keep their order; then each is tried once more by
-        itself. Any other failure of one stops no other. Longer only where the driver itself blocks.
+        If the queue is full, the frames wait together for about 0.1 s and keep their order; then each is tried once more
+        separately. Another failure of one frame does not stop the others. Takes longer only if the driver itself blocks.
         """
         if self._inherited:
             return 0
@@ -340,19 +340,19 @@ class Channel:
                 self._send_lock.release()
 
     def block(self, error: TransmitQueueFull) -> None:
-        """Note that the scan's frames are refused; from now on ``off`` says so, until ``unblock``, or a bus-off."""
+        """Set ``off``: the adapter refuses the scan's frames, until ``unblock`` or a bus-off."""
         with self._state_lock:
             if self.off is None:
                 self.off = error
 
     def unblock(self) -> None:
-        """Note that the adapter takes the scan's frames again."""
+        """Clear ``off``: the adapter accepts the scan's frames again."""
         with self._state_lock:
             if isinstance(self.off, TransmitQueueFull):
                 self.off = None
 
     def health(self) -> str:
-        """Say what the wire looks like in one line, for the text of an error that something did not answer; may be empty."""
+        """Return one line on error frames and controller state, to add to an error about a missing answer; may be empty."""
         counters, condition = self.counters, self.controller.condition
         now = "" if condition is CanErrorState.ACTIVE else f"the CAN controller is {condition.value}"
         if not counters.error_frames:
@@ -378,7 +378,7 @@ class Channel:
             self.counters.errors.append(f"on closing: {error}")
 
     def disown(self) -> None:
-        """Be of no use in a forked child: nothing is sent, and the adapter is the parent's to close."""
+        """Become unusable in a forked child: it sends nothing, and the parent closes the adapter."""
         self._closing = self._inherited = True
         self._send_lock, self._state_lock = threading.Lock(), threading.Lock()
         self._failure = failures.inherited(self.name)
@@ -405,7 +405,7 @@ class Channel:
             self._tell_taps(can_id, what)
 
     def _tell_taps(self, can_id: int, what: bytes | int) -> None:
-        """Tell of a frame that was sent; a number: a remote one."""
+        """Pass a sent frame to the taps; a number: a remote frame."""
         data = what if isinstance(what, bytes) else b""
         extended, remote = can_id > cob.ID_MASK_11, data is not what
         self._tell_all(self._taps, CanFrame(time.monotonic(), can_id, data, extended, remote))
@@ -413,7 +413,7 @@ class Channel:
     def _insist(
         self, give: Callable[[int, _T], None], can_id: int, what: _T, patience: float, error: Exception | None
     ) -> None:
-        """Try again what has failed with ``error``, until the adapter takes it."""
+        """Repeat a send that failed with ``error`` until the adapter accepts the frame."""
         deadline = math.inf
         while error is not None:
             if self._is_final(error):
@@ -440,7 +440,10 @@ class Channel:
         return None
 
     def _acquire_send_lock(self) -> None:
-        """Wait for another thread's send; whose fault it is that this does not end is told by whether we ran meanwhile."""
+        """Wait for another thread's send.
+
+        If it does not return, the time that this thread ran shows whether the driver is stuck.
+        """
         began = before = time.monotonic()
         ran = 0.0
         while not self._send_lock.acquire(timeout=STUCK_SLICE):
@@ -456,7 +459,7 @@ class Channel:
                 self.check()
 
     def _is_final(self, error: Exception) -> bool:
-        """Whether no later attempt can succeed; only SocketCAN's error codes are the operating system's."""
+        """Whether no later attempt can succeed; only SocketCAN's error codes are those of the operating system."""
         code = getattr(error, "error_code", None)
         if not isinstance(error, can.CanError):
             return not failures.is_full(error)
@@ -465,12 +468,12 @@ class Channel:
     def _try_urgent(
         self, frames: Sequence[tuple[int, bytes]], *, in_order: bool = True
     ) -> list[tuple[int, bytes]]:
-        """Try each once, and return those that were not taken; ``in_order``: none behind one that found the queue full."""
+        """Try each frame once, and return those not accepted; ``in_order``: try no frame after one that found the queue full."""
         left: list[tuple[int, bytes]] = []
         for number, (can_id, data) in enumerate(frames):
             try:
                 self._line.send(can_id, data)
-            except Exception as error:  # noqa: BLE001 - nothing may keep the next stop frame from being tried
+            except Exception as error:  # noqa: BLE001 - no error may keep the next stop frame from being tried
                 if in_order and failures.is_full(error):
                     return [*left, *frames[number:]]
                 self.counters.errors.append(f"stop frame {can_id:03X}h: {error}")
@@ -496,17 +499,17 @@ class Channel:
                         self._dispatch(one, now)
                 if now >= self._state_due:
                     self._ask_state(now)
-            except Exception as error:  # noqa: BLE001 - whatever it is, it must be known and not only end this thread
+            except Exception as error:  # noqa: BLE001 - any error must be stored and not only end this thread
                 if not self._closing:
                     self.fail(failures.deaf(self.name, error))
                 return
 
     def _ask_state(self, now: float) -> None:
-        """Ask the driver whether the controller is bus-off; a driver that cannot say is asked no more."""
+        """Poll the driver for bus-off; a driver that raises is not polled again."""
         self._state_due = now + STATE_PERIOD
         try:
             off = self.bus.state is can.BusState.ERROR
-        except Exception as error:  # noqa: BLE001 - drivers raise anything; it receives, which is what matters
+        except Exception as error:  # noqa: BLE001 - drivers raise anything; receiving still works, which is essential
             self._state_due = math.inf
             self.counters.errors.append(f"on asking for the state: {error}")
             return
@@ -525,7 +528,7 @@ class Channel:
             self.drops.frame(unfit, can_id, stamp, bytes(message.data))
 
     def _take(self, can_id: int, data: bytes, came: float, stamp: float) -> None:
-        """A data frame with 11 bits of identifier; ``came``: the adapter's own time."""
+        """Handle a data frame with an 11-bit identifier; ``came``: the adapter's own time."""
         if self._ears or self._taps:
             self._tell_ears(CanFrame(stamp, can_id, data))
         self._hear(can_id, data, came, stamp)
@@ -542,7 +545,7 @@ class Channel:
             self.drops.unheard(can_id, stamp, data)
 
     def _distribute(self, can_id: int, data: bytes, stamp: float) -> bool:
-        """Give a data frame to its receivers; return whether it has any."""
+        """Pass a data frame to its receivers; return whether it has any."""
         receivers = self._receivers.get(can_id, ())
         for receiver in receivers:
             self._hand_over(receiver, can_id, data, stamp)
@@ -564,7 +567,7 @@ class Channel:
     def _hand_over(self, receiver: Receiver, can_id: int, data: bytes, stamp: float) -> None:
         try:
             receiver(data, stamp)
-        except Exception as error:  # noqa: BLE001 - kept with its traceback and raised by every later call
+        except Exception as error:  # noqa: BLE001 - stored with its traceback and raised by every later call
             self.fail(failures.receiver_failed(can_id, data, error))
 
     def _error_frame(self, message: can.Message, stamp: float) -> None:
@@ -573,11 +576,11 @@ class Channel:
         data = bytes(message.data)
         self.counters.errors.append(errorframe.describe(error_class, data))
         self._follow(self.controller.error_frame(error_class, data, stamp))
-        if self._state_due < math.inf:  # where only the driver's state tells bus-off, this is when to look
+        if self._state_due < math.inf:  # if only the driver's state reports bus-off, poll it now
             self._state_due = stamp
 
     def _follow(self, event: ControllerEvent | None) -> None:
-        """Stop sending at a bus-off, and let it begin again after a restart."""
+        """Stop sending at a bus-off, and allow it again after a restart."""
         if event is None:
             return
         if (event.condition is CanErrorState.OFF or event.restarted) and not isinstance(self.off, BusOff):
@@ -588,7 +591,10 @@ class Channel:
             self.off = None
 
     def fail(self, error: BusError) -> None:
-        """Make the channel unusable because of ``error``; also for other threads of this package that must not fail unseen."""
+        """Make the channel unusable because of ``error``.
+
+        Also for other threads of this package, so that their errors are noticed.
+        """
         with self._state_lock:
             if self._failure is not None:
                 return
@@ -599,7 +605,7 @@ class Channel:
         for notice in tuple(self.on_failure):
             try:
                 notice(error)
-            except Exception as trouble:  # noqa: BLE001 - the failure itself is what must get through
+            except Exception as trouble:  # noqa: BLE001 - the failure itself must be reported to all
                 self.counters.errors.append(f"on telling of a failure: {trouble}")
 
 
@@ -617,7 +623,7 @@ def require_other_thread(channel: Channel, what: str) -> None:
 
 
 def _unfit(message: can.Message) -> DropReason | None:
-    """Why a frame is none of CANopen's data frames, whatever its identifier; None where it is one."""
+    """Return why a frame is not a CANopen data frame, whatever its identifier; None if it is one."""
     if message.is_remote_frame:
         return DropReason.REMOTE
     if message.is_fd or len(message.data) > _DATA:

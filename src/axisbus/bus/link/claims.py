@@ -1,15 +1,15 @@
-"""Claims: what the processes of this computer say they run, as listening Unix sockets whose owner the kernel names.
+"""Claims: the channels and cells that processes of this computer use, published as listening Unix sockets.
 
 Theory of operation
 -------------------
-A claim is an abstract Unix socket. Its name says what is claimed: a CAN channel, the cell file, or both. The name ends in a random
-token, so no program can occupy the name of another program's claim beforehand. ``/proc/net/unix`` lists the claims, whatever the
-environment of the processes is, and ``SO_PEERCRED`` says which user and which process listens. The kernel removes a claim when the
-last process that holds its descriptor is gone. Any user can make a claim; whoever reads one must look at its user.
+A claim is an abstract Unix socket. Its name contains the claimed object: a CAN channel, the cell file, or both. The name ends in a
+random token, so no program can occupy the name of another program's claim beforehand. ``/proc/net/unix`` lists the claims, whatever
+the environment of the processes is. ``SO_PEERCRED`` identifies the user and the process that listen. The kernel removes a claim
+when the last process that holds its descriptor is gone. Any user can make a claim; a reader of a claim must check its user.
 
-On SocketCAN a claim has a mark beside it: a raw socket on the link with one filter that no frame of CANopen matches and whose
-identifier follows from the claim's name. ``/proc/net/can`` lists the filters of each link. So everybody can see that the claim's
-holder has the channel open, even where the holder hangs.
+On SocketCAN a claim also has a mark: a raw socket on the link with one filter. No CANopen frame matches the filter, and its
+identifier follows from the claim's name. ``/proc/net/can`` lists the filters of each link. So every process can see that the
+claim's holder has the channel open, even if the holder hangs.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-NOBODY = -1  # the user and the process of a claim that the kernel does not name
+NOBODY = -1  # the user and the process of a claim that the kernel does not identify
 _PROC = Path("/proc")
 _NONE = "-"
 _NAME = re.compile(
@@ -43,14 +43,14 @@ _REMOTE = 0xC0000000  # an extended remote frame, which CANopen does not have
 
 @dataclass(frozen=True, slots=True)
 class CellFileId:
-    """What names a cell file: its real path (a digest), and its device and inode; a rename or a new text changes one of them."""
+    """Identity of a cell file: its real path (a digest), and device and inode; a rename or a new text changes one of them."""
 
     path: str
     inode: str
 
     @classmethod
     def of(cls, file: str | Path | None) -> CellFileId:
-        """Return the keys of a cell file; of None, keys that match no claim."""
+        """Return the identity of a cell file; for None, one that matches no claim."""
         if file is None:
             return cls(_NONE, _NONE)
         real, inode = os.path.realpath(file), _NONE
@@ -60,15 +60,15 @@ class CellFileId:
         return cls(digest(real), inode)
 
     def match(self, other: CellFileId) -> bool:
-        """Whether both may be of one file."""
+        """Whether both may belong to one file."""
         return _NONE != self.path == other.path or _NONE != self.inode == other.inode
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelClaim:
-    """A claim that is there. ``exclusive``: its channel is to be its holder's alone; ``door``: programs can come in by its socket.
+    """An existing claim. ``exclusive``: only its holder may use the channel; ``door``: clients can connect to its socket.
 
-    ``process``, ``user`` and ``group`` are those that began to listen, or ``NOBODY`` where the kernel does not say.
+    ``process``, ``user`` and ``group`` are those that began to listen, or ``NOBODY`` if the kernel does not report them.
     """
 
     name: str
@@ -83,10 +83,10 @@ class ChannelClaim:
 
 
 class HeldClaim:
-    """A claim of this process; holds its socket and its mark until it is closed. The descriptors may be inherited."""
+    """A claim of this process; holds its socket and its mark until it is closed. Child processes may inherit the descriptors."""
 
     def __init__(self, name: str, link: str | None) -> None:
-        """Listen under ``name``; ``link``: the SocketCAN link that is to be marked. Raises OSError."""
+        """Listen under ``name``; ``link``: the SocketCAN link to mark. Raises OSError."""
         self.name = name
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._mark: socket.socket | None = None
@@ -110,11 +110,11 @@ class HeldClaim:
 
     @property
     def mark(self) -> int:
-        """The descriptor of the mark, -1 where there is none."""
+        """The descriptor of the mark, -1 if there is none."""
         return -1 if self._mark is None else self._mark.fileno()
 
     def close(self) -> None:
-        """Give the claim up, where no other process has inherited it."""
+        """Release the claim, unless another process has inherited it."""
         self._socket.close()
         if self._mark is not None:
             self._mark.close()
@@ -128,7 +128,7 @@ def digest(text: str) -> str:
 def claim(
     channel: str | None, cell: CellFileId, *, exclusive: bool, door: bool, link: str | None = None
 ) -> HeldClaim:
-    """Make a claim on a channel (by its key), a cell file, or both; ``link``: the SocketCAN link that is to be marked."""
+    """Make a claim on a channel (by its key), a cell file, or both; ``link``: the SocketCAN link to mark."""
     token = f"{time.clock_gettime_ns(time.CLOCK_BOOTTIME):016x}{secrets.token_hex(4)}"
     kind = ("x" if exclusive else "s") + ("d" if door else "n")
     key = _NONE if channel is None else digest(channel)
@@ -150,7 +150,7 @@ def claims(*, channel: str | None = None, cell: CellFileId | None = None) -> lis
 
 
 def is_marked(name: str, link: str) -> bool:
-    """Whether the holder of the claim of this name has the SocketCAN link open, as far as the kernel tells."""
+    """Whether the kernel shows that the holder of this claim has the SocketCAN link open."""
     can_id, mask = _filter(name)
     rows = []
     for file in ("rcvlist_fil", "rcvlist_eff"):
@@ -163,7 +163,7 @@ def is_marked(name: str, link: str) -> bool:
 
 
 def peer_of(line: socket.socket) -> tuple[int, int, int]:
-    """Return the process, the user and the group at the other end of a Unix socket, by their IDs."""
+    """Return the process, user and group IDs at the other end of a Unix socket."""
     process, user, group = _CREDENTIALS.unpack(
         line.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
     )
@@ -171,7 +171,7 @@ def peer_of(line: socket.socket) -> tuple[int, int, int]:
 
 
 def _listening() -> Iterator[tuple[str, str]]:
-    """Yield the name and the inode of each claim that is listened at; read twice, for the kernel's list is no snapshot."""
+    """Yield name and inode of each listening claim; reads twice, because the kernel's list is not a snapshot."""
     found: dict[str, str] = {}
     for _ in range(2):
         try:
@@ -186,24 +186,24 @@ def _listening() -> Iterator[tuple[str, str]]:
 
 
 def _holder(name: str, inode: str) -> tuple[int, int, int] | None:
-    """Return the process, user and group that listen under ``name``, None where nobody does any more."""
+    """Return the process, user and group that listen under ``name``, None if the socket no longer listens."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
         asking.setblocking(False)
         try:
             asking.connect(name)
             return peer_of(asking)
-        except BlockingIOError:  # so many have asked that its queue is full
+        except BlockingIOError:  # so many clients have connected that the queue is full
             return _looked_up(inode) or (NOBODY, NOBODY, NOBODY)
         except OSError:
             return None
 
 
 def _looked_up(inode: str) -> tuple[int, int, int] | None:
-    """Return the first process that has the socket of this inode among its descriptors, as far as they may be seen."""
+    """Return the first process that has the socket of this inode among its visible descriptors."""
     with suppress(OSError):
         folders = [folder for folder in _PROC.iterdir() if folder.name.isdigit()]
         for folder in sorted(folders, key=lambda each: int(each.name)):
-            with suppress(OSError):  # it has just ended, or is another user's
+            with suppress(OSError):  # it has just ended, or belongs to another user
                 if any(os.readlink(each) == f"socket:[{inode}]" for each in (folder / "fd").iterdir()):
                     found = folder.stat()
                     return int(folder.name), found.st_uid, found.st_gid
@@ -216,7 +216,7 @@ def _filter(name: str) -> tuple[int, int]:
 
 
 def _mark(name: str, link: str) -> socket.socket | None:
-    """Open the link with the filter of a claim; None where the link cannot be opened, so that nobody can have it."""
+    """Open the link with the filter of a claim; None if the link cannot be opened, so that no process can use it."""
     mark = None
     try:
         mark = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)

@@ -1,13 +1,13 @@
-"""What the CAN controller of a channel is in: error active, warning, passive, bus-off and back again, as events.
+"""State of a channel's CAN controller as events: error active, warning, passive, bus-off and back again.
 
 Theory of operation
 -------------------
-Linux tells every change by an error frame, with its class in the identifier; some other adapters' drivers tell bus-off by
-the bus object's ``state`` alone, which is asked for now and then. Both come in here; each change is an event.
+Linux reports every change by an error frame, with its class in the identifier. Drivers of some other adapters report bus-off only
+by the bus object's ``state``, which the channel polls. This module handles both; each change is an event.
 
-Bus-off is left by a restart only, never by one of the frames that came before it. Linux tells a restart (by ``restart-ms`` or by
-hand) in a frame of its own, some drivers by the controller's new condition; so each condition but bus-off that is told while
-bus-off means a restart. Who learnt of bus-off by that ``state`` learns of its end by that too.
+Only a restart ends bus-off, never one of the frames that came before it. Linux reports a restart (by ``restart-ms`` or by hand) in
+a frame of its own, some drivers by the controller's new condition. So each other condition reported during bus-off means a restart.
+A bus-off that was detected by ``state`` also ends by ``state``.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ HISTORY = 64
 
 @dataclass(frozen=True, slots=True)
 class ControllerEvent:
-    """A change: ``stamp`` in seconds of the monotonic clock; ``restarted`` when it is the return from bus-off."""
+    """A change of state; ``stamp`` in seconds of the monotonic clock; ``restarted``: return from bus-off."""
 
     stamp: float
     channel: str
@@ -43,7 +43,7 @@ class ControllerEvent:
 class CanController:
     """Follows one controller; holds state: its condition, the newest error counters, and the last 64 events.
 
-    Belongs to the receive thread; others may read.
+    Only the receive thread may write; other threads may read.
     """
 
     def __init__(self, channel: str) -> None:
@@ -55,19 +55,19 @@ class CanController:
         self._off_by_state = False
 
     def error_frame(self, error_class: int, data: bytes, stamp: float) -> ControllerEvent | None:
-        """Take an error frame with Linux's class; return the event where it is a change."""
+        """Evaluate an error frame with Linux's class; return the event if the state has changed."""
         counters = errorframe.error_counters(error_class, data)
         if counters is not None:
             self.counters = counters
         told = errorframe.condition(error_class, data)
-        restart = errorframe.is_restart(error_class)  # also where the bus-off before it went unheard
+        restart = errorframe.is_restart(error_class)  # also if the bus-off before it was not received
         if told is None or (told is self.condition and not restart):
             return None
         self._off_by_state = False
         return self._change(told, stamp, restart)
 
     def state(self, off: bool, stamp: float) -> ControllerEvent | None:
-        """Take what the driver's own state says: bus-off or not; return the event where it is a change."""
+        """Evaluate the driver's own state: bus-off or not; return the event if the state has changed."""
         if off and self.condition is not CanErrorState.OFF:
             self._off_by_state = True
             return self._change(CanErrorState.OFF, stamp)

@@ -1,4 +1,4 @@
-"""Listening before the first frame: whether another master is on the bus already."""
+"""Listen before the first frame is sent: is another master on the bus already?"""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from axisbus.bus.link.channel import Channel, require_other_thread
 from axisbus.cia301.master_detection import ExpectedMasters, MasterDetector, MasterEvidence, Sign, words
 from axisbus.errors import SecondMasterError
 
-# What a sign may be instead of another master, and what to do then.
+# What else a sign may be, and the remedy for that.
 _DEVICES = {
     Sign.HEARTBEAT: "where such a heartbeat is a device's, give that another node ID",
     Sign.SYNC: 'where a device sends that SYNC, write sync_producer = "external" in [bus]',
@@ -18,7 +18,7 @@ _LINE = "\n            "  # under the text of ``observed``
 
 
 def require_alone(channel: Channel, cast: ExpectedMasters, seconds: float) -> None:
-    """Listen for ``seconds`` and send nothing; blocks so long.
+    """Listen for ``seconds`` without sending; blocks until then.
 
     Raises:
         SecondMasterError: another master, or a tool that acts as one, was heard.
@@ -36,7 +36,7 @@ def require_alone(channel: Channel, cast: ExpectedMasters, seconds: float) -> No
 
 
 def refusal(name: str, heard: Iterable[MasterEvidence], begin: float, seconds: float) -> SecondMasterError:
-    """Return the error of a bus where ``heard`` came in the ``seconds`` after ``begin``."""
+    """Return the error for a bus on which ``heard`` was received in the ``seconds`` after ``begin``."""
     found = list(heard)
     first = min(one.first for one in found) - begin
     last = max(one.last for one in found) - begin

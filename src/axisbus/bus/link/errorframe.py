@@ -1,11 +1,11 @@
-"""What an error frame of the CAN controller says (classes of Linux's can/error.h, which python-can passes on)."""
+"""Meaning of an error frame of the CAN controller (classes of Linux's can/error.h, which python-can passes on)."""
 
 from __future__ import annotations
 
 from enum import Enum
 from typing import NamedTuple
 
-# Interfaces whose error frames have Linux's class as identifier; others put other things there.
+# Interfaces whose error frames have Linux's class as identifier; others use the identifier differently.
 LINUX_CLASSES = frozenset({"socketcan", "gs_usb"})
 
 WHAT_TO_CHECK = "bit rate, wiring (CAN-H, CAN-L, ground) and the two 120 Ω terminations"
@@ -13,7 +13,7 @@ WHAT_TO_CHECK = "bit rate, wiring (CAN-H, CAN-L, ground) and the two 120 Ω term
 _BUS_OFF = 0x40
 _CONTROLLER = 0x04
 _RESTARTED = 0x100
-_COUNTERS = 0x200  # the kernel (since 6.0) says by this that data bytes 6 and 7 hold them
+_COUNTERS = 0x200  # by this, the kernel (since 6.0) indicates that data bytes 6 and 7 hold them
 _STATUS, _SENDING, _RECEIVING = 1, 6, 7  # data bytes
 
 _CLASSES = (
@@ -40,7 +40,7 @@ _CONTROLLER_BITS = (
 
 
 class CanErrorState(Enum):
-    """What a controller may be in by its error counters (ISO 11898-1; a warning is error active with a counter from 96 on)."""
+    """States of a controller by its error counters (ISO 11898-1; a warning is error active with a counter from 96 on)."""
 
     ACTIVE = "error active"
     WARNING = "error warning"
@@ -67,7 +67,7 @@ class ErrorCounters(NamedTuple):
 
 
 def condition(error_class: int, data: bytes) -> CanErrorState | None:
-    """Return what the frame says that the controller is in now; None where it speaks of something else."""
+    """Return the controller's state by the frame; None if the frame reports something else."""
     if error_class & _BUS_OFF:
         return CanErrorState.OFF
     if error_class & _CONTROLLER and len(data) > _STATUS:
@@ -78,12 +78,12 @@ def condition(error_class: int, data: bytes) -> CanErrorState | None:
 
 
 def is_restart(error_class: int) -> bool:
-    """Whether the frame says that the controller was restarted, so that it has been bus-off."""
+    """Whether the frame reports a restart of the controller, which therefore was bus-off."""
     return bool(error_class & _RESTARTED)
 
 
 def error_counters(error_class: int, data: bytes) -> ErrorCounters | None:
-    """Return the error counters in the frame; None where it has none (older kernels do not say so, and leave them 0)."""
+    """Return the error counters in the frame; None if it has none (older kernels do not indicate this, and leave them 0)."""
     if len(data) <= _RECEIVING or not error_class & (_COUNTERS | _CONTROLLER):
         return None
     found = ErrorCounters(data[_SENDING], data[_RECEIVING])
@@ -91,7 +91,7 @@ def error_counters(error_class: int, data: bytes) -> ErrorCounters | None:
 
 
 def kind(error_class: int, data: bytes) -> str:
-    """Return the frame's meaning in words, without the numbers in it; adapters that tell no class give ``error frame``."""
+    """Return the frame's meaning as text without numbers; ``error frame`` for adapters that report no class."""
     texts = [text for bit, text in _CLASSES if error_class & bit]
     if error_class & _CONTROLLER and len(data) > _STATUS:
         texts += [text for bit, text in _CONTROLLER_BITS if data[_STATUS] & bit]
@@ -99,6 +99,6 @@ def kind(error_class: int, data: bytes) -> str:
 
 
 def describe(error_class: int, data: bytes) -> str:
-    """Return the frame's meaning in words, with the error counters where it has them."""
+    """Return the frame's meaning as text, with the error counters if it has them."""
     counters = error_counters(error_class, data)
     return kind(error_class, data) + (f" ({counters})" if counters is not None else "")

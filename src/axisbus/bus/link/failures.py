@@ -1,4 +1,4 @@
-"""What can be wrong with a channel, as errors that say what was seen and what to do first."""
+"""Failures of a channel as errors with the observation and the first remedy."""
 
 from __future__ import annotations
 
@@ -12,14 +12,17 @@ from axisbus.errors import AdapterError, BusError, BusOff, TransmitQueueFull
 _REOPEN = "check the adapter's plug and whether the interface was taken down, then open the machine again"
 
 
-# What Linux answers, and Kvaser's canERR_TXBUFOFL; the other drivers are known by their words.
+# Error codes of Linux, and Kvaser's canERR_TXBUFOFL; for other drivers the text decides.
 _FULL = frozenset({errno.ENOBUFS, errno.EAGAIN, -13})
 _FULL_WORDS = ("full", "buffer", "overflow", "timeout", "timed out")
 _SERIAL_TIMEOUT = "SerialTimeoutException"  # of pyserial, which may not be installed
 
 
 def deaf(name: str, error: Exception) -> AdapterError:
-    """``recv`` raised: nothing is heard any more. Some drivers (PCAN's) tell bus-off by this, and work again when re-opened."""
+    """Return the error for an exception of ``recv``: nothing is received any more.
+
+    Some drivers (PCAN's) report bus-off in this way, and work again when re-opened.
+    """
     off = any(words in str(error).lower() for words in ("bus-off", "bus off", "busoff"))
     failure = AdapterError(
         f"the CAN adapter {name} stopped receiving" + (": its controller went bus-off" if off else ""),
@@ -31,7 +34,7 @@ def deaf(name: str, error: Exception) -> AdapterError:
 
 
 def link_gone(name: str, error: Exception) -> AdapterError:
-    """``send`` raised something that no later attempt can cure."""
+    """Return the error for an exception of ``send`` that no later attempt can cure."""
     failure = AdapterError(
         f"the CAN adapter {name} failed while sending",
         observed=f"{type(error).__name__}: {error}",
@@ -42,7 +45,7 @@ def link_gone(name: str, error: Exception) -> AdapterError:
 
 
 def refused(name: str, can_id: int, patience: float, error: Exception) -> TransmitQueueFull:
-    """The adapter took no frame for ``patience`` seconds."""
+    """Return the error for an adapter that accepted no frame for ``patience`` seconds."""
     link = name.removeprefix("socketcan:")
     remedy = "check that another node is on the bus and acknowledges (power, bitrate, termination), and the bus load"
     if link != name:
@@ -56,7 +59,7 @@ def refused(name: str, can_id: int, patience: float, error: Exception) -> Transm
 
 
 def is_full(error: Exception) -> bool:
-    """Whether a driver refused a frame because its queue has no room, by its code or its words."""
+    """Whether a driver refused a frame because its queue is full, by its error code or its text."""
     if isinstance(error, TimeoutError | BlockingIOError) or type(error).__name__ == _SERIAL_TIMEOUT:
         return True
     words = str(error).lower()
@@ -64,7 +67,7 @@ def is_full(error: Exception) -> bool:
 
 
 def stuck(name: str, seconds: float) -> AdapterError:
-    """A send of another thread has not returned."""
+    """Return the error for a send of another thread that has not returned."""
     return AdapterError(
         f"the CAN adapter {name} is stuck in its driver",
         observed=f"a frame that was given to it {seconds:g} s ago has not been taken",
@@ -73,7 +76,7 @@ def stuck(name: str, seconds: float) -> AdapterError:
 
 
 def inherited(name: str) -> AdapterError:
-    """A forked child has a copy of it."""
+    """Return the error for a copy of the channel in a forked child."""
     return AdapterError(
         f"the CAN channel {name} belongs to the process that opened it",
         observed="this process was forked from that one, and two on one adapter would be two masters",
@@ -82,7 +85,7 @@ def inherited(name: str) -> AdapterError:
 
 
 def starved(name: str, seconds: float) -> AdapterError:
-    """A send of another thread has not returned, and neither thread was given time."""
+    """Return the error for a send of another thread that has not returned while neither thread got processor time."""
     return AdapterError(
         f"this program hardly ran for {seconds:.2g} s: a frame could not be given to the CAN adapter {name}",
         observed="the thread that was giving it the frame before was not run; the adapter is not known to be at fault",
@@ -91,7 +94,7 @@ def starved(name: str, seconds: float) -> AdapterError:
 
 
 def bus_off(name: str, counters: ErrorCounters | None = None) -> BusOff:
-    """The controller left the bus."""
+    """Return the error for a controller that is bus-off."""
     return BusOff(
         f"the CAN controller of {name} went bus-off: it no longer takes part in the bus",
         observed="its transmit error counter went past 255"
@@ -101,7 +104,7 @@ def bus_off(name: str, counters: ErrorCounters | None = None) -> BusOff:
 
 
 def _restart(name: str) -> str:
-    """Say who restarts a controller: Linux by itself or when it is told to, any other driver when the adapter is opened again."""
+    """Return the text on how the controller is restarted: by Linux automatically or on command, by other drivers on opening."""
     link = name.removeprefix("socketcan:")
     if link == name:
         return "close the machine and open it again, which resets the adapter (some drivers restart it by themselves)"
@@ -109,7 +112,7 @@ def _restart(name: str) -> str:
 
 
 def receiver_failed(can_id: int, data: bytes, error: Exception) -> BusError:
-    """Who was to get a frame raised; the traceback is that of the cause."""
+    """Return the error for an exception of a frame's receiver; the traceback is that of the cause."""
     failure = BusError(
         f"the receiver of frame {can_id:03X}h failed",
         observed=f"{type(error).__name__}: {error}; data {data.hex(' ') or 'empty'}",

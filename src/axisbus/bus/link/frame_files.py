@@ -1,4 +1,4 @@
-"""Frames from a file: candump text by our own reader, everything else by python-can's (asc, blf, csv, db, mf4, trc, ...)."""
+"""Read frames from a file: candump text by axisbus's own parser, other formats by python-can (asc, blf, csv, db, mf4, trc, ...)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _COUNTED_FROM_0 = frozenset({".asc", ".blf"})
 
 @dataclass(slots=True)
 class SkippedLines:
-    """The lines that a reader could not use, and the buses that it saw; holds state: counts while reading goes on.
+    """Lines that a reader could not use, and the buses in the file; holds state: counts while reading continues.
 
     ``channels``: frames by the name of their bus; ``times_back``: frames with an earlier time than the frame before on their bus.
     """
@@ -43,10 +43,10 @@ class SkippedLines:
     frames: int = field(default=0)
     channels: dict[str, int] = field(default_factory=dict)
     times_back: int = 0
-    line: int = 0  # of a text that python-can reads, the last one that it has taken
+    line: int = 0  # for a text that python-can reads: the last line that it has read
 
     def words(self) -> list[str]:
-        """Return remarks about the frames for the user, a line each."""
+        """Return remarks about the frames for the user, one line each."""
         found = []
         if len(self.channels) > 1:
             each = ", ".join(
@@ -64,18 +64,18 @@ class SkippedLines:
         return found
 
     def note(self, number: int, line: str) -> None:
-        """Count a line that is no frame."""
+        """Count a line that is not a frame."""
         self.count += 1
         self.first = self.first or f"{number}: {line.strip()[:_SHOWN]}"
 
 
 def read(path: Path, skipped: SkippedLines, channel: str | None = None) -> Iterator[CanFrame]:
-    """Return the frames of a recording; lines that are no frames are counted in ``skipped``. Each blocks as its file does.
+    """Return the frames of a recording; other lines are counted in ``skipped``. Each step blocks as its file does.
 
-    ``channel``: of this bus alone, as the file names it.
+    ``channel``: only frames of this bus, by its name in the file.
 
     Raises:
-        UserError: there is no such file, or (with the frames) its format is not known, it is damaged, or there is no frame in it
+        UserError: there is no such file, or (with the frames) its format is not known, it is damaged, or it has no frame
             (of ``channel``).
     """
     require(path)
@@ -85,10 +85,10 @@ def read(path: Path, skipped: SkippedLines, channel: str | None = None) -> Itera
 def of_channel(
     frames: Iterable[CanFrame], skipped: SkippedLines, channel: str | None, source: str
 ) -> Iterator[CanFrame]:
-    """Yield the frames of one bus, of all if ``channel`` is None; counts those of each.
+    """Yield the frames of one bus, of all if ``channel`` is None; count those of each.
 
     Raises:
-        UserError: there is none of ``channel`` (at the end).
+        UserError: ``channel`` has no frame (at the end).
     """
     newest: dict[str, float] = {}
     for frame in frames:
@@ -108,10 +108,10 @@ def of_channel(
 
 
 def require(path: Path) -> None:
-    """Check that there is a recording that can be read.
+    """Check that a recording exists and can be read.
 
     Raises:
-        UserError: there is none.
+        UserError: it does not or cannot.
     """
     remedy = "give the path of a recording, or - for candump's output"
     try:
@@ -137,7 +137,7 @@ def _frames(path: Path, skipped: SkippedLines) -> Iterator[CanFrame]:
 
 
 def lines(source: Iterable[str], skipped: SkippedLines) -> Iterator[CanFrame]:
-    """Yield the frames of candump's output, as it comes; other lines are counted in ``skipped``."""
+    """Yield the frames of candump's output as it comes; count other lines in ``skipped``."""
     for number, line in enumerate(source, start=1):
         frame = candump.parse(line)
         if frame is not None:
@@ -184,7 +184,7 @@ def _by_library(path: Path, skipped: SkippedLines) -> Iterator[CanFrame]:
 
 def _reader(stack: ExitStack, path: Path, skipped: SkippedLines) -> Iterable[can.Message]:
     kind = path.suffix.lower()
-    if kind == ".blf":  # its reader leaves a file open that it cannot read
+    if kind == ".blf":  # this reader leaves a file open that it cannot read
         return can.BLFReader(
             cast(BinaryIO, _Sized(stack.enter_context(path.open("rb")), path.stat().st_size))
         )
@@ -198,14 +198,14 @@ def _reader(stack: ExitStack, path: Path, skipped: SkippedLines) -> Iterable[can
 
 
 class _Sized:
-    """A binary file that takes no memory for what it has not: the sizes in a damaged file may be anything."""
+    """A binary file that limits each read to its own size: the sizes in a damaged file may be anything."""
 
     def __init__(self, file: BinaryIO, size: int) -> None:
         self._file = file
         self._size = size
 
     def read(self, size: int = -1) -> bytes:
-        """Return so many octets, or fewer at the end of the file."""
+        """Return ``size`` bytes, or fewer at the end of the file."""
         return self._file.read(min(size, self._size))
 
     def __getattr__(self, name: str) -> Any:
@@ -213,9 +213,10 @@ class _Sized:
 
 
 class _Lines:
-    """The lines of a file that python-can reads; counts those of which it makes no frame.
+    """The lines of a file that python-can reads; counts those from which it makes no frame.
 
-    Its reader of ASC drops the line that ends the head: with ``headed`` that is an empty one, and not the first frame.
+    python-can's ASC reader drops the line that ends the header. With ``headed`` that is an inserted empty line, and not the first
+    frame.
     """
 
     def __init__(
@@ -224,13 +225,13 @@ class _Lines:
         self._lines = self._taken(file, headed)
         self._no_event = no_event
         self._skipped = skipped
-        self._waiting: tuple[int, str] | None = None  # a line of which nothing was made so far
+        self._waiting: tuple[int, str] | None = None  # a line from which no frame was made so far
 
     def __iter__(self) -> Iterator[str]:
         return self._lines
 
     def counted(self, messages: Iterable[can.Message]) -> Iterator[can.Message]:
-        """Yield the messages that a reader makes of these lines."""
+        """Yield the messages that a reader makes from these lines."""
         for message in messages:
             self._waiting = None
             yield message
@@ -251,16 +252,16 @@ class _Lines:
             self._skipped.note(*self._waiting)
             self._waiting = None
 
-    # python-can takes for a file what has these.
+    # For python-can, an object with these methods is a file.
     def read(self) -> str:
-        """Return the rest."""
+        """Return the remaining text."""
         return "".join(self._lines)
 
     def write(self, text: str) -> None:
         """Write nothing."""
 
     def close(self) -> None:
-        """Whoever has opened the file closes it."""
+        """Do nothing: the code that opened the file closes it."""
 
 
 def _unreadable(path: Path, error: Exception, skipped: SkippedLines) -> UserError:

@@ -1,7 +1,7 @@
-"""What the receive thread hands to the thread that waits for it, in order, with a wait that always ends at its deadline.
+"""Queue from the receive thread to the thread that waits, in order, with a wait that always ends at its deadline.
 
-``queue.SimpleQueue.get`` is not used: in CPython 3.11 and 3.12 a time-out that has passed by the time when it looks at its lock
-again becomes negative, which the lock takes for "without end". A wait of a few microseconds for an empty queue then never returns.
+``queue.SimpleQueue.get`` is not used. In CPython 3.11 and 3.12 a time-out that has expired when ``get`` checks its lock again
+becomes negative, which the lock takes for "without end". A wait of a few microseconds for an empty queue then never returns.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 
 class UnboundedQueue(Generic[T]):
-    """First in, first out, without a bound; holds state: what nobody has taken yet. May be used from any thread."""
+    """First in, first out, without a bound; holds state: the items not yet taken. May be used from any thread."""
 
     __slots__ = ("_arrived", "_items")
 
@@ -24,19 +24,19 @@ class UnboundedQueue(Generic[T]):
         self._arrived = threading.Condition()
 
     def __len__(self) -> int:
-        """How many items nobody has taken yet."""
+        """Return the number of items not yet taken."""
         return len(self._items)
 
     def put(self, item: T) -> None:
-        """Add an item, and wake one who waits; does not block."""
+        """Add an item, and wake one waiting thread; does not block."""
         with self._arrived:
             self._items.append(item)
             self._arrived.notify()
 
     def take(self, until: float) -> T | None:
-        """Return the oldest item; blocks until there is one, at the latest until ``until`` (monotonic clock, s), then None.
+        """Return the oldest item; blocks until there is one, at the latest until ``until`` (monotonic clock, s), then returns None.
 
-        An item that is there is returned even when ``until`` has passed.
+        An available item is returned even if ``until`` has passed.
         """
         with self._arrived:
             while not self._items:

@@ -1,15 +1,15 @@
-"""What is known of python-can's interfaces without looking into it, which takes a while to import."""
+"""Facts on python-can's interfaces without importing python-can, which takes a while."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-MODBUS = "modbus"  # no interface of python-can's, but ours: modules on a serial line (``relayed``)
+MODBUS = "modbus"  # an interface of axisbus, not of python-can: modules on a serial line (``modbus_bus``)
 NO_RATE = frozenset({"virtual", "udp_multicast"})  # interfaces without a wire
-# Interfaces whose bitrate is not ours to set: the link, a daemon, or no wire at all.
+# Interfaces whose bitrate axisbus does not set: the link or a daemon sets it, or there is no wire.
 RATE_ELSEWHERE = NO_RATE | {"socketcan", "socketcand"}
 
 
 def sets_rate(interface: str, options: Mapping[str, object]) -> bool:
-    """Whether the bit rate is set when the adapter is opened, by ``bitrate`` alone."""
+    """Whether opening the adapter sets the bit rate, by ``bitrate`` alone."""
     return interface not in RATE_ELSEWHERE and "timing" not in options

@@ -1,4 +1,4 @@
-"""Listening to a bus without a word: every frame of an adapter as it comes, remote and error frames included."""
+"""Listen to a bus without sending: every frame of an adapter as it comes, remote and error frames included."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from axisbus.bus.link import adapter, errorframe, failures, socketcan
 from axisbus.bus.link.frame_files import of_message
 from axisbus.cia301.frame import CanFrame
 
-_SLICE = 0.1  # seconds; the longest that a stop is noticed late
+_SLICE = 0.1  # seconds; the maximum delay until a stop is noticed
 
 
 class Listener:
-    """An open adapter that only receives; holds state: the adapter. It sends nothing, not even an error frame of our making."""
+    """An open adapter that only receives; holds state: the adapter. axisbus sends nothing on it, not even an error frame."""
 
     def __init__(self, bus: can.BusABC, name: str) -> None:
         self._bus = bus
@@ -39,7 +39,7 @@ class Listener:
                 yield self._frame(message)
 
     def _frame(self, message: can.Message) -> CanFrame:
-        """Return it as a frame; of an error frame only what is known to mean what it means to Linux."""
+        """Return a message as a frame; clear identifier and data of error frames that do not use Linux's classes."""
         frame = of_message(message)
         return frame._replace(can_id=0, data=b"") if frame.error and not self._linux_classes else frame
 
@@ -48,7 +48,7 @@ class Listener:
 def listen(
     interface: str, channel: str | int | None, bitrate: int | None, options: Mapping[str, object]
 ) -> Iterator[Listener]:
-    """Open an adapter for listening; closes it behind the block. Blocks as long as its driver does.
+    """Open an adapter for listening, and close it after the block. Blocks as long as its driver does.
 
     Raises:
         AdapterError, ArgumentError: see ``adapter.open_adapter``.
@@ -61,7 +61,7 @@ def listen(
 
 
 def link_bitrate(interface: str, channel: str | int | None) -> int | None:
-    """Return the bit rate that the operating system knows of a link, None where it knows none."""
+    """Return the bit rate of a link in the operating system, None if unknown."""
     if interface != "socketcan":
         return None
     found = socketcan.link(str(channel))

@@ -1,4 +1,4 @@
-"""A serial line of modules as a bus of python-can: a thread asks them in turn, and tells what they would tell on a bus."""
+"""A serial line of modules as a python-can bus: a thread polls them in turn and presents their answers as CAN frames."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from axisbus.drives.gim6010.modbus.registers import FACTORY_RATE
 from axisbus.drives.gim6010.modbus.serial_wire import Parity, SerialWire
 from axisbus.errors import AdapterError, AxisbusError, one_line
 
-_PARTING = 1.5  # s that what stops may take to get out when the line is closed
+_PARTING = 1.5  # s to send pending stop commands when the line is closed
 _IDLE = 0.01  # s
-_LONG = 3600.0  # s of one look for a frame that is waited for without end
-_TIMEOUT = 0.1  # s for an answer: of nine bytes, which take a ms, and of what an adapter keeps them for
+_LONG = 3600.0  # s of one wait for a frame, if there is no time-out
+_TIMEOUT = 0.1  # s for an answer: nine bytes, which take a ms, plus the delay of an adapter
 
 
 class RelayedBus(can.BusABC):
-    """One line; holds its port, its thread, and what was told and not fetched yet."""
+    """One line; holds its port, its thread, and the frames not fetched yet."""
 
     def __init__(
         self,
@@ -32,7 +32,7 @@ class RelayedBus(can.BusABC):
         parity: str = "none",
         modules: Mapping[int, tuple[EndpointList, Firmware]] | None = None,
     ) -> None:
-        """Open ``channel``, a serial port, and begin to ask the ``modules``.
+        """Open ``channel``, a serial port, and begin to poll the ``modules``.
 
         Raises:
             UserError: the extra is not installed. AdapterError: the port cannot be opened. ValueError: no such parity.
@@ -53,11 +53,11 @@ class RelayedBus(can.BusABC):
         super().__init__(channel=channel)
         self._thread.start()
 
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002  # nothing is waited for
-        """Have a frame carried out or answered, in its turn; does not block.
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002  # it never waits
+        """Queue a frame to be executed or answered in its turn; does not block.
 
         Raises:
-            CanOperationError: the line is gone. After any other failure what stops a module is still carried out.
+            CanOperationError: the line has failed. After any other failure, stop commands are still executed.
         """
         if self._gone is not None:
             raise can.CanOperationError(one_line(self._gone))
@@ -73,7 +73,7 @@ class RelayedBus(can.BusABC):
         return found, False
 
     def shutdown(self) -> None:
-        """Carry out what was ordered, and close the port; blocks for at most about 2 s. Harmless when repeated."""
+        """Execute the queued commands, and close the port; blocks for at most about 2 s. Harmless when repeated."""
         super().shutdown()
         self._closing.set()
         if threading.current_thread() is not self._thread:
@@ -87,14 +87,14 @@ class RelayedBus(can.BusABC):
             until = time.monotonic() + _PARTING
             while not self._relay.is_idle and time.monotonic() < until:
                 self._work()
-        except Exception as error:  # noqa: BLE001  # whatever it is, nothing is carried out or heard any more
+        except Exception as error:  # noqa: BLE001  # whatever the error is, nothing is executed or received any more
             self._gone = error
             self._told.put(error)
 
     def _work(self) -> None:
         if (
             self._failed and self._relay.is_idle
-        ):  # nobody listens any more, but what stops a module can go out
+        ):  # nothing is received any more, but stop commands can be sent
             self._wire.sleep(_IDLE)
             return
         try:

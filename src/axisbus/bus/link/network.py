@@ -1,4 +1,4 @@
-"""canopen's network on a channel of ours, for those of its features that we use."""
+"""canopen's network on an axisbus channel, for the canopen features that axisbus uses."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import canopen
 
 
 class NetworkChannel(Protocol):
-    """What of a channel the network needs."""
+    """The part of a channel that the network needs."""
 
     bus: can.BusABC
 
@@ -24,7 +24,7 @@ class NetworkChannel(Protocol):
 
 
 class CanopenNetwork(canopen.Network):
-    """canopen's network on our channel: its frames go out paced, and come in from our receive thread."""
+    """canopen's network on an axisbus channel: it sends through the channel and receives from its receive thread."""
 
     def __init__(self, channel: NetworkChannel) -> None:
         super().__init__(channel.bus)

@@ -1,8 +1,8 @@
-"""Which other bit rate a bus runs at, found by listening in an adapter's listen-only mode, and never otherwise.
+"""Find the bit rate of a bus by listening, only with an adapter in listen-only mode.
 
-A controller with another rate than the bus's takes every frame for an error, and says so: in normal mode it destroys them all. In
-listen-only mode it cannot. But then it does not acknowledge either, and what nobody acknowledges is no valid frame to anybody: a
-node that is alone with the adapter is not heard like this.
+A controller with another rate than the bus takes every frame for an error. In normal mode it signals that, which destroys all
+frames; in listen-only mode it cannot. But then it does not acknowledge frames either, and a frame that no node acknowledges is not
+valid. A node that is alone with the adapter can therefore not be found.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ RATES = (
     20_000,
     10_000,
 )  # CiA 301 5.5, the likeliest first
-SECONDS = 0.6  # of listening at each: several heartbeats of 100 ms
-_MORE = 1.2  # seconds in all at the rate where something is heard: heartbeats of 1 s
-_PROOF = 2  # sound frames; a wrong rate gives none but by chance
+SECONDS = 0.6  # of listening at each rate: several heartbeats of 100 ms
+_MORE = 1.2  # seconds in total at a rate with traffic: heartbeats of 1 s
+_PROOF = 2  # valid frames; at a wrong rate they occur only by chance
 
 
 @dataclass(frozen=True, slots=True)
 class BitRateTraffic:
-    """What was heard at a bit rate (bit/s): sound frames, CANopen nodes by their heartbeats, and who speaks another protocol."""
+    """Traffic at a bit rate (bit/s): valid frames, CANopen nodes by their heartbeats, and devices with another protocol."""
 
     bitrate: int
     frames: int
@@ -43,7 +43,7 @@ class BitRateTraffic:
 
 
 def possible(interface: str, options: Mapping[str, object]) -> bool:
-    """Whether an adapter can be opened in listen-only mode, at a rate of our choice."""
+    """Whether an adapter can be opened in listen-only mode, at a chosen rate."""
     return listenonly.can_be_silent(interface) and interfaces.sets_rate(interface, options)
 
 
@@ -54,12 +54,12 @@ def find(
     options: Mapping[str, object],
     tell: Callable[[int], None] = lambda rate: None,  # noqa: ARG005
 ) -> BitRateTraffic | None:
-    """Listen at each rate of CiA 301 but the one that was tried, and return what was heard first; None where nothing was.
+    """Listen at each rate of CiA 301 except ``tried``; return the traffic at the first rate with frames, None if there is none.
 
-    The adapter must be closed. ``tell`` is told each rate before. Blocks some 6 s where nothing is heard.
+    The adapter must be closed. ``tell`` is called with each rate before listening. Blocks about 6 s if nothing is received.
 
     Raises:
-        ArgumentError: the adapter has no listen-only mode that can be asked for.
+        ArgumentError: python-can offers no listen-only mode for the adapter.
         AdapterError: it cannot be opened at any rate.
     """
     if not possible(interface, options):
@@ -70,7 +70,7 @@ def find(
         tell(rate)
         try:
             heard = _at(interface, channel, rate, options)
-        except AdapterError as error:  # many adapters lack one rate or another
+        except AdapterError as error:  # many adapters do not support all rates
             refused = error
             continue
         opened = True

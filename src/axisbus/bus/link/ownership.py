@@ -1,17 +1,18 @@
-"""One owner of a CAN channel on this computer: a lock that other users see, and that ends with the last process which holds it.
+"""Single owner of a CAN channel on this computer: a lock that other users see, and that ends with its last holder.
 
 Theory of operation
 -------------------
-The lock is an exclusive claim on the channel (``claims``): nothing is left on a disk, whatever way a program ends. Its descriptors
-may be inherited, so that a channel stays taken until everybody who must still stop a drive is gone. Whoever takes a channel makes
-its claim first and then looks for others; who sees another one gives way. So of two at the same time never both have it.
+The lock is an exclusive claim on the channel (``claims``). It leaves nothing on a disk, however a program ends. Child processes may
+inherit its descriptors, so a channel stays locked until every process that must still stop a drive is gone. A process makes its own
+claim first and then looks for others; if it sees another claim, it withdraws its own. So two processes never get the channel at the
+same time.
 
-Any user can make a claim, so a claim keeps others off only if its holder can own the bus (``_counts``):
+Any user can make a claim, so a claim blocks others only if its holder can own the bus (``_counts``):
 
 - the holder is the same user or root;
 - on SocketCAN, the kernel shows that the holder has the link open (the claim's mark);
-- where the channel is a device file, the holder may read and write that file;
-- with any other adapter nobody can tell, so the claim counts: a refusal moves nothing, and ``axisbus stop`` needs no lock.
+- if the channel is a device file, the holder may read and write that file;
+- with any other adapter this is unknown, so the claim counts: a refusal moves nothing, and ``axisbus stop`` needs no lock.
 
 Two names of one adapter are one channel (``Adapter``).
 """
@@ -39,7 +40,7 @@ if sys.platform != "win32":
 
 log = logging.getLogger("axisbus")
 _ROOT = 0
-_TRIES = 20  # for a channel that others try to take at the same time
+_TRIES = 20  # for a channel that other processes try to take at the same time
 _GIVES_WAY = 0.05  # seconds, at most, until the next try
 _LONGEST = 100  # characters of a command
 _DESCRIBED = re.compile(r"process \d+ \((.*)\), which began .*")
@@ -48,10 +49,10 @@ _OLD_NAMES = re.compile(r"_(native|ctypes)$")  # of python-can's socketcan
 
 @dataclass(frozen=True, slots=True)
 class Adapter:
-    """A CAN adapter by what is the same under all of its names.
+    """A CAN adapter by properties that are the same under all of its names.
 
-    ``key``: the text that claims go by; ``link``: the SocketCAN link, where the kernel has it; ``device``: the device file, where
-    the channel is one.
+    ``key``: the text that identifies the channel in claims; ``link``: the SocketCAN link, if the kernel has it; ``device``: the
+    device file, if the channel is one.
     """
 
     key: str
@@ -67,7 +68,8 @@ class Adapter:
             link = _link(text)
             return cls(f"socketcan:{link or text}", True, link)
         if text.startswith("/"):
-            device = Path(os.path.realpath(text.partition("@")[0]))  # what follows is the serial line's rate
+            # The text after it is the rate of the serial line.
+            device = Path(os.path.realpath(text.partition("@")[0]))
             with suppress(OSError):
                 found = device.stat()
                 if stat.S_ISCHR(found.st_mode):
@@ -84,10 +86,11 @@ def take(
     cell: str | None = None,
     door: bool = False,
 ) -> HeldClaim | None:
-    """Take a channel for this process; return what holds it until it is closed.
+    """Take a channel for this process; return the claim that holds it until closed.
 
-    None where there is nothing to be taken: a channel without an adapter, or a platform without such locks, or ``beside``, where it
-    is taken already. ``cell``: the file of the cell that it is taken for; ``door``: programs will be let in by the lock's socket.
+    Returns None in three cases: the channel has no adapter, the platform has no such locks, or ``beside`` is set and another
+    program has the channel. ``cell``: the cell file for which the channel is taken; ``door``: clients will connect to the lock's
+    socket.
 
     Raises:
         SecondMasterError: another program has it.
@@ -103,7 +106,7 @@ def take(
         other = _other(adapter, lock.name)
         if other is None:
             return lock
-        lock.close()  # taken at the same time: who comes back first has it
+        lock.close()  # taken at the same time: the first to come back gets it
         time.sleep(random.uniform(0.0, _GIVES_WAY))
     if beside:
         return None
@@ -114,9 +117,9 @@ def take(
 def hold(
     interface: str, channel: str | int | None, cell: str, *, beside: bool, door: bool, simulated: bool
 ) -> HeldClaim | None:
-    """Take a channel for the machine of a cell, as ``take``; where there is none to be taken, only say that the machine runs.
+    """Take a channel for the machine of a cell, as ``take``; if there is none to take, only publish that the machine runs.
 
-    None on a platform without claims. Raises as ``take``.
+    Returns None on a platform without claims. Raises as ``take``.
     """
     if sys.platform != "linux":
         return None
@@ -125,19 +128,19 @@ def hold(
 
 
 def holder(interface: str, channel: str | int | None) -> ChannelClaim | None:
-    """Return the claim of the program that has a channel, None where none has it."""
+    """Return the claim of the program that has a channel, None if there is none."""
     if sys.platform != "linux" or kind_of(interface) in NO_RATE:
         return None
     return _other(Adapter.of(interface, channel), "")
 
 
 def kind_of(interface: str) -> str:
-    """Return python-can's name of an interface for any way to write it."""
+    """Return python-can's name of an interface for any spelling."""
     return _OLD_NAMES.sub("", interface.strip().casefold())
 
 
 def _other(adapter: Adapter, own: str) -> ChannelClaim | None:
-    """Return the oldest claim that keeps others off the adapter, but for that of the name ``own``."""
+    """Return the oldest claim that blocks the adapter, except the one named ``own``."""
     found = [each for each in claims(channel=adapter.key) if each.exclusive and each.name != own]
     for each in found:
         if _counts(each, adapter):
@@ -152,7 +155,7 @@ def _other(adapter: Adapter, own: str) -> ChannelClaim | None:
 
 
 def _counts(other: ChannelClaim, adapter: Adapter) -> bool:
-    """Whether the holder of a claim can own the bus; see above."""
+    """Whether the holder of a claim can own the bus; see the theory of operation."""
     if other.user in (os.geteuid(), _ROOT):
         return True
     if adapter.socketcan:
@@ -161,7 +164,7 @@ def _counts(other: ChannelClaim, adapter: Adapter) -> bool:
 
 
 def _may_open(device: Path, other: ChannelClaim) -> bool:
-    """Whether the user of a claim may read and write a device file, by its mode; an access list is taken to permit it."""
+    """Whether the user of a claim may read and write a device file, by its mode; an access list is assumed to permit it."""
     try:
         found = device.stat()
         if "system.posix_acl_access" in os.listxattr(device):
@@ -179,7 +182,7 @@ def _groups(other: ChannelClaim) -> set[int]:
 
 
 def _link(name: str) -> str | None:
-    """Return the name of a network link as the kernel has it, for an alternative name as well; None where there is no such link."""
+    """Return the kernel's name of a network link, also for an alternative name; None if there is no such link."""
     try:
         return socket.if_indextoname(socket.if_nametoindex(name))
     except (OSError, ValueError):
@@ -187,7 +190,7 @@ def _link(name: str) -> str | None:
 
 
 def _handle(kind: str, channel: str) -> str:
-    """Return a channel of an adapter without a device file in one way of writing."""
+    """Return a channel of an adapter without a device file in a normalised spelling."""
     if not channel.isdecimal():
         return channel
     if kind == "pcan":
@@ -212,7 +215,7 @@ def _taken(what: str, other: ChannelClaim) -> SecondMasterError:
 
 
 def user_name(user: int) -> str:
-    """Return a user by name, or by ID where it has none."""
+    """Return a user by name, or by ID if it has no name."""
     try:
         return pwd.getpwuid(user).pw_name
     except KeyError:
@@ -220,7 +223,7 @@ def user_name(user: int) -> str:
 
 
 def described(process: int, *, kept: bool = False) -> str:
-    """Return a process by its command and its age, or, where the text is ``kept``, when it began; as far as they may be seen."""
+    """Return a text with a process's command and age (start time if ``kept``), as far as they are visible."""
     folder = Path(f"/proc/{process}")
     try:
         words = (folder / "cmdline").read_bytes().split(b"\0")
@@ -236,7 +239,7 @@ def described(process: int, *, kept: bool = False) -> str:
 
 
 def command_of(text: str) -> str:
-    """Return the command in a text of ``described``, without folders and what is of one process; "ended" where it has none."""
+    """Return the command in a text of ``described``, without folders and process-specific parts; "ended" if there is none."""
     found = _DESCRIBED.fullmatch(text)
     return "ended" if found is None else " ".join(PurePath(word).name for word in found[1].split())
 

@@ -1,4 +1,4 @@
-"""What Linux knows of a SocketCAN link: whether it exists, is up, and at which bitrate it runs."""
+"""State of a SocketCAN link in Linux: whether it exists, is up, and its bitrate."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _IP_TIMEOUT = 2.0
 
 @dataclass(frozen=True, slots=True)
 class CanInterface:
-    """A CAN network interface; ``bitrate`` (bit/s) and ``queue_length`` (frames) are None where Linux does not tell."""
+    """A CAN network interface; ``bitrate`` (bit/s) and ``queue_length`` (frames) are None if Linux does not report them."""
 
     name: str
     up: bool
@@ -34,10 +34,10 @@ def links() -> list[str]:
 
 
 def link(name: str) -> CanInterface | None:
-    """Return what is known of the CAN interface ``name``, None where there is none.
+    """Return the state of the CAN interface ``name``, None if there is none.
 
-    Asks sysfs, and ``ip -details -json link`` for the bitrate (blocks up to 2 s in the worst case; where ``ip`` is missing the
-    bitrate stays None).
+    Reads sysfs, and ``ip -details -json link`` for the bitrate (blocks up to 2 s in the worst case). If ``ip`` is missing, the
+    bitrate is None.
     """
     if name not in links():
         return None
@@ -50,7 +50,7 @@ def link(name: str) -> CanInterface | None:
 
 
 def parse_ip(text: str) -> CanInterface | None:
-    """Read the answer of ``ip -details -json link show dev NAME``; None where it is not one."""
+    """Read the output of ``ip -details -json link show dev NAME``; None if it is not valid."""
     try:
         rows = json.loads(text)
     except ValueError:
@@ -71,7 +71,10 @@ def parse_ip(text: str) -> CanInterface | None:
 
 
 def up_command(name: str, bitrate: int | None) -> str:
-    """Return the line that brings the interface up (``bitrate`` in bit/s; None for a virtual one or where the user must say)."""
+    """Return the command that brings the interface up.
+
+    ``bitrate`` is in bit/s; None for a virtual interface, or for a default of 1000000 that the user must adapt.
+    """
     if name.startswith("vcan"):
         return f"sudo ip link add dev {name} type vcan; sudo ip link set {name} up"
     rate = bitrate if bitrate is not None else "1000000"
@@ -79,12 +82,12 @@ def up_command(name: str, bitrate: int | None) -> str:
 
 
 def restart_command(name: str) -> str:
-    """Return the line that restarts a controller which is bus-off and has no ``restart-ms``."""
+    """Return the command that restarts a controller that is bus-off and has no ``restart-ms``."""
     return f"sudo ip link set {name} type can restart"
 
 
 def change_command(name: str, bitrate: int) -> str:
-    """Return the lines that change the bitrate of an interface that is up."""
+    """Return the commands that change the bitrate of an interface that is up."""
     return f"sudo ip link set {name} down; {up_command(name, bitrate)}"
 
 

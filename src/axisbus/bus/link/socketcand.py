@@ -1,9 +1,11 @@
-"""python-can's bus of a socketcand server, with what it needs here.
+"""python-can's bus of a socketcand server, with corrections.
 
-Frames go out at once (``tcp_tune``), else they wait for the server's acknowledgements; a server that is not there is told at once,
-where python-can tries for ten seconds with all its might; one that has gone away is told, where python-can hears nothing for ever;
-and of a message that comes in pieces, as TCP may bring it at any time, nobody is warned. A server that reads no more is a transmit
-queue that is full, where python-can's ``send`` would not return; the queue is short, so that no frame of long ago is in it.
+- Frames are sent at once (``tcp_tune``); otherwise they wait for the server's acknowledgements.
+- If there is no server, an error is raised at once. python-can retries for ten seconds at full processor load.
+- If the server has gone, an error is raised. python-can then receives nothing for ever.
+- A message that arrives in pieces, which TCP may do at any time, causes no warning.
+- If the server does not read, this counts as a full transmit queue. python-can's ``send`` would not return. The queue is short, so
+  that it contains no old frames.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ import can
 from can.interfaces.socketcand.socketcand import SocketCanDaemonBus
 
 _PATIENCE = 2.0  # seconds
-_QUEUE = 65_536  # bytes of the send buffer: some hundred frames with what Linux counts for each
+_QUEUE = 65_536  # bytes of the send buffer: a hundred frames or so with Linux's overhead for each
 _END = "_SocketCanDaemonBus__socket"  # python-can has no other name for it
 
 
@@ -28,7 +30,7 @@ logging.getLogger(SocketCanDaemonBus.__module__).addFilter(_is_news)
 
 
 class SocketcandBus(SocketCanDaemonBus):
-    """One connection to a server; holds the end of a message for which there was no room."""
+    """One connection to a server; holds the end of a message that did not fit into the send buffer."""
 
     _rest = b""
 
@@ -48,10 +50,10 @@ class SocketcandBus(SocketCanDaemonBus):
             raise
 
     def _tcp_send(self, msg: str) -> None:
-        """Give a message to the connection, without waiting; the end of one that had room for its beginning goes first.
+        """Write a message to the connection without waiting, after the rest of a message written in part.
 
         Raises:
-            CanOperationError: there is no room.
+            CanOperationError: the send buffer is full.
         """
         if os.name == "nt":
             super()._tcp_send(msg)

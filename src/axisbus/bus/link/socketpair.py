@@ -1,4 +1,4 @@
-"""A CAN line between two processes of one computer: a socket pair with a frame in each packet (its bus: ``socketpair_bus``)."""
+"""A CAN line between two processes of one computer: a socket pair with one frame in each packet (its bus: ``socketpair_bus``)."""
 
 from __future__ import annotations
 

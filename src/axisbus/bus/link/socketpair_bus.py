@@ -1,4 +1,4 @@
-"""python-can's bus on one end of a line between two processes of one computer (``bus.link.socketpair``)."""
+"""python-can's bus on one end of a line between two processes of one computer (``axisbus.bus.link.socketpair``)."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ _NOTHING = bytes(4)  # an int of 0
 
 
 class PairBus(can.BusABC):
-    """One end of a line. When the other one is gone the adapter has failed; or, of drives, nothing is heard any more.
+    """One end of a line. If the other end is gone, a master's end fails; an end of drives receives nothing more.
 
-    ``alone``: whether the other end is gone, where that is no failure.
+    ``alone``: whether the other end of an end of drives is gone.
     """
 
     def __init__(self, end: socket.socket, *, of_drives: bool = False) -> None:
-        """``end``: of a ``cable``; it is closed by ``shutdown``. ``of_drives``: go on without the other end, as drives do."""
+        """``end``: of a ``cable``; ``shutdown`` closes it. ``of_drives``: continue without the other end, as drives do."""
         self.alone = False
         self._of_drives = of_drives
         super().__init__(channel=f"line {end.fileno()}")
@@ -40,7 +40,7 @@ class PairBus(can.BusABC):
         self._poll.register(end, select.POLLIN)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002  # it never waits
-        """Send a frame; raises CanOperationError where the line is full, or its other end gone."""
+        """Send a frame; raises CanOperationError if the line is full or its other end is gone."""
         number = msg.arbitration_id | (EXTENDED if msg.is_extended_id else 0)
         number |= REMOTE if msg.is_remote_frame else 0
         try:
@@ -69,10 +69,10 @@ class PairBus(can.BusABC):
         return None, False
 
     def behind(self) -> bool:
-        """Return whether the other end has not yet taken all that was sent (Linux)."""
+        """Return whether the other end has not yet read all sent frames (Linux)."""
         try:
             left = fcntl.ioctl(self.socket, termios.TIOCOUTQ, _NOTHING)
-        except (OSError, ValueError):  # it is closed
+        except (OSError, ValueError):  # the socket is closed
             return False
         return left != _NOTHING
 

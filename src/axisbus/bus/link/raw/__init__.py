@@ -1,1 +1,1 @@
-"""SocketCAN frames straight through its sockets, many by one call; and how a channel gives a frame to any other adapter."""
+"""Send and receive SocketCAN frames directly through sockets, many with one call; and frames of other adapters by python-can."""

@@ -1,10 +1,10 @@
-"""Many CAN frames by one call of the kernel: ``recvmmsg`` and ``sendmmsg`` of Linux, on a socket that does not block.
+"""Many CAN frames with one kernel call: ``recvmmsg`` and ``sendmmsg`` of Linux, on a non-blocking socket.
 
 Theory of operation
 -------------------
-A call of Python's own for each frame costs a change of the interpreter's lock and, for a frame that is received, a list of what
-came with it: half of what the frame costs. Here the kernel gets the places of all of them once, and each call uses them again. The
-lock is kept meanwhile, since neither call waits for anything.
+One Python call for each frame costs a release of the interpreter's lock and, for a received frame, a list of its ancillary data:
+half of a frame's cost. Here the buffers of all frames are prepared once, and each call reuses them. The interpreter's lock is kept
+meanwhile, since neither call waits.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class _IoVec(ctypes.Structure):
     _fields_ = (("base", ctypes.c_void_p), ("len", ctypes.c_size_t))
 
 
-class _Message(ctypes.Structure):  # struct msghdr, as glibc has it, and musl where the low byte comes first
+class _Message(ctypes.Structure):  # struct msghdr, as in glibc, and in musl on little-endian systems
     _fields_ = (
         ("name", ctypes.c_void_p),
         ("name_len", ctypes.c_uint),
@@ -57,12 +57,12 @@ def available() -> bool:
 
 
 class _Batch:
-    """The places of ``MOST`` frames, for one thread at a time; holds state: what the last call left there."""
+    """The buffers of ``MOST`` frames, for one thread at a time; holds state: the result of the last call."""
 
     def __init__(self, control: int) -> None:
-        """``control``: bytes for what comes with a frame."""
+        """``control``: bytes for the ancillary data of a frame."""
         size, heads_size = FRAME.size, ctypes.sizeof(_Head) * MOST
-        # One block: the heads, and behind them what comes with each frame, so that one copy makes both as they were.
+        # One block: the headers, and after them the ancillary data, so that one copy resets both.
         self._heads = ctypes.create_string_buffer(heads_size + control * MOST)
         self._frames = ctypes.create_string_buffer(size * MOST)
         self._vectors = (_IoVec * MOST)()
@@ -79,7 +79,7 @@ class _Batch:
 
 
 class ReceiveBatch(_Batch):
-    """Takes what has come on a socket."""
+    """Reads the received frames of a socket."""
 
     def __init__(self) -> None:
         super().__init__(_ROOM)
@@ -89,10 +89,10 @@ class ReceiveBatch(_Batch):
         self._data = memoryview(self._frames)
 
     def take(self, line: socket.socket) -> list[Received]:
-        """Return the frames that have come, at most ``MOST``; empty where none has. Does not block.
+        """Return the received frames, at most ``MOST``; empty if there are none. Does not block.
 
         Raises:
-            OSError: the socket is gone, or its link is.
+            OSError: the socket or its link is gone.
         """
         ctypes.memmove(self._at, self._fresh, len(self._fresh))
         count = self._call(line.fileno(), self._at, MOST, socket.MSG_DONTWAIT, None)
@@ -107,7 +107,7 @@ class ReceiveBatch(_Batch):
         return [(*frame, stamp[3], stamp[4]) for frame, stamp in zip(frames, stamps, strict=True)]
 
     def _whole(self, count: int) -> int:
-        """Return how many of the first ``count`` there are before one that is no frame: the other end of a pair has gone."""
+        """Return how many of the first ``count`` packets precede one that is not a frame: the other end of a pair has gone."""
         size, at = ctypes.sizeof(_Head), _Head.length.offset
         for number in range(count):
             if _LENGTH.unpack_from(self._heads, size * number + at)[0] != FRAME.size:
@@ -116,7 +116,7 @@ class ReceiveBatch(_Batch):
 
 
 class SendBatch(_Batch):
-    """Gives frames to a socket."""
+    """Writes frames to a socket."""
 
     def __init__(self) -> None:
         super().__init__(0)
@@ -124,9 +124,9 @@ class SendBatch(_Batch):
         self._call.argtypes = (ctypes.c_int, ctypes.c_void_p, ctypes.c_uint, ctypes.c_int)
 
     def give(self, line: socket.socket, frames: Sequence[tuple[int, bytes]]) -> int:
-        """Send wire identifiers and data, at most ``MOST``; return how many were taken before one was not. Does not block.
+        """Send wire identifiers and data, at most ``MOST``; return how many were accepted before a refusal. Does not block.
 
-        Why one was not is told by who tries it again.
+        The reason of a refusal is reported when the frame is sent again.
         """
         pack, place, size = FRAME.pack_into, self._frames, FRAME.size
         at = 0

@@ -1,13 +1,14 @@
-"""Frames that the scan reads itself, when it has sent SYNC: a second socket on the SocketCAN link, for their COB-IDs alone.
+"""Frames that the scan reads itself after SYNC: a second socket on the SocketCAN link, for their COB-IDs only.
 
 Theory of operation
 -------------------
-A receive thread is woken for each frame, takes the interpreter from whoever has it, and gives it back: for the TPDOs of a dozen
-drives, all within a millisecond, that costs more than the frames themselves. These the kernel keeps, in a socket whose filter lets
-nothing else through, until the scan asks for them; the channel's own socket gets a filter that leaves them out. When they came, the
-kernel tells by a clock that may be set, which the monotonic one may not: so no stamp lies before the last look, or after this one.
+A receive thread wakes up for each frame, takes the interpreter from another thread, and returns it. For the TPDOs of a dozen
+drives, all within a millisecond, that costs more than the frames themselves. The kernel therefore collects these frames in a socket
+whose filter passes no others, until the scan reads them. The channel's own socket gets a filter that excludes them. The kernel
+stamps the frames with a clock that may be set, in contrast to the monotonic clock. So a stamp is limited to the time between the
+last read and this one.
 
-Where a link has no such socket (any adapter but SocketCAN, another system), the receive thread brings these frames as any other.
+If a link has no such socket (any adapter but SocketCAN, another system), the receive thread reads these frames like any other.
 """
 
 from __future__ import annotations
@@ -28,26 +29,26 @@ _FILTER = struct.Struct("=II")
 _EXACTLY = EXTENDED | REMOTE | cob.ID_MASK_11  # a data frame with 11 bits of identifier
 _CAN_RAW, _CAN_RAW_FILTER = 101, 1  # linux/can/raw.h
 _SO_TIMESTAMPNS = 35  # asm-generic/socket.h
-_FILTERS = 512  # filters of a socket
-_WHOLE = 8  # data bytes of a frame that is full
+_FILTERS = 512  # maximum filters of a socket
+_WHOLE = 8  # data bytes of a full frame
 
 Taken = tuple[int, bytes, float]
 
 
 class CyclicSocket:
-    """The frames of some COB-IDs, which the kernel knows; holds state: when it looked last. ``drain`` is for one thread."""
+    """The frames of some COB-IDs, which the kernel filters; holds state: the time of the last read. ``drain`` is for one thread."""
 
     def __init__(self, raw: socket.socket, others: socket.socket | None) -> None:
-        """``raw`` is a CAN_RAW socket that does not block, ``others`` the one that is to leave these frames out."""
+        """``raw`` is a non-blocking CAN_RAW socket, ``others`` the socket that must exclude these frames."""
         self._raw = raw
         self._others = others
         self._batch = ReceiveBatch()
         self._looked = time.monotonic()
 
     def listen(self, can_ids: Collection[int]) -> bool:
-        """Let exactly these COB-IDs come here, each of 11 bits; return whether the kernel does so.
+        """Receive exactly these 11-bit COB-IDs here; return whether the kernel accepts the filters.
 
-        Safe at any time: for a moment a frame may come both ways.
+        Safe at any time: for a moment a frame may arrive at both sockets.
         """
         here = [(can_id, _EXACTLY) for can_id in can_ids]
         elsewhere = all_but(can_ids)
@@ -62,7 +63,7 @@ class CyclicSocket:
         return True
 
     def drain(self) -> list[Taken]:
-        """Return COB-ID, data and monotonic time of reception of each frame that has come, oldest first; does not block.
+        """Return COB-ID, data and monotonic time of reception of each received frame, oldest first; does not block.
 
         Raises:
             OSError: the link is down or gone.
@@ -89,16 +90,16 @@ class CyclicSocket:
 
 
 def all_but(can_ids: Collection[int]) -> list[tuple[int, int]]:
-    """Return filters, as identifier and mask, that let every frame through but data frames of these COB-IDs of 11 bits.
+    """Return filters, as identifier and mask, that pass every frame except data frames of these 11-bit COB-IDs.
 
-    Whole blocks of identifiers, and not the kernel's inverted filters joined: those would keep error frames away as well.
+    The filters are whole blocks of identifiers, not the kernel's joined inverted filters, which would exclude error frames as well.
     """
     extended, remote = (EXTENDED, EXTENDED), (REMOTE, EXTENDED | REMOTE)
     return [*_blocks(frozenset(can_ids), 0, cob.ID_MASK_11 + 1), extended, remote]
 
 
 def _blocks(can_ids: Collection[int], first: int, size: int) -> list[tuple[int, int]]:
-    """Return the filters of the ``size`` (a power of two) identifiers from ``first`` on, less ``can_ids``, which all lie there."""
+    """Return filters for the ``size`` (a power of two) identifiers from ``first`` on except ``can_ids``, which all lie there."""
     if not can_ids:
         return [(first, _EXACTLY & ~(size - 1))]
     if len(can_ids) == size:
@@ -114,7 +115,7 @@ def _packed(filters: Collection[tuple[int, int]]) -> bytes:
 
 
 def cyclic_socket(bus: can.BusABC, link: str) -> CyclicSocket | None:
-    """Open a second socket on a SocketCAN link; None where this is none, or Linux does not let us."""
+    """Open a second socket on a SocketCAN link; None for another interface, or if Linux does not permit it."""
     others = raw_socket(bus)
     if others is None or not available():
         return None

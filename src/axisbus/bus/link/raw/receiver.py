@@ -1,4 +1,4 @@
-"""How a channel's receive thread gets frames: by python-can, or all that have come by one call of Linux's SocketCAN."""
+"""How a channel's receive thread gets frames: through python-can, or all received frames with one call of Linux's SocketCAN."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ Plain = tuple[int, bytes, float]
 
 
 class Intake(Protocol):
-    """Where frames come from; for one thread."""
+    """Source of frames; for one thread."""
 
     def take(self, seconds: float) -> Sequence[Plain | can.Message]:
-        """Return what has come, at least one frame unless none does within ``seconds``; whatever is no ``Plain`` as a message.
+        """Return the received frames, waiting up to ``seconds`` for the first; frames that are not ``Plain`` as a message.
 
-        Raises whatever the driver raises, where the channel is gone.
+        Raises the exceptions of the driver if the channel is gone.
         """
 
 
 class PythonCanIntake:
-    """Any adapter that python-can knows: one frame at a time."""
+    """Any adapter of python-can: one frame at a time."""
 
     def __init__(self, bus: can.BusABC) -> None:
         self._bus = bus
@@ -44,7 +44,7 @@ class PythonCanIntake:
 
 
 class SocketCanIntake:
-    """The raw socket of a SocketCAN link: what has come together, heartbeats of all nodes say, costs one waking up."""
+    """The raw socket of a SocketCAN link: frames that came together (such as all heartbeats) cost one wake-up."""
 
     def __init__(self, raw: socket.socket) -> None:
         """``raw`` is an open CAN_RAW socket for classic frames."""
@@ -61,7 +61,7 @@ class SocketCanIntake:
         found = self._poll.poll(seconds * 1000.0)
         if not found:
             return ()
-        frames = self._batch.take(self._raw)  # tells what is wrong with the link, too
+        frames = self._batch.take(self._raw)  # raises if the link has failed, too
         if not frames and found[0][1] & _GONE:
             raise ConnectionResetError("nobody is at the other end")
         return [
@@ -86,7 +86,7 @@ def _message(frame: Received) -> can.Message:
 
 
 def intake_of(bus: can.BusABC) -> Intake:
-    """Return the quickest way to an open adapter's frames."""
+    """Return the fastest source for an open adapter's frames."""
     raw = raw_socket(bus)
     classic = getattr(bus, "protocol", None) is can.CanProtocol.CAN_20
     return SocketCanIntake(raw) if raw is not None and classic and available() else PythonCanIntake(bus)

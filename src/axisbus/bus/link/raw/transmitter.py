@@ -1,4 +1,4 @@
-"""How a channel gives one frame to its adapter: through python-can, or straight into the socket of Linux's SocketCAN."""
+"""How a channel gives one frame to its adapter: through python-can, or directly into the socket of Linux's SocketCAN."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _DONT_WAIT = getattr(socket, "MSG_DONTWAIT", 0)
 
 
 class FrameTransmitter(Protocol):
-    """One attempt for one frame; whatever goes wrong is raised as python-can does, or its driver.
+    """One attempt for one frame; errors are raised as python-can or its driver does.
 
     ``for_all``: several threads may send at once, and none of them waits.
     """
@@ -28,14 +28,17 @@ class FrameTransmitter(Protocol):
         """Give a data frame to the adapter."""
 
     def send_remote(self, can_id: int, length: int) -> None:
-        """Give it a remote frame, with the data length of the frame that it asks for."""
+        """Give a remote frame to the adapter, with the data length of the requested frame."""
 
     def send_all(self, frames: Sequence[tuple[int, bytes]]) -> int:
-        """Give it data frames without waiting; return how many it took, 0 where it takes one at a time. For one thread."""
+        """Give data frames to the adapter without waiting; return how many it accepted, 0 if it takes one at a time.
+
+        For one thread.
+        """
 
 
 class PythonCanLine:
-    """Any adapter that python-can knows."""
+    """Any adapter of python-can."""
 
     for_all = False
 
@@ -60,7 +63,7 @@ class PythonCanLine:
         )
 
     def send_all(self, frames: Sequence[tuple[int, bytes]]) -> int:  # noqa: ARG002
-        """As ``FrameTransmitter.send_all``: one at a time."""
+        """As ``FrameTransmitter.send_all``: this adapter takes one frame at a time."""
         return 0
 
     def _give(self, message: can.Message) -> None:
@@ -68,7 +71,7 @@ class PythonCanLine:
 
 
 class SocketCanLine:
-    """The raw socket of a SocketCAN link: a frame costs a fraction of what python-can's checks and waits do, and never blocks."""
+    """The raw socket of a SocketCAN link: faster than python-can with its checks and waits, and never blocks."""
 
     for_all = True
 
@@ -93,7 +96,7 @@ class SocketCanLine:
             raise _failed(error) from error
 
     def send_all(self, frames: Sequence[tuple[int, bytes]]) -> int:
-        """As ``FrameTransmitter.send_all``, in one system call; whoever sends a refused frame again gets the reason."""
+        """As ``FrameTransmitter.send_all``, in one system call; sending a refused frame again reports the reason."""
         if self._batch is None:
             return 0
         taken = 0
@@ -115,13 +118,13 @@ def _failed(error: OSError) -> can.CanOperationError:
 
 
 def line_of(bus: can.BusABC, timeout: float | None) -> FrameTransmitter:
-    """Return the quickest way to an open adapter."""
+    """Return the fastest transmitter for an open adapter."""
     raw = raw_socket(bus)
     return PythonCanLine(bus, timeout) if raw is None else SocketCanLine(raw)
 
 
 def raw_socket(bus: can.BusABC) -> socket.socket | None:
-    """Return the socket of python-can's own SocketCAN bus; None where the bus is another."""
+    """Return the socket of python-can's own SocketCAN bus; None for any other bus."""
     raw = getattr(bus, "socket", None)
     return raw if isinstance(raw, socket.socket) and type(bus).__name__ == "SocketcanBus" else None
 
