@@ -1,1 +1,1 @@
-"""Running pure dialogues over a channel: what decides hands out requests, and is told what came."""
+"""Run the dialogues with GIM6010 modules (CAN Simple) over a channel."""

@@ -1,4 +1,4 @@
-"""One module that speaks CAN Simple, on a channel: its heartbeats, and one question at a time with its one answer."""
+"""Client of one module that uses CAN Simple: it follows the heartbeats and sends one request at a time."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from axisbus.drives.gim6010.discovery.duplicate_node_ids import count_senders
 from axisbus.errors import NodeError
 
 LISTEN = 1.1  # s before the first request: heartbeats of 100 ms, and those of a second module of this ID
-_GONE = 0.6  # s without a heartbeat, at the least, after which a module has left
-_PERIODS = 5  # of its heartbeat, where that is longer
+_GONE = 0.6  # s without a heartbeat, at least, after which a module counts as gone
+_PERIODS = 5  # of its heartbeat, if that is longer
 _KEPT = 32
 PACE = 0.002  # s between two requests to a module that answers
 
 
 class SimpleLine:
-    """Follows the heartbeats of one node ID and asks it; holds state: what was heard. Used by one thread."""
+    """Follows the heartbeats of one node ID and sends requests; holds state: the heartbeats received. Used by one thread."""
 
     def __init__(self, channel: Channel, node: int) -> None:
-        """``node`` 0 to 63.
+        """``node`` is 0 to 63.
 
         Raises:
-            ArgumentError: it is none.
+            ArgumentError: it is not.
         """
         self.channel = channel
         self.node = node
@@ -39,7 +39,7 @@ class SimpleLine:
         self._stamps: deque[tuple[float, bytes]] = deque(maxlen=_KEPT)
         self._came = threading.Condition()
         self._ears: list[tuple[int, Receiver]] = [(can_id(node, COMMAND), self._beat)]
-        self._expected = Heartbeats()  # as it was when somebody looked last
+        self._expected = Heartbeats()  # as it was at the last ``listen``
 
     def __enter__(self) -> Self:
         for identifier, receiver in self._ears:
@@ -53,7 +53,7 @@ class SimpleLine:
             self.channel.unsubscribe(identifier, receiver)
 
     def hear(self, command: int, receiver: Receiver) -> None:
-        """Have frames of a command told to ``receiver(data, stamp)`` until this is closed; for use before it is opened."""
+        """Call ``receiver(data, stamp)`` for each frame of ``command`` while this is open; call before opening."""
         self._ears.append((can_id(self.node, command), receiver))
 
     def listen(self, seconds: float = LISTEN) -> None:
@@ -72,19 +72,19 @@ class SimpleLine:
 
     @property
     def state(self) -> int | None:
-        """The state of its axis by its last heartbeat; None where none came lately."""
+        """Axis state in the last heartbeat; None if no heartbeat came recently."""
         return None if self.beats.last is None or self._late() else self.beats.last.state
 
     @property
     def last_beat(self) -> float | None:
-        """When its last heartbeat came (s, monotonic)."""
+        """Time of the last heartbeat (s, monotonic)."""
         return self._stamps[-1][0] if self._stamps else None
 
     def require_there(self) -> None:
-        """Check that it neither restarted nor left since it was listened to; nothing can be said of one that sends no heartbeat.
+        """Check that the module neither restarted nor left since ``listen``; no check is possible if it sends no heartbeats.
 
         Raises:
-            NodeError: it did.
+            NodeError: it restarted or left.
         """
         if self.beats.restarts > self._expected.restarts:
             raise NodeError(
@@ -102,17 +102,17 @@ class SimpleLine:
             )
 
     def send(self, frame: Outgoing) -> None:
-        """Send a frame to it; raises as ``Channel.send``."""
+        """Send a frame to the module; raises as ``Channel.send``."""
         send(self.channel, frame)
 
     def wait(self, there: Callable[[], bool], seconds: float) -> bool:
-        """Wait until something has come that ``there`` looks for; return whether it has."""
+        """Wait up to ``seconds`` until ``there()`` is true, checked after each received frame; return whether it is."""
         require_other_thread(self.channel, "waiting for a module")
         with self._came:
             return self._came.wait_for(there, seconds)
 
     def notify(self) -> None:
-        """Wake who waits; for receivers, which have stored what came."""
+        """Wake the waiting thread; receivers call it after they have stored a frame."""
         with self._came:
             self._came.notify_all()
 
@@ -132,7 +132,7 @@ class SimpleLine:
 
 
 def several(node: int) -> NodeError:
-    """Return the error of two modules with one node ID."""
+    """Return the error of several modules with one node ID."""
     return NodeError(
         f"several modules have the node ID {node}, or another program asks it too",
         node=node,

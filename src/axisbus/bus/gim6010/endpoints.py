@@ -1,14 +1,15 @@
-"""The parameters of a module by endpoints over CAN Simple, behind the interface ``Parameters``.
+"""The parameters of a module, read and written as endpoints over CAN Simple; implements ``ModuleParameters``.
 
 Theory of operation
 -------------------
-It is opened in steps, each of which may refuse: heartbeats are listened to; the version is asked for, by endpoints that are the
-same in every list that is known; the list must be made for this version; and then the list is *proven* on the module: its node ID,
-read by the list, must be the one that answers. Only after this anything else is read. Functions are never called: what saves is a
-message of CAN Simple, whose number does not move.
+The connection is opened in steps, and each step may fail. The client listens to the heartbeats. It reads the version through
+endpoints that are the same in all known lists. The list must be made for this version. The client then *proves* the list on the
+module: the node ID that it reads through the list must be the node ID that answers. It reads nothing else before that. Functions
+are never called: the client saves with a message of CAN Simple, whose number is the same in all versions.
 
-A request is answered by its endpoint's number. An answer that nobody waits for is another master's, or of a second module with this
-node ID: nothing is written then. Before and after each write the heartbeats tell whether the module restarted meanwhile.
+An answer contains the number of its endpoint. An unexpected answer belongs to another master or comes from a second module with
+this node ID; the client then writes nothing. Before and after each write the client checks the heartbeats for a restart of the
+module.
 """
 
 from __future__ import annotations
@@ -37,23 +38,23 @@ _SECOND = 0.03  # s in which a second module of this node ID would answer, too
 _USB = "odrivetool over USB reads and writes them; many modules answer no endpoint over CAN"
 _STATE = "axis0.current_state"
 _SAVE = named("Save_Configuration")
-_RESTARTS = 3.0  # s in which saving has to begin the restart
-_BACK = 25.0  # s that owners gave a restart
+_RESTARTS = 3.0  # s within which the restart after a save must begin
+_BACK = 25.0  # s for a restart, from the experience of owners
 _LOOK = 0.05
 _LISTEN = 0.3  # s for the first heartbeats after a restart
 
 
 class CanSimpleParameters:
-    """``Parameters`` of one module on a channel; holds state: what was answered, and what was written since the last save."""
+    """``ModuleParameters`` of one module on a channel; holds state: the answers, and the values written since the last save."""
 
     widest = rules.NARROW
 
     def __init__(self, line: SimpleLine) -> None:
-        """Prepare; ``line`` must not be open yet. Nothing is sent before ``open``."""
+        """``line`` must not be open yet. Nothing is sent before ``open``."""
         self.line = line
         self._answers: deque[EndpointAnswer] = deque(maxlen=64)
         self._odd: list[str] = []
-        self._asked: Counter[int] = Counter()  # by endpoint, the answers that may still come
+        self._asked: Counter[int] = Counter()  # by endpoint: number of answers that may still come
         self._strangers = 0
         self._fitted: FittedList | None = None
         self.serial = 0
@@ -63,12 +64,12 @@ class CanSimpleParameters:
             line.hear(command, self._receiver(command))
 
     def open(self, listed: EndpointList, made_for: Firmware) -> None:
-        """Listen, and show that the list fits; blocks for some 1.5 s.
+        """Listen, and prove that the list fits; blocks for about 1.5 s.
 
         Raises:
-            NodeTimeout: it answers no endpoint.
+            NodeTimeout: the module answers no endpoint.
             NodeError: several modules have this node ID.
-            ArgumentError: the list does not fit the firmware that it reports, or is not proven on it.
+            ArgumentError: the list does not fit the reported firmware, or is not proven on the module.
         """
         self.line.listen()
         self.firmware = self._version()
@@ -78,22 +79,22 @@ class CanSimpleParameters:
 
     @property
     def listed(self) -> EndpointList:
-        """The parameters that its firmware has."""
+        """The parameters of the module's firmware."""
         return self._list.listed
 
     def endpoint(self, path: str) -> Endpoint:
-        """Return what its firmware says of a parameter; see ``ModuleParameters.endpoint``."""
+        """Return the description of a parameter in this firmware; see ``ModuleParameters.endpoint``."""
         return self._list.endpoint(path)
 
     def read(self, path: str) -> Value:
-        """Return a parameter's value in RAM; see ``ModuleParameters.read``. Blocks for at most 0.2 s."""
+        """Return a parameter's value in RAM; see ``ModuleParameters.read``. Blocks for at most about 0.3 s."""
         endpoint = self._list.endpoint(path)
         frame = endpoint_messages.read(self.line.node, self._list, path)
         self.line.require_there()
         return endpoint_messages.value(endpoint, self._ask(frame, endpoint.id, endpoint.path).data)
 
     def write(self, path: str, value: Value, *, by_name: bool = False) -> Value:
-        """Write a parameter into RAM and return what it holds then; see ``ModuleParameters.write``."""
+        """Write a parameter into RAM and return the value read back; see ``ModuleParameters.write``."""
         endpoint = self._list.endpoint(path)
         rules.require_setting(endpoint, by_name=by_name)
         frame = endpoint_messages.write(self.line.node, self._list, path, value, by_name=by_name)
@@ -113,7 +114,7 @@ class CanSimpleParameters:
         return held
 
     def save(self) -> None:
-        """Bring RAM to flash by the message Save_Configuration, wait for the restart, and read all that was written again."""
+        """Save RAM to flash with the message Save_Configuration, wait for the restart, and read back all written values."""
         written = dict(self.written)
         began = self._save()
         self._come_back(began)
@@ -127,11 +128,11 @@ class CanSimpleParameters:
         self.written.clear()
 
     def save_and_leave(self) -> None:
-        """As ``save``, but only until it restarts, for what it does not come back from."""
+        """Save as ``save`` does, but return when the restart begins, because the module will not be reachable after it."""
         self._save()
 
     def _save(self) -> float:
-        """Let it begin to restart; return when it was told to (s, monotonic)."""
+        """Save and wait until the module begins to restart; return when the save was requested (s, monotonic)."""
         self.require_idle()
         self._require_alone()
         began = time.monotonic()
@@ -142,19 +143,19 @@ class CanSimpleParameters:
 
     @property
     def axis_error(self) -> int:
-        """The axis's error word as its last heartbeat had it, 0 where it sends none."""
+        """The axis's error word in its last heartbeat, 0 if there was none."""
         last = self.line.beats.last
         return 0 if last is None else last.axis_error
 
     def clear_errors(self) -> None:
-        """Clear its errors by the message for it; see ``ModuleParameters.clear_errors``."""
+        """Clear the errors with a message; see ``ModuleParameters.clear_errors``."""
         ModuleByMessage(self.line).clear()
 
     def require_idle(self) -> None:
-        """Check that there is no power on its motor, by its heartbeat, or where it sends none by its parameter.
+        """Check that the motor has no power, by the heartbeat or, if there is none, by the parameter of the axis state.
 
         Raises:
-            StateError: it is in another state. BusError: its state cannot be read.
+            StateError: the module is in another state. BusError: its state cannot be read.
         """
         self.line.require_there()
         state = self.line.state
@@ -166,7 +167,7 @@ class CanSimpleParameters:
                 remedy="stop and disable it with the program that has it, then give the command again",
             )
 
-    # -- how the list is shown to fit -----------------------------------------------------------------------------------------
+    # -- proof that the list fits ----------------------------------------------------------------------------------------------
 
     @property
     def _list(self) -> FittedList:
@@ -178,7 +179,7 @@ class CanSimpleParameters:
         return Firmware(major & 0xFF, minor & 0xFF, revision & 0xFF)
 
     def _numbers(self, frames: tuple[Outgoing, ...], *, again: bool = False) -> list[int]:
-        """Return the numbers that endpoints of every list hold; with ``again`` a second module is waited for."""
+        """Return the values of endpoints that every list has; with ``again``, wait for the answers of a second module."""
         found = []
         for frame in frames:
             number = int.from_bytes(frame.data[1:3], "little")
@@ -201,7 +202,7 @@ class CanSimpleParameters:
     # -- one question, one answer ---------------------------------------------------------------------------------------------
 
     def _ask(self, frame: Outgoing, number: int, what: str) -> EndpointAnswer:
-        if self._asked[number]:  # a late answer must not be taken for that to this question
+        if self._asked[number]:  # a late answer must not be taken for the answer to this request
             time.sleep(TIMEOUT)
             self._asked[number] = 0
         self._answers.clear()
@@ -220,7 +221,7 @@ class CanSimpleParameters:
         )
 
     def _answered(self, number: int) -> bool:
-        """Whether the answer is there; late ones to other questions are thrown away."""
+        """Return whether the answer has come; discard late answers to other requests."""
         while self._answers and self._answers[0].endpoint != number:
             self._answers.popleft()
         return bool(self._answers)
@@ -249,7 +250,7 @@ class CanSimpleParameters:
     # -- restarts -------------------------------------------------------------------------------------------------------------
 
     def _wait_for_restart(self, restarts: int, began: float) -> None:
-        """Wait until the heartbeats stop or begin anew; of a module without them until it does not answer."""
+        """Wait until the heartbeats stop or restart; if the module sends none, until it does not answer."""
         end = began + _RESTARTS
         while time.monotonic() < end:
             if self.line.beats.restarts > restarts or self._is_silent():
@@ -272,7 +273,7 @@ class CanSimpleParameters:
         return False
 
     def _come_back(self, began: float) -> None:
-        """Wait until it answers as before, and prove the list anew."""
+        """Wait until the module answers as before, and prove the list again."""
         seen = ""
         while time.monotonic() < began + _BACK:
             try:
@@ -281,7 +282,7 @@ class CanSimpleParameters:
                     self.line.listen(_LISTEN)
                     self._prove()
                     return
-            except NodeError as error:  # it restarts: silence is what is to be expected
+            except NodeError as error:  # the module is restarting, so silence is expected
                 seen = error.message
         raise NodeTimeout(
             f"module {self.line.node} does not come back after saving",

@@ -1,4 +1,4 @@
-"""What a module of CAN Simple is told by messages of its own, without endpoints: its limits, its count, and to clear its errors."""
+"""Settings of a CAN Simple module that have messages of their own and need no endpoints: limits, encoder count, clear errors."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from axisbus.errors import NodeError, StateError
 
 _LIMITS, _LINEAR, _CLEAR = (named(each) for each in ("Set_Limits", "Set_Linear_Count", "Clear_Errors"))
 _COUNT = named("Get_Encoder_Count")
-_AFTER = 0.4  # s of heartbeats that are heard after a command
+_AFTER = 0.4  # s during which the client listens to heartbeats after a command
 _ANSWER = 0.2  # s
-_NEAR = 8  # counts by which a standing encoder may flicker
+_NEAR = 8  # counts by which an encoder at standstill may flicker
 
 
 class ModuleByMessage:
-    """A module on a line that is open; holds the counts that it told last: over turns, and within one."""
+    """A module on an open line; holds its last reported counts: over turns, and within one turn."""
 
     def __init__(self, line: SimpleLine) -> None:
         """``line`` must not be open yet."""
@@ -27,10 +27,10 @@ class ModuleByMessage:
         line.hear(_COUNT.command, self._count)
 
     def require_idle(self, seconds: float = LISTEN) -> None:
-        """Listen, and check that one module has this node ID and that it is idle; blocks.
+        """Listen, and check that exactly one module has this node ID and that it is idle; blocks.
 
         Raises:
-            StateError: it is not idle, or is not heard. NodeError: several have this node ID.
+            StateError: it is not idle, or sends no heartbeat. NodeError: several modules have this node ID.
         """
         self.line.listen(seconds)
         state = self.line.state
@@ -42,10 +42,10 @@ class ModuleByMessage:
             )
 
     def set_limits(self, velocity: float, current: float) -> None:
-        """Set its limits: turns/s of the rotor and A (50 at most). No message tells them: nothing confirms it. Blocks.
+        """Set the limits: turns/s of the rotor and A (50 at most). They cannot be read back: no message reports them. Blocks.
 
         Raises:
-            LimitError: a value that is not sent. StateError, NodeError: as ``require_idle``, or it restarted or left.
+            LimitError: a value that cannot be sent. StateError, NodeError: as ``require_idle``, or the module restarted or left.
         """
         frame = encode(self.line.node, _LIMITS, {"Velocity_Limit": velocity, "Current_Limit": current})
         self.require_idle()
@@ -54,10 +54,11 @@ class ModuleByMessage:
         self.line.require_there()
 
     def set_zero(self) -> None:
-        """Let its count over turns be 0 where it stands, until its next start, and read it back. Blocks.
+        """Set the count over turns to 0 at the present position, until the next start, and read it back. Blocks.
 
         Raises:
-            StateError, NodeError: as ``require_idle``; it turns, does not tell its count, or does not count from 0 after it.
+            StateError, NodeError: as ``require_idle``; the output turns, the module does not report its count,
+                or the count is not 0 after it.
         """
         self.require_idle()
         before = self._ask()
@@ -80,10 +81,10 @@ class ModuleByMessage:
             )
 
     def clear(self) -> None:
-        """Clear its errors, which enables nothing, and see by its heartbeat that the axis's word is 0. Blocks.
+        """Clear the errors, which enables nothing, and check by heartbeat that the axis's error word is 0. Blocks.
 
         Raises:
-            StateError, NodeError: as ``require_idle``; the error stays.
+            StateError, NodeError: as ``require_idle``; the error remains.
         """
         self.require_idle(_AFTER)
         self.line.send(encode(self.line.node, _CLEAR))
@@ -98,7 +99,7 @@ class ModuleByMessage:
             )
 
     def _ask(self) -> tuple[int, int]:
-        """Return its counts; asked by eight bytes of 0, which also a bus without remote frames has."""
+        """Return the counts; the request is a data frame of eight zeros (works without remote frames), then a remote frame."""
         self._counts = None
         for remote in (False, True):
             self.line.send(request(self.line.node, _COUNT, remote=remote))

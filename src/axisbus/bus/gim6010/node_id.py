@@ -1,8 +1,8 @@
-"""Giving a module that speaks CAN Simple another node ID: told, seen under the new one, saved, and seen there again.
+"""Give a CAN Simple module another node ID: set it, see it under the new ID, save, and see it there again.
 
-Theory of operation. The new ID holds in RAM as soon as the module takes it, so that its heartbeats come under the new one; saving
-brings it to flash and restarts the module. Each step is seen before the next. Where it breaks off before the save, the module has
-the new ID until it is switched off, and the old one again after; in each case it is found by its heartbeats.
+Theory of operation. The module uses the new ID in RAM as soon as it accepts it, so its heartbeats then come under the new ID.
+Saving writes the ID to flash and restarts the module. Each step is verified before the next. If the procedure breaks off before the
+save, the module has the new ID until it is switched off, and the old one after that. In both cases its heartbeats show where it is.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
 from axisbus.errors import NodeError, NodeTimeout, StateError
 
 _SET, _SAVE = named("Set_Axis_Node_ID"), named("Save_Configuration")
-_TAKEN = 2.0  # s in which a heartbeat has to come under the new ID
-_QUIET = 0.5  # s after that, in which none may come under the old one
-_RESTARTS = 3.0  # s in which saving has to begin the restart
-_BACK = 25.0  # s that owners gave a restart
+_TAKEN = 2.0  # s in which a heartbeat must come under the new ID
+_QUIET = 0.5  # s after that, in which no heartbeat may come under the old ID
+_RESTARTS = 3.0  # s within which the restart after a save must begin
+_BACK = 25.0  # s for a restart, from the experience of owners
 _LOOK = 0.05
 
 
 def set_node_id(channel: Channel, old: int, new: int, *, save: bool, tell: Callable[[str], None]) -> None:
-    """Give the module with node ID ``old`` the ID ``new`` (0 to 63 both); ``tell`` hears of each step. Blocks up to 30 s.
+    """Give the module with node ID ``old`` the ID ``new`` (both 0 to 63); ``tell`` reports each step. Blocks up to 30 s.
 
-    That ``new`` is free has to be known before (``commissioning.require_free``).
+    The caller must have checked that ``new`` is free (``node_id_preconditions.require_free``).
 
     Raises:
-        StateError: it is not idle, or somebody beats under the new ID.
-        NodeError: it does not take the ID, does not restart, or comes back with the old one.
+        StateError: the module is not idle, or another module sends heartbeats under the new ID.
+        NodeError: the module does not accept the ID, does not restart, or comes back with the old ID.
     """
     with ExitStack() as stack:
         before, after = (stack.enter_context(SimpleLine(channel, node)) for node in (old, new))
@@ -84,7 +84,7 @@ def _save(before: SimpleLine, after: SimpleLine) -> None:
 
 
 def _back(before: SimpleLine, after: SimpleLine, gone: float) -> None:
-    """Wait for the first heartbeat after the restart, under whichever ID."""
+    """Wait for the first heartbeat after the restart, under either ID."""
     while time.monotonic() < gone + _BACK:
         if (before.last_beat or 0.0) > gone:
             raise NodeError(

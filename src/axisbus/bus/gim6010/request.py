@@ -1,14 +1,14 @@
-"""A frame of CAN Simple or CANopen that a dialogue sends: data, or a remote one that asks for them."""
+"""A frame of CAN Simple or CANopen that a dialogue sends: a data frame, or a remote frame that requests data."""
 
 from __future__ import annotations
 
 from typing import Protocol
 
-_LENGTH = 8  # bytes that a remote frame asks for
+_LENGTH = 8  # bytes that a remote frame requests
 
 
 class RequestFrame(Protocol):
-    """A frame to be sent: 11 bits, its data, or a ``remote`` one without."""
+    """A frame to send: 11-bit identifier and data, or ``remote`` without data."""
 
     @property
     def can_id(self) -> int:
@@ -16,15 +16,15 @@ class RequestFrame(Protocol):
 
     @property
     def data(self) -> bytes:
-        """Its data."""
+        """The data of a data frame."""
 
     @property
     def remote(self) -> bool:
-        """Whether it asks for data instead."""
+        """Whether it is a remote frame."""
 
 
 class Sends(Protocol):
-    """Where it goes: a ``Channel``."""
+    """Destination of the frames: a ``Channel``."""
 
     def send(self, can_id: int, data: bytes) -> None:
         """Send a data frame."""
@@ -34,7 +34,7 @@ class Sends(Protocol):
 
 
 def send(channel: Sends, request: RequestFrame) -> None:
-    """Send it; raises as ``Channel.send``."""
+    """Send the frame; raises as ``Channel.send``."""
     if request.remote:
         channel.send_remote(request.can_id, _LENGTH)
     else:

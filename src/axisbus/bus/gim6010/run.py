@@ -1,4 +1,4 @@
-"""A pure dialogue over a channel: its requests are sent, it is told every frame that comes, and of what nobody acknowledges."""
+"""Run a pure dialogue over a channel: send its requests, and pass it all received frames and missing acknowledgements."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from axisbus.bus.link.errorframe import CanErrorState
 from axisbus.cia301.frame import CanFrame
 from axisbus.errors import AdapterError
 
-_TICK = 0.001  # s between two looks
+_TICK = 0.001  # s between two polls
 _NO_ACKNOWLEDGE = "no acknowledge"  # as ``errorframe`` describes it
 
 
 class ModuleProcedure(Protocol):
-    """What decides; times are those of ``time.monotonic()``, in s."""
+    """A dialogue; its times are those of ``time.monotonic()``, in s."""
 
     @property
     def done(self) -> bool:
-        """Whether it has ended."""
+        """Whether the dialogue has ended."""
 
     def note(self, frame: CanFrame) -> None:
-        """Take a frame that was heard, in the order of time."""
+        """Handle a received frame; called in the order of time."""
 
     def trouble(self, words: str) -> None:
-        """Hear that a request was not acknowledged, or not sent."""
+        """Handle a request that was not acknowledged or not sent."""
 
     def step(self, now: float) -> RequestFrame | None:
-        """Let time pass, and return what is to be sent now."""
+        """Advance to ``now`` and return the frame to send, if any."""
 
 
 def run(channel: Channel, dialogue: ModuleProcedure) -> None:
-    """Run a dialogue to its end; blocks so long.
+    """Run a dialogue to its end; blocks until then.
 
     Raises:
         AdapterError: the channel failed before anything was sent, or stopped receiving.
@@ -68,7 +68,7 @@ def _send(channel: Channel, dialogue: ModuleProcedure, request: RequestFrame) ->
 
 
 class _Watch:
-    """Looks for signs that what was sent is not acknowledged; holds what the channel had told before."""
+    """Detects that sent frames are not acknowledged; holds the number of error frames before the dialogue."""
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
@@ -76,7 +76,7 @@ class _Watch:
         self.sent = False
 
     def sign(self) -> str:
-        """Return the first sign in words; empty where there is none."""
+        """Return the first sign as text; empty if there is none."""
         if not self.sent:
             return ""
         channel = self._channel

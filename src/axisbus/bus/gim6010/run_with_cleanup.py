@@ -1,8 +1,9 @@
-"""A dialogue that moves something: whatever ends it, its own way out runs to its end before the program goes on.
+"""Run a dialogue that moves a motor: whatever ends it, its own cleanup runs to its end before the program continues.
 
-Theory of operation. Ctrl-C, SIGTERM and SIGHUP do not tear it apart: they are told to it as a wish, which it heeds with its next
-step, and which of them it was is returned. An exception out of what hears its news (a closed pipe) becomes a wish too, and is
-raised again when the dialogue has ended. What cannot even go on sends its parting frames.
+Theory of operation. Ctrl-C, SIGTERM and SIGHUP do not interrupt the dialogue. The signal handler calls ``interrupt``, the dialogue
+starts its cleanup with the next step, and the function returns the signal. An exception in the callback for news (a closed pipe)
+also calls ``interrupt``; it is raised again when the dialogue has ended. If even the cleanup cannot run, the dialogue's final
+frames are sent.
 """
 
 from __future__ import annotations
@@ -22,38 +23,38 @@ from axisbus.cia301.frame import CanFrame
 from axisbus.errors import AxisbusError
 
 Tell = Callable[[str], None]
-_SIGNALS = {"SIGINT": "Ctrl-C", "SIGTERM": "SIGTERM", "SIGHUP": "SIGHUP"}  # not all are on every system
+_SIGNALS = {"SIGINT": "Ctrl-C", "SIGTERM": "SIGTERM", "SIGHUP": "SIGHUP"}  # not every system has all of them
 _PARTINGS = 3
 
 
 class Interruptible(Protocol):
-    """A dialogue that has a way out of its own, which is bounded."""
+    """A dialogue with a cleanup of its own, which takes a limited time."""
 
     news: deque[str]
 
     @property
     def done(self) -> bool:
-        """As of ``Dialogue``."""
+        """As ``ModuleProcedure.done``."""
 
     @property
     def parting(self) -> Sequence[RequestFrame]:
-        """What takes the power away, where it cannot go on itself."""
+        """Final frames that remove the power if the dialogue cannot continue."""
 
     def note(self, frame: CanFrame) -> None:
-        """As of ``Dialogue``."""
+        """As ``ModuleProcedure.note``."""
 
     def trouble(self, words: str) -> None:
-        """As of ``Dialogue``."""
+        """As ``ModuleProcedure.trouble``."""
 
     def step(self, now: float) -> RequestFrame | None:
-        """As of ``Dialogue``."""
+        """As ``ModuleProcedure.step``."""
 
     def interrupt(self, why: str) -> None:
-        """Have it take its way out."""
+        """Make the dialogue start its cleanup."""
 
 
 class _Told:
-    """The same dialogue, whose news are told."""
+    """A dialogue whose news are passed to ``tell``."""
 
     def __init__(self, dialogue: Interruptible, tell: Tell) -> None:
         self._dialogue, self._tell = dialogue, tell
@@ -71,10 +72,10 @@ class _Told:
 
 
 def run_guarded(channel: Channel, dialogue: Interruptible, tell: Tell) -> int:
-    """Run it to its end, whatever comes; blocks. Return the signal that ended it, 0 for none.
+    """Run a dialogue and its cleanup to the end in any case; blocks. Return the signal that interrupted it, 0 for none.
 
     Raises:
-        AdapterError: the channel failed before anything was sent. Whatever ``tell`` raises, after the dialogue's way out.
+        AdapterError: the channel failed before anything was sent. Any exception of ``tell``, after the dialogue's cleanup.
     """
     with _signals(dialogue) as caught:
         try:
@@ -88,7 +89,7 @@ def run_guarded(channel: Channel, dialogue: Interruptible, tell: Tell) -> int:
 def _leave(channel: Channel, dialogue: Interruptible, error: BaseException) -> None:
     dialogue.interrupt(f"this program broke off: {type(error).__name__}")
     try:
-        with suppress(AxisbusError):  # the first error is told
+        with suppress(AxisbusError):  # the first error is reported
             run(channel, dialogue)
     finally:
         if not dialogue.done:
@@ -100,7 +101,7 @@ def _leave(channel: Channel, dialogue: Interruptible, error: BaseException) -> N
 
 @contextmanager
 def _signals(dialogue: Interruptible) -> Iterator[list[int]]:
-    """Let signals be wishes; in the main thread alone, where Python delivers them."""
+    """Handle signals by ``interrupt``; only in the main thread, in which Python delivers them."""
     caught: list[int] = []
     before = {}
 
