@@ -1,1 +1,1 @@
-"""One node on the bus: NMT, EMCY, events, its dictionary, and what a scan finds of it."""
+"""One node on the bus: NMT, EMCY, events, object dictionary, and the result of a scan."""

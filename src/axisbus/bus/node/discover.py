@@ -1,13 +1,13 @@
-"""Who is on the bus, and what they are: all node IDs asked at once, then details from those that answered.
+"""Find the nodes on the bus: request all node-IDs at once, then read details from the nodes that answer.
 
 Theory of operation
 -------------------
-One upload of 1000h goes to every node ID, a frame a millisecond or so, without waiting for answers between: an absent node then
-costs nothing but its frame. The pace keeps a queue of ten frames from filling even at 125 kbit/s. Heartbeats count too, because a
-stopped node answers no SDO. Those that answered are asked for their identity in parallel, one client each.
+The scan sends one upload request of 1000h to every node-ID, a frame every 1.5 ms, without waiting for answers. An absent node then
+costs only its frame. At this pace a queue of ten frames does not fill even at 125 kbit/s. Heartbeats count too, because a stopped
+node answers no SDO. The scan then reads the identities of the nodes that answered in parallel, with one client each.
 
-Before it asks, it listens for some heartbeats of modules that speak CAN Simple: to one with node ID 48 the request to CANopen node
-2 is an emergency stop, that to node 7 a new state. Such node IDs are not asked.
+Before it sends a request, the scan listens for heartbeats of modules that use CAN Simple. For such a module with node ID 48 the
+request to CANopen node 2 is an emergency stop, and the request to node 7 a new state. The scan sends no requests to such node-IDs.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from axisbus.drives.gim6010.factory_protocols import Protocol, ProtocolListener,
 from axisbus.errors import SdoError
 
 PACE = 0.0015  # seconds between two frames
-LISTEN = 1.4  # seconds to listen in all: the usual heartbeat of 1 s fits in
-_QUIET = 0.33  # of these, before anything is asked
+LISTEN = 1.4  # seconds to listen in total: long enough for the usual heartbeat period of 1 s
+_QUIET = 0.33  # fraction of this time before the first request
 DETAIL_TIMEOUT = 0.15
 _DETAIL_TRIES = 2
 _DETAIL_TOTAL = 1.2
@@ -41,7 +41,7 @@ _DEVICE_TYPE = b"\x43" + o.DEVICE_TYPE.to_bytes(2, "little") + b"\0"  # an answe
 
 @dataclass(frozen=True, slots=True)
 class DiscoveredNode:
-    """One node that was found; ``nmt`` is None where it sent no heartbeat while we listened."""
+    """One node that was found; ``nmt`` is None if it sent no heartbeat during the scan."""
 
     node_id: int
     answers_sdo: bool
@@ -50,7 +50,7 @@ class DiscoveredNode:
 
     @property
     def kind(self) -> str:
-        """What its device type says in words, empty where it was not read."""
+        """The meaning of its device type as text, empty if the device type was not read."""
         return device_kind(self.identity.device_type)
 
 
@@ -62,11 +62,11 @@ def scan(
 ) -> list[DiscoveredNode]:
     """Find the nodes among ``ids``; blocks ``listen`` seconds, and up to 1.2 s more for details (under 3 s for 127 IDs).
 
-    To be used before nodes are opened on the channel: it talks to their SDO servers. ``listening`` hears every frame meanwhile, and
-    knows afterwards who speaks another protocol than CANopen.
+    Call this before nodes are opened on the channel, because it uses their SDO servers. ``listening`` receives every frame
+    meanwhile, and afterwards knows the devices that use another protocol than CANopen.
 
     Raises:
-        AdapterError: the channel failed, or nobody acknowledges its frames.
+        AdapterError: the channel failed, or no node acknowledges its frames.
         StateError: called in the receive thread.
     """
     require_other_thread(channel, "a scan of the bus")
@@ -102,13 +102,13 @@ def _ask(ears: _Ears, others: ProtocolListener, listen: float) -> None:
 
 
 def _safe(ids: Iterable[int], others: ProtocolListener) -> list[int]:
-    """The node IDs whose request no module takes for a command of another protocol."""
+    """Return the node-IDs whose request no module takes for a command of another protocol."""
     taken = {each.node for each in others.speakers if each.protocol is Protocol.CAN_SIMPLE}
     return [node_id for node_id in ids if simple_node(cob.SDO_RX + node_id) not in taken]
 
 
 class _Ears:
-    """Listens to SDO answers and heartbeats while a scan asks; holds state: what was heard."""
+    """Receiver of SDO answers and heartbeats during a scan; holds state: the newest of each node."""
 
     def __init__(self, channel: Channel, ids: tuple[int, ...]) -> None:
         self.ids = ids
@@ -161,7 +161,7 @@ def _pause_until(t: float) -> None:
 
 
 def _details(channel: Channel, ids: list[int]) -> dict[int, NodeIdentity]:
-    """Read identities in parallel; a node that is too slow for the time there is has none."""
+    """Read identities in parallel; nodes that are too slow for the available time are left out."""
     if not ids:
         return {}
     clients = {

@@ -1,4 +1,4 @@
-"""Emergency messages of one node: received in any length, kept in a bounded history, grouped, and fed to each axis of the node."""
+"""Emergency messages of one node: received in any length, stored in a bounded history, grouped, fed to each axis of the node."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ _SHORTEST = 2  # bytes: the error code
 
 
 class EmcyFeed:
-    """What has come since one reader looked last; holds state: at most the newest 64 messages, ``lost`` counts older ones."""
+    """Messages that one reader has not read yet; holds state: the newest 64 at most, ``lost`` counts older ones."""
 
     def __init__(self) -> None:
         self.lost = 0
         self.waiting: deque[Emcy] = deque(maxlen=FEED)
 
     def put(self, emcy: Emcy) -> None:
-        """Add one; called in the receive thread."""
+        """Add a message; called in the receive thread."""
         self.lost += len(self.waiting) == FEED
-        self.waiting.append(emcy)  # drops the oldest of a full queue
+        self.waiting.append(emcy)  # removes the oldest message of a full queue
 
     def take(self) -> tuple[Emcy, ...]:
-        """Return and forget what waits; called by the one reader."""
+        """Return and remove all messages; called by the one reader."""
         count = len(self.waiting)
         return tuple(self.waiting.popleft() for _ in range(count))
 
 
 class EmcyMonitor(EmcyLog):
-    """Receives a node's emergency messages; holds state: what the log holds, and the feeds.
+    """Receives a node's emergency messages; holds state: the log and the feeds.
 
-    Frames shorter than 8 bytes are read as if filled with zeros; one without an error code is counted in ``malformed``.
+    Frames shorter than 8 bytes are filled with zeros. Frames without an error code are counted in ``malformed``.
     """
 
     def __init__(self, channel: Channel, node_id: int, cob_id: int | None = None) -> None:
-        """``cob_id`` is that of object 1014h, None for the predefined 80h + node ID."""
+        """``cob_id`` is that of object 1014h, None for the predefined 80h + node-ID."""
         super().__init__()
         self.malformed = 0
         self._feeds: tuple[EmcyFeed, ...] = ()
@@ -57,7 +57,7 @@ class EmcyMonitor(EmcyLog):
         return feed
 
     def listen_to(self, cob_id: int) -> None:
-        """Listen to another COB-ID, that of the node's own 1014h."""
+        """Change the COB-ID to that of the node's own 1014h."""
         if cob_id == self._cob_id:
             return
         self._channel.unsubscribe(self._cob_id, self._on_frame)

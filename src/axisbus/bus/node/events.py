@@ -1,7 +1,7 @@
-"""What error control has to tell of one node while the scan runs: lost, back again, restarted, in another NMT state.
+"""Error control events of one node while the scan runs: lost, back again, restarted, in another NMT state.
 
-The scan's cycle looks in each period, just when its frames go out. Where the node has an axis that moves, those frames carry the
-stop already, so that ``reaction`` is the time from when the event could be known until the stop was sent.
+The scan checks for events in each cycle, just when it sends its frames. If an axis of the node moves, those frames already contain
+the stop. So ``reaction`` is the time from the moment at which the event could be known until the stop was sent.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from axisbus.wording import counted
 
 _KEPT = 256
 EVERY = 1.0  # seconds between two events of the same kind in the history
-_OPERATIONAL = NmtState.OPERATIONAL  # looked at in every cycle
+_OPERATIONAL = NmtState.OPERATIONAL  # compared in every cycle
 
 
 class NodeEventKind(Enum):
-    """What happened."""
+    """Kind of an event."""
 
     LOST = "is lost: its heartbeat stays away"
     UNANSWERED = "is lost: it does not answer node guarding"
@@ -44,12 +44,13 @@ BAD = frozenset(NodeEventKind) - {NodeEventKind.BACK, NodeEventKind.OPERATIONAL}
 class NodeEvent:
     """One event: ``stamp`` in seconds of the monotonic clock; ``silent`` and ``reaction`` in seconds.
 
-    ``silent`` is how long nothing had been heard of the node, ``reaction`` the time from when the event could be known (the
-    deadline of a heartbeat, the reception of a message) until the scan acted. ``times`` is how often it has happened since the last
-    event of its kind: a node that goes mad is told once in ``EVERY`` seconds for each kind, with the newest of them.
+    ``silent`` is the time since the last report of the node. ``reaction`` is the time from the moment at which the event could be
+    known (the deadline of a heartbeat, the reception of a message) until the scan reacted. ``times`` is the number of occurrences
+    since the last event of this kind. A node that floods the bus causes only one event of each kind in ``EVERY`` seconds, with the
+    newest occurrence.
 
-    Of another master (``MASTER``) ``text`` says what was heard, and ``times`` how many frames; ``node`` is the one that they are
-    for (0: the bus), and nothing is said of its state.
+    For another master (``MASTER``), ``text`` describes the frames, ``times`` is their number, and ``node`` is the node they are
+    sent to (0: the bus). The state is then not meaningful.
     """
 
     node: int
@@ -72,7 +73,7 @@ class NodeEvent:
 
 
 class Monitored(Protocol):
-    """What is known of a node by its heartbeats: a ``NodeMonitor``, or what stands for it without a bus. Times in seconds."""
+    """A node as known by its heartbeats: a ``NodeMonitor``, or an equivalent without a bus. Times in seconds."""
 
     @property
     def node_id(self) -> int:
@@ -80,61 +81,62 @@ class Monitored(Protocol):
 
     @property
     def state(self) -> NmtState:
-        """The NMT state that it reported last."""
+        """The last reported NMT state."""
 
     @property
     def stamp(self) -> float | None:
-        """When it reported last."""
+        """Time of the last report."""
 
     @property
     def bootups(self) -> int:
-        """How many boot-up messages have come."""
+        """Number of received boot-up messages."""
 
     @property
     def bootup_stamp(self) -> float | None:
-        """When the last of them came."""
+        """Time of the last boot-up message."""
 
     @property
     def duplicate(self) -> str:
-        """What shows that a second device has its node-ID; empty where nothing does."""
+        """Evidence that a second device has this node-ID; empty if there is none."""
 
     @property
     def guarded(self) -> bool:
-        """Whether it is asked for its state by node guarding, because it sends no heartbeat."""
+        """Whether node guarding monitors the node, because it sends no heartbeat."""
 
     @property
     def deadline(self) -> float:
-        """When the next report is overdue."""
+        """Time at which the next report is overdue."""
 
     def overdue(self, now: float) -> bool:
-        """Whether it is."""
+        """Whether the next report is overdue at the time ``now``."""
 
 
 class NodeEvents:
-    """Watches what the monitor of a node has heard; holds state: what was seen last, and the last 256 events."""
+    """Detects events from the monitor of a node; holds state: the last values of the monitor, and the last 256 events."""
 
     def __init__(self, monitor: Monitored) -> None:
-        """Begin with the node as it is now."""
+        """Begin with the present state of the node."""
         self.history: deque[NodeEvent] = deque(maxlen=_KEPT)
         self._hear: tuple[Callable[[NodeEvent], None], ...] = ()
         self._monitor = monitor
         self._bootups = monitor.bootups
         self._operational = monitor.state is NmtState.OPERATIONAL
         self._lost = self._doubled = False
-        self._told: dict[NodeEventKind, float] = {}  # when each kind was told last
-        self._held: dict[NodeEventKind, NodeEvent] = {}  # what waits until it may be told again
+        self._told: dict[NodeEventKind, float] = {}  # time of the last event of each kind in the history
+        # Events that wait until they may be added to the history.
+        self._held: dict[NodeEventKind, NodeEvent] = {}
 
     @property
     def events(self) -> list[NodeEvent]:
-        """The history and what waits to get into it, in the order of time; may be read in any thread."""
+        """The history and the waiting events, in the order of time; may be read in any thread."""
         return sorted([*self.history, *list(self._held.values())], key=lambda event: event.stamp)
 
     def hear(self, call: Callable[[NodeEvent], None]) -> None:
-        """Have ``call`` called with every single event from now on, in the scan's thread: it must not block."""
+        """Call ``call`` for every single event from now on, in the scan's thread; it must not block."""
         self._hear = (*self._hear, call)
 
     def look(self, now: float) -> None:
-        """Note what has changed since the last look; does not block. Belongs to the scan's thread."""
+        """Record the changes since the last call; does not block. Only for the scan's thread."""
         monitor = self._monitor
         if monitor.bootups != self._bootups:
             self._bootups, self._operational = monitor.bootups, False
@@ -162,7 +164,7 @@ class NodeEvents:
             self._note(NodeEventKind.BACK, now, self._monitor.stamp)
 
     def _note(self, kind: NodeEventKind, now: float, since: float | None) -> None:
-        """Note an event that could be known ``since`` a time; None: since now."""
+        """Record an event that could be known at the time ``since``; None: now."""
         monitor = self._monitor
         event = NodeEvent(
             monitor.node_id, kind, now, monitor.state, _passed(monitor.stamp, now), _passed(since, now)
@@ -182,5 +184,5 @@ class NodeEvents:
 
 
 def _passed(since: float | None, now: float) -> float:
-    """The seconds since then; what is stamped while the scan looks has not passed."""
+    """Return the seconds since ``since``, at least 0: a stamp may be newer than ``now``."""
     return 0.0 if since is None else max(0.0, now - since)

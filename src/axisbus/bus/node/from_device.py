@@ -1,4 +1,4 @@
-"""An EDS from the device itself: the one that it stores (1021h), else a skeleton of what it answers to."""
+"""Get an EDS from the device: the stored one (1021h), or else a skeleton of the objects that it has."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ STORED_EDS, STORE_FORMAT = 0x1021, 0x1022
 _PLAIN, _ZIPPED = 0, 1
 _LONGEST = 1 << 25  # bytes of an unpacked EDS; real ones have some hundred thousand
 _GONE = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING})
-# How many of each kind of PDO parameter are asked for.
+# Number of PDO parameters of each kind to try.
 _ASKED = dict.fromkeys(
     (c301.RPDO_COMMUNICATION, c301.RPDO_MAPPING, c301.TPDO_COMMUNICATION, c301.TPDO_MAPPING), 16
 )
@@ -35,9 +35,9 @@ _KNOWN_ACCESS = ("const", "ro", "wo", "rw")
 _BY_SIZE = {1: DataType.UNSIGNED8, 2: DataType.UNSIGNED16, 4: DataType.UNSIGNED32, 8: DataType.UNSIGNED64}
 _LARGEST_RECORD = 64
 _IDENTITY = {"vendornumber": 1, "productnumber": 2, "revisionnumber": 3}  # sub-indices of 1018h
-_CONSTANT = frozenset((0x6502, 0x67FF))  # of the profile area: what a value read once says for good
+_CONSTANT = frozenset((0x6502, 0x67FF))  # objects of the profile area whose value never changes
 _SILENT_IN_A_ROW = (
-    3  # objects without an answer, after which a device that is there gets less time for the others
+    3  # objects without an answer, after which a device that answers at all gets less time for the others
 )
 _SHORT, _SHORT_TRIES = 0.1, 2  # seconds for an answer then, at least, and attempts
 _MANDATORY = (c301.DEVICE_TYPE, c301.ERROR_REGISTER)
@@ -45,12 +45,12 @@ _NOT_FOR_A_DOWNLOAD = frozenset((c301.STORE_PARAMETERS, c301.RESTORE_DEFAULTS))
 
 
 def stored_eds(sdo: SdoObjectAccess, progress: Progress | None = None) -> bytes | None:
-    """Return the EDS that the device keeps in 1021h, None where it has none; blocks for a long transfer.
+    """Return the EDS that the device stores in 1021h, None if it has none; blocks for a long transfer.
 
     ``progress(done, all)`` counts its bytes.
 
     Raises:
-        EdsError: it is stored in a format that is not known (1022h), or is damaged.
+        EdsError: the storage format (1022h) is not known, or the EDS is damaged.
         SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
     """
     try:
@@ -58,7 +58,7 @@ def stored_eds(sdo: SdoObjectAccess, progress: Progress | None = None) -> bytes 
     except SdoAbort:
         return None
     except SdoTimeout as silence:
-        require_answering(sdo, silence)  # silent for an object that it does not have
+        require_answering(sdo, silence)  # some devices do not answer for an object that they do not have
         return None
     kind = _format(sdo)
     if kind == _PLAIN:
@@ -104,13 +104,15 @@ def skeleton(
     progress: Callable[[int, int], None] | None = None,
     tell: Callable[[str], None] | None = None,
 ) -> Eds:
-    """Ask the device for every object of CiA 301 and CiA 402 and describe those that it has; blocks, writes nothing.
+    """Read every object of CiA 301 and CiA 402 and describe those that the device has; blocks, writes nothing.
 
-    Names and types are the standard's; where the device sends another size, the type is an unsigned one of that size. Access is the
-    standard's too, because reading cannot show it. The maker's own objects are not found. ``progress(done, all)``.
+    Names and types are those of the standard. If the device sends another size, the type is an unsigned type of that size. Access
+    is also that of the standard, because reading cannot show it. Manufacturer-specific objects are not found. ``progress(done,
+    all)``.
 
-    An object that gets no answer is left out. After several in a row a device that still answers for 1000h is given a shorter time
-    limit for the others (twice 0.1 s, or four times its slowest answer if that is longer); ``tell`` gets a sentence that says so.
+    An object without an answer is left out. After several in a row, if the device still answers for 1000h, the other objects get a
+    shorter time limit: two attempts of 0.1 s, or of four times its slowest answer if that is longer. ``tell`` gets a sentence about
+    that.
 
     Raises:
         SdoTimeout: the device answers for no object, or no longer does. AdapterError: the channel failed.
@@ -130,7 +132,7 @@ def skeleton(
 
 
 def _device(objects: Mapping[int, Object]) -> dict[str, str]:
-    """Return what [DeviceInfo] can say of the objects that were found; bit rates and names nobody can read."""
+    """Return the entries of [DeviceInfo] that follow from the objects; bit rates and names cannot be read."""
     identity = objects[c301.IDENTITY].subs if c301.IDENTITY in objects else {}
     found = {}
     for key, subindex in _IDENTITY.items():
@@ -143,7 +145,7 @@ def _device(objects: Mapping[int, Object]) -> dict[str, str]:
 
 
 def as_file(eds: Eds, name: str, now: datetime, bitrate: int | None = None) -> Eds:
-    """Return the model with the information of a new file of this name, made ``now`` over a bus of ``bitrate`` (bit/s)."""
+    """Return the model with the file information of a new file ``name``, made ``now`` over a bus of ``bitrate`` (bit/s)."""
     date, clock = now.strftime("%m-%d-%Y"), now.strftime("%I:%M%p")
     entries = {
         "filename": name,
@@ -161,7 +163,7 @@ def as_file(eds: Eds, name: str, now: datetime, bitrate: int | None = None) -> E
 
 
 def _candidates() -> dict[int, StandardObject]:
-    """Return the standard's row of every index worth asking for."""
+    """Return the standard's row of every index to try."""
     heads: dict[int, StandardObject] = {}
     for row in catalogue.ROWS:
         for index in row.indices if row.single else row.indices[: _ASKED.get(row.index, 0)]:
@@ -170,23 +172,26 @@ def _candidates() -> dict[int, StandardObject]:
 
 
 def _name(index: int, row: StandardObject) -> str:
-    """Return an object's name, with a number where the standard has one name for a range of PDO parameters."""
+    """Return an object's name, with a number if the standard has one name for a range of PDO parameters."""
     return row.name if row.single else f"{row.name} {index - row.index + 1}"
 
 
 class _Asking:
-    """Uploads for a skeleton; holds how many objects in a row got no answer, and the time limit that follows from it."""
+    """Uploads for a skeleton; holds the number of objects in a row without an answer, and the resulting time limit."""
 
     def __init__(self, sdo: SdoObjectAccess, tell: Callable[[str], None] | None) -> None:
         self.sdo = sdo
         self._tell = tell
         self._silent = 0
-        self._slowest = 0.0  # seconds that an answer took
-        self._limit: float | None = None  # seconds for an answer; None: as usual
+        self._slowest = 0.0  # seconds, of all answers
+        self._limit: float | None = None  # seconds for an answer; None: the usual limit
         self._answered = False
 
     def upload(self, index: int, subindex: int = 0) -> bytes:
-        """As ``SdoObjectAccess.upload``. 1000h and 1001h have the usual time: ``try_upload`` checks the device by them."""
+        """As ``SdoObjectAccess.upload``.
+
+        1000h and 1001h have the usual time limit, because ``try_upload`` checks the device with them.
+        """
         begun = time.monotonic()
         if self._limit is not None and index not in _MANDATORY and isinstance(self.sdo, SdoClient):
             data = self.sdo.upload(index, subindex, timeout=self._limit, tries=_SHORT_TRIES)
@@ -259,9 +264,9 @@ def _subs(asking: _Asking, index: int, name: str, count: int) -> Iterator[tuple[
 
 
 def _upload(asking: _Asking, index: int, subindex: int) -> bytes | None:
-    """Return an entry's bytes, empty if it is there but cannot be read, None if it is not there.
+    """Return an entry's bytes, empty if it exists but cannot be read, None if it does not exist.
 
-    An object that gets no answer counts as one that the device does not have: some devices are silent for those.
+    An object without an answer counts as missing: some devices do not answer for missing objects.
     """
     found = asking.find(index, subindex)
     if isinstance(found, bytes):
@@ -301,12 +306,12 @@ def _default(data: bytes, data_type: DataType) -> Number | float | str | bytes |
     if isinstance(value, str):
         return printable(value)
     if isinstance(value, float) and not math.isfinite(value):
-        return None  # an EDS cannot say it
+        return None  # an EDS cannot express it
     return value if data else None
 
 
 def _attributes(index: int, subindex: int) -> tuple[str, bool]:
-    """Return access and PDO mapping of the standard; those of the object's last row where it has none for the sub-index."""
+    """Return the standard's access and PDO mapping, those of the object's last row if it has none for the sub-index."""
     rows = catalogue.of(index)
     own = next(
         (number for number, row in enumerate(rows, 1) if row.subindices == range(subindex, subindex + 1)),

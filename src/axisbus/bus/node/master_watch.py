@@ -1,14 +1,15 @@
-"""Another master in operation: frames on COB-IDs that only this master uses on its bus, which it has not sent.
+"""Detect another master during operation: frames that this master has not sent, on COB-IDs that only it uses on its bus.
 
 Theory of operation
 -------------------
-``bus.link.detect_other_master`` listens before our first frame. From then on this watch is a receiver of every COB-ID that gives a
-master away (``cia301.master_detection``): our adapter does not give us our own frames back, so what comes there is of another
-master. A frame of any other COB-ID costs nothing. Each sign becomes an event at once, then one in ``EVERY`` seconds while it goes
-on, with the number of frames. What commands a node of the cell is passed to whoever stops its axes, at most once in ``AGAIN``
-seconds for each COB-ID.
+``axisbus.bus.link.detect_other_master`` listens before the first frame is sent. From then on this watch receives every COB-ID that
+indicates a master (``axisbus.cia301.master_detection``). The adapter does not return the master's own frames, so frames received
+there come from another master. A frame of any other COB-ID costs nothing. Each sign becomes an event at once, then one event in
+``EVERY`` seconds while it continues, with the number of frames. If a frame commands a node of the cell, ``on_command`` is called to
+stop its axes, at most once in ``AGAIN`` seconds for each COB-ID.
 
-An adapter that does give our own frames back would show us as another master. ``Echoes`` finds that out while the nodes are booted.
+An adapter that does return the master's own frames would make this master appear as another one. ``Echoes`` detects that while the
+nodes are booted.
 """
 
 from __future__ import annotations
@@ -31,17 +32,17 @@ from axisbus.wording import counted
 
 AGAIN = 0.1  # seconds
 _KEPT = 256
-_FEWEST = 4  # requests of ours, before anything is concluded from those that came back
-_ANY = b"\x05"  # data by which every COB-ID of a master is found, a heartbeat's too
+_FEWEST = 4  # own requests before anything is concluded from the number that came back
+_ANY = b"\x05"  # data with which the COB-ID of every sign is found, also that of a heartbeat
 
 OnCommand = Callable[[SecondMasterError, frozenset[int]], None]
 
 
 class Echoes:
-    """Whether an adapter gives us our own frames back as if another node had sent them; counts SDO requests during boot-up."""
+    """Detects whether an adapter returns own frames as if another node had sent them; counts SDO requests during boot-up."""
 
     def __init__(self, channel: Channel) -> None:
-        """Listen from now on, until ``end``."""
+        """Start to count; ``end`` stops it."""
         self._both = self._received = 0
         self._listening = ExitStack()
         self._listening.enter_context(channel.overheard(self._hear))
@@ -49,12 +50,12 @@ class Echoes:
         channel.tap(self._see)
 
     def end(self) -> None:
-        """Listen no more; harmless when repeated."""
+        """Stop counting; harmless when repeated."""
         self._listening.close()
 
     @property
     def there(self) -> bool:
-        """Whether most of our requests have come back."""
+        """Whether most own requests have come back."""
         sent = self._both - self._received
         return sent >= _FEWEST and self._received > sent / 2
 
@@ -71,7 +72,7 @@ def _is_request(frame: CanFrame) -> bool:
 
 @dataclass(slots=True)
 class _Heard:
-    """What came of one kind at one COB-ID: frames and time since the last event, and when its nodes were stopped last."""
+    """Frames of one kind at one COB-ID: count and times since the last event, and the time of the last stop of its nodes."""
 
     count: int = 0
     told: float = -math.inf
@@ -80,10 +81,10 @@ class _Heard:
 
 
 class MasterWatch:
-    """Listens for another master; holds state: the last 256 events, and what was heard since. Its receivers may not block."""
+    """Listens for another master; holds state: the last 256 events, and the frames since them. Its callbacks must not block."""
 
     def __init__(self, channel: Channel, *, stops: bool) -> None:
-        """``stops``: whether axes are to be stopped; else the events are all."""
+        """``stops``: whether axes are stopped; otherwise there are only events."""
         self.on_command: OnCommand | None = None
         self._channel = channel
         self._stops = stops
@@ -93,7 +94,7 @@ class MasterWatch:
         self._history: deque[NodeEvent] = deque(maxlen=_KEPT)
 
     def begin(self, cast: ExpectedMasters) -> None:
-        """Listen to what ``cast`` makes a sign; called again where nodes have come later."""
+        """Listen to the signs by ``cast``; called again if nodes have been added later."""
         self._cast = cast
         for can_id in range(cob.ID_MASK_11 + 1):
             if can_id not in self._receivers and sign_of(CanFrame(0.0, can_id, _ANY), cast) is not None:
@@ -101,19 +102,19 @@ class MasterWatch:
                 self._channel.subscribe(can_id, self._receivers[can_id])
 
     def close(self) -> None:
-        """Listen no more; harmless when repeated."""
+        """Stop listening; harmless when repeated."""
         while self._receivers:
             self._channel.unsubscribe(*self._receivers.popitem())
 
     @property
     def events(self) -> list[NodeEvent]:
-        """What was heard so far, in the order of time; may be read in any thread."""
+        """The events so far, in the order of time; may be read in any thread."""
         waits = [self._event(key, one) for key, one in list(self._heard.items()) if one.count]
         return sorted([*self._history, *waits], key=lambda event: event.stamp)
 
     def _hear(self, can_id: int, data: bytes, stamp: float) -> None:
         frame = CanFrame(stamp, can_id, data)
-        if sign_of(frame, self._cast) is None:  # of a heartbeat, its data tells
+        if sign_of(frame, self._cast) is None:  # for a heartbeat the data decides
             return
         nodes = commanded(frame, self._cast)
         key = can_id, nodes
@@ -164,7 +165,7 @@ class MasterWatch:
         return f"{sign.value}{writes}{to} ({can_id:03X}h)"
 
     def _node(self, can_id: int, nodes: frozenset[int]) -> int:
-        """Return the node that it concerns, 0 for the bus."""
+        """Return the node that a frame is for, 0 for the bus."""
         _, node = sign_of(CanFrame(0.0, can_id, _ANY), self._cast) or (None, None)
         if node is not None:
             return node

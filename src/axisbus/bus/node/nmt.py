@@ -1,9 +1,9 @@
-"""Network management of one node: what it reports of itself, and commands that are confirmed (CiA 301 7.2.8).
+"""Network management of one node: its reported state, and commands with confirmation (CiA 301 7.2.8).
 
-An NMT command has no answer of its own. What confirms it is the next heartbeat; where a node sends none and is guarded, the answer
-to a guarding request; where it has neither, that it answers SDO (or, once stopped, no longer does), after which its state is
-*assumed*. A node that is not guarded is never asked by a guarding request: the first one would arm its life guarding, and our
-silence afterwards would fault it.
+An NMT command has no answer of its own. The next heartbeat confirms it. If a node sends no heartbeat and is guarded, the answer to
+a guarding request confirms it. If it has neither, it is confirmed by its SDO server: it must answer (or, once stopped, must not
+answer), and its state is then *assumed*. ``command`` sends no guarding request to a node that is not guarded. The first request
+would start the node's life guarding, and the missing requests afterwards would put the node into a fault.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
 
 
 class Confirmation(Enum):
-    """What showed that a node took a command."""
+    """How a node has shown that it executed a command."""
 
     HEARTBEAT = "its heartbeat"
     BOOT_UP = "its boot-up message"
@@ -41,11 +41,11 @@ class Confirmation(Enum):
 
 
 class NodeMonitor:
-    """What a node said of itself; holds state: last NMT state with its time, latched boot-ups, the watch on its heartbeat.
+    """State that a node reports; holds state: last NMT state with its time, latched boot-ups, heartbeat monitoring.
 
-    Boot-ups are counted, so that none is lost between two looks. Times are seconds of ``time.monotonic()``; ``deadline`` is when
-    the next heartbeat or answer is overdue (infinity: none is expected). An answer is expected only while a guarding request is
-    unanswered. May be used from any thread; the waiting calls not from the receive thread.
+    Boot-ups are counted, so that none is lost between two checks. Times are seconds of ``time.monotonic()``. ``deadline`` is the
+    time at which the next heartbeat or answer is overdue (infinity: none is expected). An answer is expected only while a guarding
+    request is unanswered. May be used from any thread, except that the waiting calls must not be made in the receive thread.
     """
 
     def __init__(self, channel: Channel, node_id: int) -> None:
@@ -56,17 +56,14 @@ class NodeMonitor:
         self.reports = 0
         self.bootups = 0
         self.bootup_stamp: float | None = None
-        self.asking = False  # while node guarding asks, a report is an answer and no heartbeat
-        self.guarded = (
-            False  # somebody asks all the time, so a request more arms no life guarding of the node's
-        )
+        self.asking = False  # during node guarding a report is an answer and not a heartbeat
+        # Guarding requests are sent continuously, so another one does not start the node's life guarding.
+        self.guarded = False
         self.toggle_errors = 0
-        self.duplicate = ""  # what shows that a second device has this node-ID
-        self._turns = (
-            0  # reports in a row that say what the one before the last said, and not what the last said
-        )
+        self.duplicate = ""  # evidence that a second device has this node-ID
+        self._turns = 0  # reports in a row that equal the report before the last, but not the last
         self._before: NmtState | None = None  # the report before the last
-        self._toggle: int | None = None  # of the last answer to guarding
+        self._toggle: int | None = None  # of the last answer to a guarding request
         self._heartbeats = 0
         self._channel = channel
         self._changed = threading.Condition()
@@ -78,7 +75,7 @@ class NodeMonitor:
         channel.subscribe(cob.NMT, self._on_command)
         channel.on_failure.append(self._wake)
 
-    # -- what it says -------------------------------------------------------------------------------------------------------------
+    # -- reported state -----------------------------------------------------------------------------------------------------------
 
     def watch(self, timeout: float | None) -> None:
         """Expect a heartbeat every ``timeout`` seconds from now on (None: expect none)."""
@@ -93,12 +90,12 @@ class NodeMonitor:
 
     @property
     def watched(self) -> float | None:
-        """The consumer time in seconds, None where no heartbeat is expected."""
+        """The consumer time in seconds, None if no heartbeat is expected."""
         return self._watch
 
     @property
     def has_heartbeat(self) -> bool:
-        """Whether it has sent a heartbeat since its last boot-up."""
+        """Whether the node has sent a heartbeat since its last boot-up."""
         return self._heartbeats > 0
 
     def overdue(self, now: float) -> bool:
@@ -106,7 +103,7 @@ class NodeMonitor:
         return now > self.deadline
 
     def operational(self, now: float) -> bool:
-        """Whether its last word was *operational* and its heartbeat is not overdue."""
+        """Whether the last reported state is *operational* and the heartbeat is not overdue."""
         return self.state == NmtState.OPERATIONAL and not self.overdue(now)
 
     def guard(self, timeout: float, period: float) -> None:
@@ -119,9 +116,10 @@ class NodeMonitor:
         self.watch(timeout)
 
     def ask(self, now: float) -> None:
-        """Send a guarding request (CiA 301 7.2.8.3.2.1), and expect its answer where ``guard`` says so.
+        """Send a guarding request (CiA 301 7.2.8.3.2.1), and expect an answer if ``guard`` was called.
 
-        Late requests of our own are no silence of the node: it counts from one period before the first unanswered request.
+        The silence of the node counts from one period before the first unanswered request, so that late requests do not count as
+        silence.
 
         Raises:
             AdapterError: as ``Channel.send_remote``.
@@ -132,18 +130,18 @@ class NodeMonitor:
                 self.deadline = max(self.stamp or 0.0, now - self._guard_period) + self._watch
 
     def describe(self, now: float) -> str:
-        """Return state and age in words, for the text of an error."""
+        """Return state and age as text for an error."""
         if self.stamp is None:
             return "it has never reported its NMT state"
         kind = "assumed" if self.assumed else f"last reported {now - self.stamp:.2f} s ago"
         return f"NMT state {self.state.text} ({kind}), {counted(self.bootups, 'boot-up')} seen"
 
     def note_duplicate(self, why: str) -> None:
-        """Note what shows that a second device has this node-ID; the first reason stays."""
+        """Store the evidence that a second device has this node-ID; the first reason remains."""
         self.duplicate = self.duplicate or why
 
     def assume(self, state: NmtState) -> None:
-        """Take ``state`` for the node's, where it cannot say so itself."""
+        """Assume ``state``, because the node cannot report it."""
         with self._changed:
             self.state, self.assumed = state, True
             self._changed.notify_all()
@@ -164,7 +162,7 @@ class NodeMonitor:
         return self._wait(lambda: self.reports > after, timeout)
 
     def wait_bootup(self, timeout: float, after: int = 0) -> None:
-        """Wait until more than ``after`` boot-ups have been seen since this monitor was made.
+        """Wait until more than ``after`` boot-ups have come since this monitor was made.
 
         Raises:
             NodeTimeout: they have not within ``timeout`` seconds.
@@ -211,7 +209,7 @@ class NodeMonitor:
             if self._is_stale(data[0]):
                 self._drop(DropReason.TOGGLE, data, stamp)
                 return
-            if is_boot_up(data):  # boot-up; the node then enters pre-operational by itself
+            if is_boot_up(data):  # boot-up; the node then enters pre-operational automatically
                 self.bootups += 1
                 self.bootup_stamp = stamp
                 self._heartbeats = 0
@@ -225,7 +223,7 @@ class NodeMonitor:
             self._changed.notify_all()
 
     def _look_for_duplicate(self, state: NmtState) -> None:
-        """Two devices with one node-ID and different states report them in turn."""
+        """Detect two devices with one node-ID and different states, which report their states in turn."""
         turns = state is self._before and state is not self.state and not self.asking
         self._turns = self._turns + 1 if turns else 0
         self._before = self.state
@@ -236,7 +234,7 @@ class NodeMonitor:
         self._channel.drops.note(fault, self.node_id, stamp, cob.HEARTBEAT + self.node_id, data)
 
     def _is_stale(self, value: int) -> bool:
-        """An answer to guarding whose toggle bit has not changed counts as not received (CiA 301 7.2.8.3.2.1)."""
+        """Whether an answer to guarding counts as not received, because its toggle bit has not changed (CiA 301 7.2.8.3.2.1)."""
         if value == NmtState.INITIALISING or not self.asking:
             self._toggle = None
             return False
@@ -248,7 +246,7 @@ class NodeMonitor:
         return False
 
     def _on_command(self, data: bytes, _: float) -> None:
-        """Another master commands this node: where no heartbeat will tell the result, it is assumed."""
+        """Assume the result of another master's command if no heartbeat will report it."""
         if len(data) < 2 or data[1] not in (0, self.node_id) or self.has_heartbeat:
             return
         if data[0] in NmtCommand.__members__.values():
@@ -258,7 +256,7 @@ class NodeMonitor:
         with self._changed:
             if isinstance(
                 error, BusOff
-            ):  # what it does meanwhile nobody hears: it counts again when it reports again
+            ):  # the state during bus-off is unknown; the next report sets it again
                 self.state, self.assumed, self._toggle = NmtState.UNKNOWN, False, None
             self._changed.notify_all()
 
@@ -282,13 +280,13 @@ def command(
 ) -> Confirmation:
     """Send an NMT command to one node and wait until it is confirmed; blocks up to ``timeout`` seconds and one SDO transfer.
 
-    A command that the node's heartbeat does not show in a third of that time is sent again, except for the resets; one that neither
-    heartbeat nor guarding can show is sent twice, because it may have been lost.
+    If the node's heartbeat does not show the result within a third of that time, the command is sent again, except for the resets.
+    If neither heartbeat nor guarding can show it, the command is sent twice, because it may have been lost.
 
-    ``answers_sdo`` tries the node's SDO server once; it serves where a node has neither heartbeat nor guarding.
+    ``answers_sdo`` tries the node's SDO server once; it is used if a node has neither heartbeat nor guarding.
 
     Raises:
-        NodeRefused: it is there and reports another state; NodeTimeout: nothing confirms it.
+        NodeRefused: the node reports another state; NodeTimeout: nothing confirms the command.
         AdapterError: the channel failed.
         StateError: called in the receive thread.
     """
@@ -309,13 +307,14 @@ def command(
         monitor.assume(state)
         return Confirmation.SDO
     seen = f"expected {state.text}; {monitor.describe(time.monotonic())}"
-    if monitor.reports > reports + 1:  # the first report may have crossed the command
+    # The node may have sent the first report before it received the command.
+    if monitor.reports > reports + 1:
         raise not_obeyed(monitor.node_id, wanted, monitor.state, seen)
     raise _unconfirmed(monitor, wanted, seen, timeout, there=monitor.reports > reports)
 
 
 def _reported(channel: Channel, monitor: NodeMonitor, wanted: NmtCommand, timeout: float, after: int) -> bool:
-    """Wait for the heartbeat; a command that it does not show is sent again, because NMT frames are not acknowledged."""
+    """Wait for the heartbeat; repeat the command until it shows the result, because NMT frames are not acknowledged."""
     for chance in range(_CHANCES):
         if chance:
             send(channel, wanted, monitor.node_id)
@@ -325,7 +324,7 @@ def _reported(channel: Channel, monitor: NodeMonitor, wanted: NmtCommand, timeou
 
 
 def _guarded(channel: Channel, monitor: NodeMonitor, state: NmtState, timeout: float) -> bool:
-    """Ask by remote frame until the node says ``state``; give up early if it does not answer at all."""
+    """Send remote frames until the node reports ``state``; give up early if it does not answer at all."""
     deadline = time.monotonic() + timeout
     unanswered = 0
     monitor.asking = True
@@ -342,9 +341,9 @@ def _guarded(channel: Channel, monitor: NodeMonitor, state: NmtState, timeout: f
 
 
 def guarding_answer(channel: Channel, monitor: NodeMonitor, timeout: float) -> NmtState | None:
-    """Ask a node once for its state by node guarding (CiA 301 7.2.8.3.2.1); blocks up to ``timeout`` seconds.
+    """Request a node's state once by node guarding (CiA 301 7.2.8.3.2.1); blocks up to ``timeout`` seconds.
 
-    Not for a node whose life time is set and that nobody goes on to guard. Returns None where no answer comes.
+    Do not use this for a node whose life time is set and that is not guarded continuously. Returns None if no answer comes.
 
     Raises:
         AdapterError: the channel failed, or passes no remote frames on.
@@ -364,7 +363,7 @@ def _serves_sdo(state: NmtState) -> bool:
 
 
 def not_obeyed(node_id: int, wanted: NmtCommand, state: NmtState, seen: str) -> NodeRefused:
-    """Return the error of a node that reports its state, and another one than it was told to take."""
+    """Return the error of a node that reports another state than the commanded one."""
     return NodeRefused(
         f"node {node_id} does not take the NMT command {_name(wanted)!r}: it is there, and {state.text}",
         node=node_id,

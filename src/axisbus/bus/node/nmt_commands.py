@@ -1,11 +1,11 @@
-"""NMT commands given by hand to one node or to all, each confirmed by what the node then shows (CiA 301 7.2.8, 7.3.2).
+"""NMT commands of the user to one node or to all, each confirmed by the reaction of the node (CiA 301 7.2.8, 7.3.2).
 
 Theory of operation
 -------------------
-Before the command it is found out how each node can show that it took it: by heartbeats, which are listened for; else by answers to
-guarding requests, but only where the node's life guarding is off (100Ch x 100Dh is 0), because the first request would arm it and
-our silence afterwards would fault the node; else by whether its SDO server answers. A reset is shown by the boot-up message alone.
-Then the command is sent once, and all nodes are looked at side by side.
+Before the command, the master determines how each node can confirm it. If the node sends heartbeats, these confirm it. Otherwise
+answers to guarding requests do, but only if the node's life guarding is off (100Ch x 100Dh is 0): the first request would start it,
+and the missing requests afterwards would put the node into a fault. Otherwise the answers of its SDO server do. A reset is
+confirmed only by the boot-up message. Then the command is sent once, and all nodes are observed in parallel.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
 from axisbus.errors import SdoError
 
-LISTEN = 1.2  # seconds: the usual heartbeat of 1 s fits in
+LISTEN = 1.2  # seconds: long enough for the usual heartbeat period of 1 s
 PATIENCE = 2.0
 BOOT_PATIENCE = 5.0  # seconds that a node may take to restart
 _GUARD_WAIT = 0.1
@@ -35,9 +35,9 @@ _RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
 
 @dataclass(frozen=True, slots=True)
 class NmtConfirmation:
-    """How a node can show its state: by what, its state before (None: not known), and its heartbeat's period in s (0: none).
+    """How a node can confirm a command, its state before (None: unknown), and its heartbeat's period in s (0: none).
 
-    ``heard`` says whether anything came from it while that was found out.
+    ``heard``: whether anything was received from the node while this was determined.
     """
 
     by: Confirmation
@@ -48,7 +48,7 @@ class NmtConfirmation:
 
 @dataclass(frozen=True, slots=True)
 class NodeReaction:
-    """What a node did: ``state`` is the one it showed (None: it showed nothing), ``seconds`` how long that took."""
+    """Reaction of a node: ``state`` is the state it showed (None: it showed nothing), ``seconds`` the time until then."""
 
     node_id: int
     ok: bool
@@ -58,17 +58,17 @@ class NodeReaction:
 
     @property
     def silent(self) -> bool:
-        """Whether nothing has come from it since the command."""
+        """Whether nothing was received from the node since the command."""
         return not self.ok and self.state is None
 
     @property
     def disobeyed(self) -> bool:
-        """Whether it is there and shows another state than it was told to take."""
+        """Whether the node shows another state than the commanded one."""
         return not self.ok and self.state is not None
 
     @property
     def text(self) -> str:
-        """The outcome in words."""
+        """The outcome as text."""
         if self.silent:
             return self._silence()
         before = f" (was {self.way.before.text})" if self.way.before is not None else ""
@@ -88,7 +88,7 @@ class NodeReaction:
 
 
 def ways(nodes: Iterable[CanopenNode]) -> dict[int, NmtConfirmation]:
-    """Find out how each node shows its state; blocks up to ``LISTEN`` seconds, and for some SDO transfers where one is silent.
+    """Determine how each node can confirm a command; blocks up to ``LISTEN`` seconds, and for some SDO transfers if one is silent.
 
     Raises:
         AdapterError: the channel failed.
@@ -108,9 +108,9 @@ def command(
     *,
     everybody: bool,
 ) -> list[NodeReaction]:
-    """Send an NMT command to each node, or one to all (``everybody``), and see what they do; blocks up to about 5 s.
+    """Send an NMT command to each node, or one to all (``everybody``), and return the reactions; blocks up to about 5 s.
 
-    A node that shows nothing is an outcome, no exception.
+    A node that shows nothing is a result, not an exception.
 
     Raises:
         AdapterError: the channel failed.
@@ -140,7 +140,7 @@ def _way(node: CanopenNode) -> NmtConfirmation:
 
 
 def _read(node: CanopenNode, index: int) -> int:
-    """Return a number of the node, 0 where it has none or does not answer (a stopped one does not)."""
+    """Return a number of the node, 0 if it has none or does not answer (a stopped node does not)."""
     try:
         return int.from_bytes(node.sdo.upload(index, timeout=_SDO_TIMEOUT, tries=1), "little")
     except SdoError:
@@ -174,7 +174,7 @@ def _reaches(node: CanopenNode, state: NmtState, way: NmtConfirmation, reports: 
 
 
 def _guarded(node: CanopenNode) -> NmtState | None:
-    """Ask once by remote frame; None where nothing comes."""
+    """Send one guarding request; return None if no answer comes."""
     asked = node.nmt.reports
     node.channel.send_remote(cob.HEARTBEAT + node.node_id)
     return node.nmt.state if node.nmt.wait_report(asked, _GUARD_WAIT) else None

@@ -1,4 +1,4 @@
-"""One device on the channel: its SDO client and worker, its NMT state, its emergency messages, and who it says it is."""
+"""One device on the channel: its SDO client and worker, NMT state, emergency messages and identity."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _PROBE_TIMEOUT = 0.5
 
 @dataclass(frozen=True, slots=True)
 class NodeIdentity:
-    """Who a device says it is; None where it has no such object."""
+    """Identity of a device; None for objects that it does not have."""
 
     device_type: int | None = None
     vendor_id: int | None = None
@@ -43,8 +43,9 @@ class NodeIdentity:
 
 
 def read_identity(sdo: SdoObjectAccess) -> NodeIdentity:
-    """Read 1000h, 1018h:1-4, 1008h, 1009h and 100Ah; blocks for up to eight transfers. None: the device refuses it, or
-    does not answer with a value (see ``access.try_upload``).
+    """Read 1000h, 1018h:1-4, 1008h, 1009h and 100Ah; blocks for up to eight transfers.
+
+    A value is None if the device refuses it or does not answer with a value (see ``access.try_upload``).
 
     Raises:
         SdoTimeout: it answers for no object. AdapterError: the channel failed.
@@ -72,7 +73,7 @@ def _text(sdo: SdoObjectAccess, index: int) -> str | None:
 
 
 class CanopenNode:
-    """One device; holds state: the listeners and the worker thread that belong to it. ``eds`` is None where no file is given."""
+    """One device; holds state: its receivers and its worker thread. ``eds`` is None if no file is given."""
 
     def __init__(
         self,
@@ -87,7 +88,7 @@ class CanopenNode:
         """Listen to the node; sends nothing. ``emcy_cob_id`` is that of 1014h, None for the predefined one.
 
         Raises:
-            ArgumentError: the node ID is not 1 to 127.
+            ArgumentError: the node-ID is not 1 to 127.
         """
         if node_id not in cob.NODE_IDS:
             raise ArgumentError(f"{node_id} is no node ID", remedy="CANopen node IDs are 1 to 127")
@@ -101,7 +102,7 @@ class CanopenNode:
         self.pdo_events: deque[PdoEvent] = deque(maxlen=HISTORY)  # TPDOs that stopped coming, and came again
 
     def identity(self) -> NodeIdentity:
-        """Read who the device is; blocks, raises as ``read_identity``."""
+        """Read the identity of the device; blocks, raises as ``read_identity``."""
         return read_identity(self.sdo)
 
     def command(self, wanted: NmtCommand, timeout: float = nmt.CONFIRM_TIMEOUT) -> Confirmation:
@@ -109,7 +110,7 @@ class CanopenNode:
         return nmt.command(self.channel, self.nmt, wanted, timeout=timeout, answers_sdo=self.answers_sdo)
 
     def answers_sdo(self, timeout: float = _PROBE_TIMEOUT) -> bool:
-        """Try once whether the SDO server answers, a refusal included; blocks up to ``timeout`` seconds.
+        """Try once whether the SDO server answers (a refusal is an answer); blocks up to ``timeout`` seconds.
 
         Raises:
             AdapterError: the channel failed.

@@ -1,4 +1,4 @@
-"""A node as ``canopen.RemoteNode``, for programs that know that library: dictionary from our EDS, SDO through our client.
+"""A node as ``canopen.RemoteNode``, for users of that library: dictionary from axisbus's EDS, SDO through axisbus's client.
 
 It subscribes to nothing. canopen's receivers would raise on a short emergency message and collect SDO answers without end.
 """
@@ -25,7 +25,7 @@ _NODE_ID = "$NODEID"
 
 
 class SharedSdo(CanopenClient):
-    """canopen's SDO client with the transfers of ours, so that both may be used side by side and from any thread."""
+    """canopen's SDO client with the transfers of axisbus's client, so that both may be used together and from any thread."""
 
     def __init__(self, client: SdoClient, dictionary: canopen.ObjectDictionary) -> None:
         node_id = client.node_id
@@ -42,7 +42,7 @@ class SharedSdo(CanopenClient):
             raise SdoCommunicationError(str(error)) from error
 
     def download(self, index: int, subindex: int, data: bytes, force_segment: bool = False) -> None:  # noqa: ARG002
-        """Write an object's bytes; blocks. Raises canopen's exceptions; ``force_segment`` changes nothing."""
+        """Write an object's bytes; blocks. Raises canopen's exceptions; ``force_segment`` has no effect."""
         try:
             self._client.download(index, subindex, data)
         except SdoAbort as error:
@@ -51,7 +51,7 @@ class SharedSdo(CanopenClient):
             raise SdoCommunicationError(str(error)) from error
 
     def open(self, *_: object, **__: object) -> io.RawIOBase:
-        """Streams are not offered: canopen's would run beside our client on the same COB-IDs.
+        """Refuse to open a stream: canopen's streams would run in parallel to axisbus's client on the same COB-IDs.
 
         Raises:
             StateError: always.
@@ -63,10 +63,10 @@ class SharedSdo(CanopenClient):
 
 
 def remote_node(node: CanopenNode) -> canopen.RemoteNode:
-    """Return the node as canopen sees it; reading the EDS may take a second, once per file.
+    """Return the node as an object of canopen; reading the EDS may take a second, once per file.
 
-    For objects by name (``remote.sdo["Profile velocity"].raw``) and NMT commands. What it would have to hear (PDO, EMCY,
-    heartbeats) is ours: see ``CanopenNode``.
+    Use it for objects by name (``remote.sdo["Profile velocity"].raw``) and NMT commands. It receives no PDO, EMCY or heartbeats:
+    see ``CanopenNode`` for these.
     """
     dictionary = _empty() if node.eds is None else canopen_dictionary(node.eds, node.node_id)
     remote = canopen.RemoteNode(node.node_id, dictionary)
@@ -81,9 +81,9 @@ def _empty() -> canopen.ObjectDictionary:
 
 
 def canopen_dictionary(eds: Eds, node_id: int) -> canopen.ObjectDictionary:
-    """Return a node's own dictionary: the file's, read once for all nodes of a type, with the node ID added where it belongs."""
+    """Return a node's own dictionary: the file's, read once for all nodes of a type, with the node-ID added where it belongs."""
     dictionary: canopen.ObjectDictionary = pickle.loads(_imported(canopen_text(eds)))
-    if dictionary.node_id is not None:  # of a DCF
+    if dictionary.node_id is not None:  # from a DCF
         dictionary.node_id = node_id
     for entry in dictionary.values():
         for variable in (entry,) if isinstance(entry, ODVariable) else entry.subindices.values():
@@ -100,5 +100,5 @@ def _add_node_id(variable: ODVariable, node_id: int) -> None:
 
 @lru_cache(maxsize=32)
 def _imported(text: str) -> bytes:
-    """Return what canopen reads in a text for node 0, pickled: a copy costs a tenth of reading it anew."""
+    """Return canopen's reading of a text for node 0, pickled: a copy costs a tenth of reading it again."""
     return pickle.dumps(import_eds(io.StringIO(text), 0), pickle.HIGHEST_PROTOCOL)  # type: ignore[no-untyped-call]

@@ -1,4 +1,4 @@
-"""Holding an EDS against the live device: every object by reading it, nothing by writing."""
+"""Compare an EDS with the live device: read every object, write nothing."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _NO_FIXED_VALUE = frozenset({o.ERROR_REGISTER, o.PREDEFINED_ERROR_FIELD})
 
 
 class VerifiedAspect(Enum):
-    """What was compared."""
+    """Compared property."""
 
     IDENTITY = "identity"
     EXISTENCE = "existence"
@@ -40,7 +40,7 @@ class VerifiedAspect(Enum):
 
 @dataclass(frozen=True, slots=True)
 class EdsMismatch:
-    """One entry of the EDS that the device does not bear out; a default that differs is only a note."""
+    """One entry of the EDS that differs from the device; a different default is only a note."""
 
     kind: VerifiedAspect
     severity: Severity
@@ -53,7 +53,7 @@ class EdsMismatch:
 
 @dataclass(frozen=True, slots=True)
 class Verification:
-    """What holding an EDS against a device gave: how many entries were read and left out, and what differs."""
+    """Result of comparing an EDS with a device: number of entries read and left out, and the differences."""
 
     read: int
     left_out: int
@@ -61,7 +61,7 @@ class Verification:
 
     @property
     def agrees(self) -> bool:
-        """Whether nothing is worse than a note."""
+        """Whether no difference is more severe than a note."""
         return all(each.severity is Severity.NOTE for each in self.differences)
 
 
@@ -86,12 +86,12 @@ def verify(
 
 
 def may_read(variable: Variable) -> bool:
-    """Whether it is to be read where nobody has asked for it by itself; what its access says is another matter."""
+    """Whether the entry may be read without an explicit request; its access is not considered."""
     return not variable.object_flags & _REFUSES_SCAN and not is_domain(variable)
 
 
 def is_domain(variable: Variable) -> bool:
-    """Whether it may be a whole program, or a table of any length."""
+    """Whether the entry may contain a whole program, or a table of any length."""
     return variable.data_type is DataType.DOMAIN or variable.object_type is ObjectType.DOMAIN
 
 
@@ -138,7 +138,7 @@ def _value(sdo: SdoObjectAccess, variable: Variable, value: Value) -> Iterator[E
 
 
 def _weight(variable: Variable, expected: Value) -> tuple[VerifiedAspect, Severity]:
-    """How bad another value is: identity and fixed PDO maps must agree, what may be written may differ."""
+    """Return kind and severity of a different value: identity and fixed PDO maps must agree, writable entries may differ."""
     if (variable.index, variable.subindex) in _IDENTITY:
         return VerifiedAspect.IDENTITY, Severity.ERROR if expected else Severity.NOTE
     if any(variable.index in area for area in _PDO_AREAS):
