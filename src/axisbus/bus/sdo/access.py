@@ -1,4 +1,4 @@
-"""A node by its objects: what commands and configuration need of one, whether its bus is this program's or another core's."""
+"""Access to a node's objects for commands and configuration, independent of whether this process or another core owns the bus."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from axisbus.errors import SdoAbort, SdoError, SdoTimeout
 
 
 class SdoUploads(Protocol):
-    """The objects of one node as bytes; ``SdoClient`` is one."""
+    """The objects of one node as bytes; implemented by ``SdoClient``."""
 
     def upload(self, index: int, subindex: int = 0) -> bytes:
         """Read an object's bytes."""
 
 
 class SdoObjectAccess(Protocol):
-    """The objects of one node by SDO; calls block and raise as those of ``SdoClient``, which is one."""
+    """The objects of one node by SDO; implemented by ``SdoClient``, whose blocking and exceptions apply."""
 
     @property
     def node_id(self) -> int:
@@ -29,7 +29,7 @@ class SdoObjectAccess(Protocol):
 
     @property
     def dictionary(self) -> Dictionary:
-        """What is known of its objects."""
+        """The known objects of the node."""
 
     def upload(self, index: int, subindex: int = 0, *, progress: Progress | None = None) -> bytes:
         """Read an object's bytes."""
@@ -38,11 +38,11 @@ class SdoObjectAccess(Protocol):
         """Write an object's bytes."""
 
     def read(self, key: int | str, subindex: int = 0, *, data_type: DataType | None = None) -> Value:
-        """Read an object as the value that its data type says."""
+        """Read an object as a value of its data type."""
 
 
 class ByObjects(Protocol):
-    """A node that is looked at and set by its objects alone; ``CanopenNode`` is one."""
+    """A node that is read and configured only through its objects; implemented by ``CanopenNode``."""
 
     @property
     def node_id(self) -> int:
@@ -50,7 +50,7 @@ class ByObjects(Protocol):
 
     @property
     def eds(self) -> Eds | None:
-        """Its EDS; None where no file is given."""
+        """Its EDS; None if no file is given."""
 
     @property
     def sdo(self) -> SdoObjectAccess:
@@ -60,7 +60,7 @@ class ByObjects(Protocol):
 def decoded(data: bytes, known: DataType | None) -> Value:
     """Return an object's bytes as a value.
 
-    Where its type is not known, up to 4 or exactly 8 bytes are an unsigned integer, and other lengths stay bytes.
+    If the type is not known, up to 4 or exactly 8 bytes are an unsigned integer, and other lengths remain bytes.
     """
     if known is not None:
         return decode(data, known)
@@ -70,7 +70,7 @@ def decoded(data: bytes, known: DataType | None) -> Value:
 def try_upload(sdo: SdoUploads, index: int, subindex: int = 0) -> bytes | SdoError:
     """Return an object's bytes, or the reason why this one object cannot be read; blocks as ``upload``.
 
-    The node may refuse it, answer with something that is no answer, or be silent for it while it answers for others.
+    The node may refuse the object, send an invalid answer, or be silent for it while it answers for others.
 
     Raises:
         SdoTimeout: the node answers for no object. AdapterError: the channel failed.
@@ -100,7 +100,7 @@ def _answers(sdo: SdoUploads, error: SdoTimeout) -> bool:
 
 
 def why_unread(error: SdoError) -> str:
-    """Return in words why ``try_upload`` has no value."""
+    """Return the text why ``try_upload`` has no value."""
     if isinstance(error, SdoAbort):
         return f"the device refuses it: {abort.describe(error.code)}"
     if isinstance(error, SdoTimeout):

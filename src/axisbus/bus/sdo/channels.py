@@ -1,4 +1,4 @@
-"""Additional SDO channels of a node (1201h to 127Fh as server, 1280h to 12FFh as client): read, set up, and talked over."""
+"""Additional SDO channels of a node (1201h to 127Fh as server, 1280h to 12FFh as client): read, configure, and use them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _REQUEST, _ANSWER, _PARTNER = 1, 2, 3  # sub-indices of both records (CiA 301 7.
 class SdoChannel:
     """One SDO parameter record: ``request_id`` from client to server, ``answer_id`` back.
 
-    ``partner`` is the node ID of the other end, None where the node does not keep it. A channel exists only when ``valid``.
+    ``partner`` is the node-ID of the other end, None if the node does not store it. A channel exists only if ``valid``.
     """
 
     request_id: int
@@ -40,35 +40,38 @@ def read_server(sdo: SdoClient, number: int) -> SdoChannel:
 
 
 def read_client(sdo: SdoClient, number: int) -> SdoChannel:
-    """Read the client channel ``number`` (0 to 127, that is 1280h + number) by which a node asks others; as ``read_server``."""
+    """Read the client channel ``number`` (0 to 127, that is 1280h + number), by which a node accesses others.
+
+    As ``read_server``.
+    """
     return _read(sdo, _index(o.SDO_CLIENT, number, CLIENTS))
 
 
 def set_server(sdo: SdoClient, number: int, channel: SdoChannel) -> SdoChannel:
-    """Set up a server channel, read it back and return it; blocks for some seven transfers.
+    """Configure a server channel, read it back and return it; blocks for about seven transfers.
 
-    Both identifiers are made invalid before they change, as CiA 301 7.5.2.33 asks.
+    Both identifiers are made invalid before they change, as CiA 301 7.5.2.33 requires.
 
     Raises:
-        ArgumentError: no such number, or identifiers that cannot be.
-        SdoError: the node reads back something else.
+        ArgumentError: no such number, or invalid identifiers.
+        SdoError: the values read back are different.
         others as ``SdoClient.upload``.
     """
     return _write(sdo, _index(o.SDO_SERVER, number, SERVERS), channel)
 
 
 def set_client(sdo: SdoClient, number: int, channel: SdoChannel) -> SdoChannel:
-    """Set up a client channel (see ``set_server``)."""
+    """Configure a client channel (see ``set_server``)."""
     return _write(sdo, _index(o.SDO_CLIENT, number, CLIENTS), channel)
 
 
 def open_channel(sdo: SdoClient, number: int) -> SdoClient:
-    """Return a client that talks to the same node over its additional channel ``number``; blocks as ``read_server``.
+    """Return a client of the same node over its additional channel ``number``; blocks as ``read_server``.
 
-    Both clients may be used at once, each from its own threads. The caller closes what is returned.
+    Both clients may be used at once, each from its own threads. The caller closes the returned client.
 
     Raises:
-        StateError: the channel is not valid; ``set_server`` makes it so.
+        StateError: the channel is not valid; ``set_server`` makes it valid.
         others as ``read_server``.
     """
     channel = read_server(sdo, number)

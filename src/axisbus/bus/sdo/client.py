@@ -1,10 +1,10 @@
-"""The SDO client of one node: reading and writing its objects by number or name, with values checked before anything is sent.
+"""SDO client of one node: read and write its objects by number or name, with values checked before anything is sent.
 
 Theory of operation
 -------------------
-One lock per client: transfers of several threads queue up behind it. Each call is one ``SdoSession``, which makes up to ``tries``
-attempts, and no answer that comes too late is ever taken for another one's (see ``axisbus.cia301.sdo_session``). Between two calls
-the client remembers what may still be answered, and whether the server has shown that it does not know block transfers.
+There is one lock per client; transfers of several threads wait for it. Each call is one ``SdoSession``, which makes up to ``tries``
+attempts. A late answer is never taken for the answer to another request (see ``axisbus.cia301.sdo_session``). Between two calls the
+client remembers the object that may still be answered, and whether the server has shown that it does not support block transfers.
 """
 
 from __future__ import annotations
@@ -30,24 +30,24 @@ from axisbus.errors import ArgumentError
 
 TIMEOUT = 0.5
 TRIES = 3
-URGENT_LOCK = 0.2  # seconds that an urgent write waits for the running transfer to give way
+URGENT_LOCK = 0.2  # seconds that an urgent write waits for the running transfer to end
 _URGENT_TURN = 0.01
-_NUMBER, _TEXT = 256, 1 << 16  # bytes that are taken of an object of such a type
+_NUMBER, _TEXT = 256, 1 << 16  # bytes that are accepted for an object of such a type
 _TEXTS = (DataType.VISIBLE_STRING, DataType.UNICODE_STRING)
 
 
 def _most(data_type: DataType | None) -> int:
-    """How many bytes of an object are worth taking: a device may send more than its type has, but not without end."""
+    """Return how many bytes to accept for an object: a device may send more than its type has, but not without end."""
     if data_type is not None and data_type.bits is not None:
         return _NUMBER
     return _TEXT if data_type in _TEXTS else LONGEST
 
 
 class SdoClient:
-    """SDO transfers with one node; holds state: the lock, the calls that run or wait, and whether a late answer may be under way.
+    """SDO transfers with one node; holds state: the lock, the running and waiting calls, and whether a late answer may still come.
 
-    May be used from any thread but the channel's receive thread. Every call blocks; a node that does not answer costs
-    ``tries`` × ``timeout`` seconds.
+    May be used from any thread but the channel's receive thread. Every call blocks; a node that does not answer costs ``tries`` ×
+    ``timeout`` seconds.
     """
 
     def __init__(
@@ -60,10 +60,10 @@ class SdoClient:
         tries: int = TRIES,
         cob_ids: tuple[int, int] | None = None,
     ) -> None:
-        """``timeout`` is for one answer, in seconds; ``tries`` counts whole transfers.
+        """``timeout`` is for one answer, in seconds; ``tries`` is the maximum number of attempts.
 
-        ``cob_ids`` are client to server and server to client, for an additional SDO channel (``bus.sdo.channels``); None: the
-        predefined ones.
+        ``cob_ids`` are client to server and server to client, for an additional SDO channel (``axisbus.bus.sdo.channels``); None:
+        the predefined ones.
         """
         self.node_id = node_id
         self.dictionary = Dictionary(eds, node_id)
@@ -74,7 +74,7 @@ class SdoClient:
         self._lock = threading.Lock()
         self._calls: list[Call] = []
         self._late: tuple[int, int] | None = None  # the object of a request that may still be answered
-        self._no_block = False  # whether the server has shown that it does not know block transfers
+        self._no_block = False  # whether the server has shown that it does not support block transfers
 
     # -- bytes --------------------------------------------------------------------------------------------------------------------
 
@@ -92,10 +92,10 @@ class SdoClient:
     ) -> bytes:
         """Read an object's bytes (CiA 301 7.2.4.3.5, in blocks 7.2.4.3.12); blocks.
 
-        ``timeout`` (seconds) and ``tries`` replace the client's own. ``call`` is a handle made before, by which to ``cancel`` it.
-        ``way`` AUTO goes over to blocks where the server announces 256 bytes or more. ``progress(done, all)`` is called in this
-        thread with the bytes that have come and the bytes announced (None: they were not); it starts again with each attempt.
-        Of a server that goes on sending, ``most`` bytes are taken; None: 256 of a number, 64 KiB of a text, else 16 MiB.
+        ``timeout`` (seconds) and ``tries`` replace those of the client. ``call`` is a handle made before, for ``cancel``. With
+        ``way`` AUTO the client changes to a block transfer if the server announces 256 bytes or more. ``progress(done, all)`` is
+        called in this thread with the bytes received and the bytes announced (None: not announced); it starts again with each
+        attempt. ``most`` limits the bytes accepted from the server; None: 256 for a number, 64 KiB for a text, else 16 MiB.
 
         Raises:
             SdoAbort: the server refused.
@@ -126,9 +126,10 @@ class SdoClient:
         way: SdoTransferType = SdoTransferType.AUTO,
         progress: Progress | None = None,
     ) -> None:
-        """Write an object's bytes (CiA 301 7.2.4.3.3, in blocks 7.2.4.3.8); blocks. An empty value goes in a segmented transfer.
+        """Write an object's bytes (CiA 301 7.2.4.3.3, in blocks 7.2.4.3.8); blocks. An empty value uses a segmented transfer.
 
-        ``way`` AUTO takes blocks for 256 bytes and more. ``progress(done, all)`` counts the bytes that the server has confirmed.
+        With ``way`` AUTO the client uses a block transfer for 256 bytes and more. ``progress(done, all)`` counts the bytes that the
+        server has confirmed.
 
         Raises:
             as ``upload``.
@@ -139,7 +140,7 @@ class SdoClient:
         self._run(request, call, progress)
 
     def download_urgent(self, index: int, subindex: int, data: bytes) -> None:
-        """Write up to 4 bytes at once: a running transfer is aborted, and nothing is awaited before the frame is sent.
+        """Write up to 4 bytes at once: abort a running transfer, and send the frame without waiting for an answer before.
 
         Blocks for the answer as ``download`` does.
 
@@ -157,9 +158,9 @@ class SdoClient:
                 self._lock.release()
 
     def cancel(self, call: Call | None = None) -> None:
-        """End one transfer, or all that run or wait for their turn (urgent ones excepted); does not block.
+        """End one transfer, or all running and waiting ones (except urgent ones); does not block.
 
-        An abort is sent for the one that runs, and the callers get ``Interrupted``.
+        The running transfer is aborted, and the callers get ``Interrupted``.
         """
         for one in tuple(self._calls) if call is None else (call,):
             if call is not None or not one.urgent:
@@ -168,7 +169,7 @@ class SdoClient:
 
     @property
     def trips(self) -> RoundTrips:
-        """How long its answers took."""
+        """The response times of the node."""
         return self._line.trips
 
     def close(self) -> None:
@@ -177,7 +178,7 @@ class SdoClient:
         self._line.close()
 
     def beside(self, cob_ids: tuple[int, int]) -> SdoClient:
-        """Return another client of the same node on an SDO channel of its own (see ``bus.sdo.channels``); sends nothing."""
+        """Return another client of the same node on another SDO channel (see ``axisbus.bus.sdo.channels``); sends nothing."""
         return SdoClient(
             self._channel,
             self.node_id,
@@ -197,11 +198,11 @@ class SdoClient:
         data_type: DataType | None = None,
         call: Call | None = None,
     ) -> Value:
-        """Read an object as the value that its data type says; blocks.
+        """Read an object as a value of its data type; blocks.
 
         ``key`` is an index or a text (see ``Dictionary.resolve``). The type is ``data_type``, else the dictionary's, else the
-        standard's. Where none is known, up to 4 or exactly 8 bytes are read as an unsigned integer, and other lengths are
-        returned as bytes.
+        standard's. If none is known, up to 4 or exactly 8 bytes are read as an unsigned integer, and other lengths are returned as
+        bytes.
 
         Raises:
             ArgumentError: no object of this name.
@@ -226,7 +227,7 @@ class SdoClient:
         self.download(entry.index, entry.subindex, checked_bytes(entry, value, data_type))
 
     def write_unchecked(self, key: int | str, subindex: int, value: int) -> None:
-        """Write an integer as its data type says, without asking the EDS for limits, which are often wrong; blocks.
+        """Write an integer in its data type without checking the EDS's limits, which are often wrong; blocks.
 
         Raises:
             ArgumentError: no such name, or the type is not known.
@@ -242,7 +243,7 @@ class SdoClient:
         """Return the object for a message, such as ``node 5, 6081h:00 (Profile velocity)``."""
         return f"node {self.node_id}, {self.dictionary.entry(index, subindex)}"
 
-    # -- the way of a call --------------------------------------------------------------------------------------------------------
+    # -- calls --------------------------------------------------------------------------------------------------------------------
 
     def _run(self, request: SdoTransferRequest, call: Call | None, progress: Progress | None) -> bytes:
         require_other_thread(self._channel, "an SDO transfer")
@@ -263,7 +264,7 @@ class SdoClient:
             self.cancel()
             if self._lock.acquire(timeout=_URGENT_TURN):
                 return True
-        return False  # the frame matters more than the order of answers
+        return False  # sending the frame is more important than the order of answers
 
     def _attempts(self, call: Call, request: SdoTransferRequest, progress: Progress | None = None) -> bytes:
         session = SdoSession(request, late=self._late, no_block=self._no_block, urgent=call.urgent)

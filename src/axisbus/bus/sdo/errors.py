@@ -1,4 +1,4 @@
-"""The errors of an SDO request that failed, in words: what was asked, what came, and what to do."""
+"""Errors of a failed SDO request as text: the request, the received frames, and the remedy."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from axisbus.eds.dictionary import DictionaryEntry
 from axisbus.errors import Interrupted, SdoAbort, SdoError, SdoTimeout
 from axisbus.wording import counted
 
-_SHOWN = 8  # bytes of a value that are shown
+_SHOWN = 8  # bytes of a value in a message
 
 
 def failed(
     node_id: int, entry: DictionaryEntry, request: SdoTransferRequest, session: SdoSession, health: str
 ) -> SdoError:
-    """Return the error for a session that ended badly; ``health`` says in one line what the wire looks like."""
+    """Return the error for a session that failed; ``health`` describes the state of the bus in one line."""
     doing, failure = _doing(node_id, entry, request), session.failure
     if isinstance(failure, SdoAborted):
         if failure.code not in BROKEN_DIALOGUE:
@@ -72,7 +72,7 @@ def _broken(node_id: int, doing: str, request: SdoTransferRequest, observed: str
 
 
 def _late(request: SdoTransferRequest, session: SdoSession) -> list[bytes]:
-    """Return the answers for the object that came when the attempt was over."""
+    """Return the answers for the object that came after the attempt had ended."""
     asked = request.index.to_bytes(2, "little") + bytes([request.subindex])
     return [frame for frame in session.strays if frame[1:4] == asked]
 

@@ -1,4 +1,4 @@
-"""The same SDO work on several nodes at once: one thread per node, because each node's answers are waited for one by one."""
+"""The same SDO work on several nodes at once: one thread per node, because each thread waits for the answers of its node."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ THREADS = 32
 
 @dataclass(frozen=True, slots=True)
 class Attempt(Generic[T]):
-    """How the work on one node ended: its ``value``, or the ``error`` that kept it from one."""
+    """Result of the work on one node: its ``value``, or the ``error`` that prevented it."""
 
     value: T | None = None
     error: BusError | None = None
@@ -25,12 +25,12 @@ class Attempt(Generic[T]):
 def on_each(
     clients: Iterable[SdoClient], work: Callable[[SdoClient], T], threads: int = THREADS
 ) -> dict[int, Attempt[T]]:
-    """Run ``work`` for every client, at most ``threads`` at once, and return the outcomes by node ID; blocks until all have ended.
+    """Run ``work`` for every client, at most ``threads`` at once, and return the results by node-ID; blocks until all have ended.
 
-    A node that fails stops no other one. An interruption (Ctrl-C) cancels all transfers.
+    A failure of one node does not stop the others. An interruption (Ctrl-C) cancels all transfers.
 
     Raises:
-        whatever ``work`` raises beside ``BusError``, of the first client that did, once all have ended.
+        any exception of ``work`` except ``BusError``, of the first client that raised one, after all have ended.
     """
     clients = tuple(clients)
     if not clients:

@@ -1,12 +1,11 @@
-"""One SDO session carried out on a channel: frames sent and received, time measured, and a way to cancel.
+"""Run one SDO session on a channel: send and receive frames, measure time, and allow to cancel.
 
 Theory of operation
 -------------------
-What is said is decided by the pure ``SdoSession`` (``axisbus.cia301``); here its frames travel. The segments of a block leave in
-small groups with a pause between, so that they do not fill the adapter's queue (ten frames with SocketCAN) and the scan's PDOs find
-room.
-Time counts from the moment when the last frame was handed over; a frame that waits in the inbox counts before the time that passed,
-so that a process that was held up takes the answer instead of giving up.
+The pure ``SdoSession`` (``axisbus.cia301``) decides on the frames; this module sends and receives them. The segments of a block are
+sent in small groups with a pause between. So they do not fill the adapter's queue (ten frames with SocketCAN), and the scan's PDOs
+find room. Time counts from the moment at which the last frame was passed to the adapter. A frame in the inbox is handled before the
+elapsed time, so that a delayed process takes the answer instead of giving up.
 """
 
 from __future__ import annotations
@@ -26,9 +25,9 @@ Progress = Callable[[int, int | None], None]
 
 SEND_PATIENCE = 0.05
 GROUP = 4  # frames of a burst between two pauses
-PAUSE = 0.0005  # seconds; about what four frames take at 1 Mbit/s
+PAUSE = 0.0005  # seconds; about the duration of four frames at 1 Mbit/s
 
-# Put into the inbox to wake whoever waits there.
+# Put into the inbox to wake the waiting thread.
 WAKE = b""
 
 
@@ -37,7 +36,7 @@ class Cancelled(Exception):
 
 
 class SdoConnection:
-    """One SDO channel of a node (by default 600h and 580h + node ID); holds state: its inbox."""
+    """One SDO channel of a node (by default 600h and 580h + node-ID); holds state: its inbox."""
 
     def __init__(
         self,
@@ -51,9 +50,9 @@ class SdoConnection:
         self.answer_id = cob.SDO_TX + node_id if answer_id is None else answer_id
         self.inbox: UnboundedQueue[bytes] = UnboundedQueue()
         self.trips = RoundTrips()
-        self.heard = 0.0  # when the newest answer came
+        self.heard = 0.0  # time of the newest answer
         self._node_id = node_id
-        self._talking = 0  # sessions that take answers
+        self._talking = 0  # number of sessions that accept answers
         channel.subscribe(self.answer_id, self._on_answer)
         channel.on_failure.append(self._on_failure)
 
@@ -66,23 +65,23 @@ class SdoConnection:
         return self.inbox.take(time.monotonic() + patience)
 
     def open(self) -> None:
-        """Take answers from now on; what the transfer before has left is dropped."""
+        """Accept answers from now on; frames left by the transfer before are dropped and counted."""
         self._talking += 1
         for _ in range(len(self.inbox)):
             if frame := self.receive(0.0):
                 self.drop(frame)
 
     def rest(self) -> None:
-        """Take no answers any more."""
+        """Accept no more answers."""
         self._talking -= 1
 
     def drop(self, data: bytes, count: int = 1) -> None:
-        """Count answers that nothing was waiting for; ``data`` is that of the newest."""
+        """Count unexpected answers; ``data`` is that of the newest."""
         drops, now = self.channel.drops, time.monotonic()
         drops.note(DropReason.SDO, self._node_id, now, self.answer_id, data, count)
 
     def wake(self) -> None:
-        """Have a waiting transfer look whether it is still wanted."""
+        """Make a waiting transfer check whether it is cancelled."""
         self.inbox.put(WAKE)
 
     def close(self) -> None:
@@ -103,7 +102,7 @@ class SdoConnection:
 
 
 class Call:
-    """What one caller wants, over all its attempts; holds state: whether it was cancelled."""
+    """One caller's request over all its attempts; holds state: whether it was cancelled."""
 
     __slots__ = ("cancelled", "urgent")
 
@@ -113,7 +112,7 @@ class Call:
 
 
 def carry_out(line: SdoConnection, call: Call, session: SdoSession, progress: Progress | None = None) -> None:
-    """Run a session to its end; blocks. One that is cut short tells the server so by an abort.
+    """Run a session to its end; blocks. If it is cancelled, the server gets an abort.
 
     Raises:
         Cancelled, AdapterError.
@@ -126,7 +125,7 @@ def carry_out(line: SdoConnection, call: Call, session: SdoSession, progress: Pr
             line.send(frame)
         raise
     except BaseException:
-        session.give_up()  # so that it is known what may still be answered; nothing can be sent
+        session.give_up()  # so that ``late`` shows what may still be answered; nothing can be sent
         raise
     finally:
         line.rest()
@@ -139,7 +138,7 @@ def _converse(line: SdoConnection, call: Call, session: SdoSession, progress: Pr
     asked = time.monotonic()
     _send(line, call, session.start())
     then, told = time.monotonic(), None
-    clear = session.late is None  # else the next answer may be to an earlier request
+    clear = session.late is None  # else the next answer may belong to an earlier request
     while not session.done:
         frame = line.receive(session.remaining)
         now = time.monotonic()

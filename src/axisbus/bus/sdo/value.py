@@ -1,4 +1,4 @@
-"""Turning a value into an object's bytes, checked against the object's type and limits before anything is sent."""
+"""Convert a value to an object's bytes, checked against the object's type and limits before anything is sent."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _check_kind(entry: DictionaryEntry, value: Value, data_type: DataType) -> No
 def _is_finite(value: float) -> bool:
     try:
         return math.isfinite(value)
-    except OverflowError:  # an integer that no float holds
+    except OverflowError:  # an integer too large for a float
         return False
 
 

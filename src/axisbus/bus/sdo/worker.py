@@ -1,10 +1,11 @@
-"""One thread per node that carries out SDO transfers in the order they were asked for, and gives way to an urgent one.
+"""One thread per node that executes SDO transfers in order, except that an urgent transfer goes first.
 
 Theory of operation
 -------------------
-The scan must not wait for SDO, so a port hands its transfers over here and gets each one's end by a callback, in this thread. The
-queue is first in, first out, shared by all axes of the node, and bounded. ``urgent`` is for a quick stop by SDO: it empties the
-queue, has the running transfer aborted, and goes first. Every job ends with its callback called exactly once, unless cancelled.
+The scan must not wait for SDO. A port therefore passes its transfers to this worker, which reports the end of each by a callback in
+its thread. The queue is first in, first out, shared by all axes of the node, and bounded. ``urgent`` is for a quick stop by SDO: it
+empties the queue, aborts the running transfer, and goes first. The callback of every job is called exactly once, unless the job is
+cancelled.
 """
 
 from __future__ import annotations
@@ -31,26 +32,26 @@ Done = Callable[[int | None, int | None], None]
 
 
 class SdoJob(NamedTuple):
-    """One transfer: ``value`` None reads; ``done(value, abort)`` tells its end; ``key`` is by what it can be cancelled."""
+    """One transfer: ``value`` None reads; ``done(value, abort)`` reports its end; ``cancel`` selects it by ``key``."""
 
     key: Hashable
-    index: int  # type: ignore[assignment]  # hides tuple.index, which nobody wants here
+    index: int  # type: ignore[assignment]  # hides tuple.index, which is not needed here
     subindex: int
     value: int | None
     done: Done
 
 
 class SdoWorker:
-    """Carries out jobs; holds state: the queue, what runs, and the thread (a daemon, started with the first job)."""
+    """Executes jobs; holds state: the queue, the running job, and the thread (a daemon, started with the first job)."""
 
     def __init__(self, channel: Channel, sdo: SdoClient) -> None:
         self._channel = channel
         self._sdo = sdo
         self._queue: deque[SdoJob] = deque()
         self._running: SdoJob | None = None
-        self._call: Call | None = None  # by which the running job's transfer can be cancelled
-        self.began = 0.0  # when the running transfer did, or the one before
-        self._forgotten = False  # whether its end interests nobody any more
+        self._call: Call | None = None  # handle to cancel the running job's transfer
+        self.began = 0.0  # start time of the running transfer, or of the last one
+        self._forgotten = False  # whether the running job's callback is no longer wanted
         self._urgent: deque[SdoJob] = deque()
         self._wanted = threading.Condition()
         self._closing = False
@@ -58,11 +59,11 @@ class SdoWorker:
 
     @property
     def idle(self) -> bool:
-        """Whether nothing runs or waits."""
+        """Whether no job runs or waits."""
         return self._running is None and not self._urgent and not self._queue
 
     def submit(self, job: SdoJob) -> None:
-        """Queue a job; does not block. With 256 waiting it ends at once, with the abort code *out of memory*."""
+        """Queue a job; does not block. If 256 are waiting, it ends at once with the abort code *out of memory*."""
         with self._wanted:
             accepted = len(self._queue) < QUEUE_LIMIT and not self._closing
             if accepted:
@@ -92,7 +93,7 @@ class SdoWorker:
             other.done(None, abort.TIMED_OUT)
 
     def cancel(self, keys: set[Hashable]) -> None:
-        """Forget the jobs with these keys: those that wait never run, the one that runs is aborted; ``done`` is not called."""
+        """Cancel the jobs with these keys: waiting ones never run, the running one is aborted; ``done`` is not called."""
         with self._wanted:
             self._queue = deque(job for job in self._queue if job.key not in keys)
             if self._running is not None and self._running.key in keys:
@@ -100,7 +101,10 @@ class SdoWorker:
                 self._cancel_running()
 
     def close(self) -> None:
-        """End the running transfer and the thread; what waits ends with *timed out*. Blocks up to about 2 s, usually not at all."""
+        """End the running transfer and the thread; waiting jobs end with *timed out*.
+
+        Blocks up to about 2 s, usually not at all.
+        """
         with self._wanted:
             self._closing = True
             dropped = [*self._urgent, *self._queue]
@@ -122,7 +126,7 @@ class SdoWorker:
             self._thread.start()
 
     def _cancel_running(self) -> None:
-        """End the running job's transfer, also if it has not begun yet; an urgent one has a call of its own. Needs the lock."""
+        """End the running job's transfer, also if not begun yet; not an urgent one, which has its own call. Needs the lock."""
         if self._call is not None:
             self._sdo.cancel(self._call)
 
@@ -137,7 +141,7 @@ class SdoWorker:
                 done = _forget if self._forgotten else job.done
             try:
                 done(value, code)
-            except Exception as error:  # noqa: BLE001 - a fault of ours must stop the machine, not only this thread
+            except Exception as error:  # noqa: BLE001 - an internal error must stop the machine, not only this thread
                 self._channel.fail(_worker_failed(self._sdo.node_id, error))
             with self._wanted:
                 self._running = self._call = None
@@ -165,7 +169,7 @@ class SdoWorker:
             return None, WRONG_TYPE
         except (BusError, Interrupted):
             return None, abort.TIMED_OUT
-        except Exception as error:  # noqa: BLE001 - a fault of ours must stop the machine, not only this thread
+        except Exception as error:  # noqa: BLE001 - an internal error must stop the machine, not only this thread
             self._channel.fail(_worker_failed(self._sdo.node_id, error))
             return None, abort.GENERAL
 
@@ -184,7 +188,7 @@ class SdoWorker:
 
 
 def _forget(_value: int | None, _abort: int | None) -> None:
-    """Take the end of a job that nobody waits for any more."""
+    """Ignore the end of a cancelled job."""
 
 
 def _worker_failed(node_id: int, error: Exception) -> BusError:
