@@ -1,1 +1,1 @@
-"""PDO of one drive: chosen, mapped, configured, sent and received."""
+"""PDOs of one node: choose, map, configure, send and receive them."""

@@ -1,4 +1,4 @@
-"""Which PDOs of a drive carry what is wanted: those that it maps already, or a layout of our own."""
+"""Choose the PDOs of a drive for the wanted values: present mappings of the drive, or a layout of axisbus."""
 
 from __future__ import annotations
 
@@ -9,28 +9,32 @@ from axisbus.bus.pdo.mapping import MapEntry
 from axisbus.cia301.pdo import MAX_BITS, MappedObject, PdoConfiguration
 
 PDOS_PER_AXIS = 4  # in a device with one row of PDOs
-BLOCK = 64  # distance of the axes' PDOs where a device keeps them in blocks (CiA 402-3)
+BLOCK = 64  # distance of the axes' PDOs in a device that keeps them in blocks (CiA 402-3)
 
 Entries = Mapping[str, MapEntry]
 
 
 class Chosen(NamedTuple):
-    """PDOs with the mapping that each shall have, and the names of the values that they carry."""
+    """PDOs with their future mapping, and the names of the values that they carry."""
 
     pdos: tuple[tuple[PdoConfiguration, tuple[MappedObject, ...]], ...]
     carried: frozenset[str]
 
 
 def names_in(mapping: Sequence[MappedObject], entries: Entries) -> tuple[str | None, ...]:
-    """Return the value that each mapping entry carries; None for what is not one of ``entries`` or is mapped with other bits."""
+    """Return the value that each mapping entry carries.
+
+    None for an entry that is not in ``entries`` or has another number of bits.
+    """
     by_object = {entry.mapped: name for name, entry in entries.items()}
     return tuple(by_object.get(mapped) for mapped in mapping)
 
 
 def keep(pdos: Sequence[PdoConfiguration], entries: Entries, switch_on: bool) -> Chosen:
-    """Choose among the present mappings, always the PDO that adds most: then a valid one, one with fewer other objects, the first.
+    """Choose among the present mappings, repeatedly the PDO that adds most values.
 
-    ``switch_on``: whether a PDO that is off may be chosen.
+    Among equal PDOs a valid one comes first, then one with fewer other objects, then the lowest number. ``switch_on``: whether a
+    PDO that is off may be chosen.
     """
     carries = {
         pdo: frozenset(name for name in names_in(pdo.mapping, entries) if name is not None)
@@ -62,9 +66,9 @@ def lay_out(
     layout: Sequence[Sequence[str]],
     last: str | None = None,
 ) -> Chosen:
-    """Map the entries by ``layout``, one group per slot; what has no slot of its own takes the first one with room, in order.
+    """Map the entries by ``layout``, one group per slot; entries that do not fit there go into the first slot with room, in order.
 
-    Who comes first in a group is placed first; ``last`` names the value that is mapped behind all others all the same.
+    The first entry of a group is placed first. ``last`` names the value that is mapped after all others in its PDO.
     """
     rooms: list[list[str]] = [[] for _ in slots]
     homeless: list[str] = []
@@ -92,7 +96,7 @@ def _place(name: str, rooms: Sequence[list[str]], entries: Entries) -> bool:
 
 
 def slots(pdos: Sequence[PdoConfiguration], axis: int) -> tuple[PdoConfiguration, ...]:
-    """Return the PDOs that may be remapped for an axis (1 to 8): of its block of 64 where the device has one, else its four."""
+    """Return the PDOs that may be remapped for an axis (1 to 8): those of its block of 64 if the device has one, else its four."""
     block = range(BLOCK * (axis - 1) + 1, BLOCK * (axis - 1) + 1 + PDOS_PER_AXIS)
     row = range(PDOS_PER_AXIS * (axis - 1) + 1, PDOS_PER_AXIS * axis + 1)
     found = [pdo for pdo in pdos if pdo.number in block] or [pdo for pdo in pdos if pdo.number in row]

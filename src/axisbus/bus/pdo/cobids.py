@@ -1,4 +1,4 @@
-"""Which COB-ID each PDO of a plan gets."""
+"""Assign a COB-ID to each PDO of a plan."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ _NODE_BITS = 0x7F
 
 
 class CobIds:
-    """Hands out COB-IDs while one plan is made; holds state: those that the plan has used."""
+    """Assigns COB-IDs while one plan is made; holds state: the COB-IDs that the plan has used."""
 
     def __init__(
         self, node_id: int, device: DevicePdos, taken: Collection[int], spare: Iterable[int]
     ) -> None:
-        """``taken`` are those of other nodes, ``spare`` those that a PDO past the fourth may take."""
+        """``taken`` are COB-IDs of other nodes, ``spare`` those available to PDOs after the fourth."""
         self._node_id = node_id
         self._used = set(taken)
         self._spare: Iterator[int] = iter(spare)
         self._owners = {pdo.cob_id: pdo for pdo in (*device.rpdos, *device.tpdos) if pdo.valid}
 
     def choose(self, pdo: PdoConfiguration, receive: bool) -> int | None:
-        """Return the predefined COB-ID of PDOs 1 to 4, else the PDO's own, else a spare one; None where none is free.
+        """Return the predefined COB-ID of PDOs 1 to 4, else the PDO's own, else a spare one; None if none is free.
 
-        The predefined one comes first because files and drives with another node's COB-ID written in are common.
+        The predefined one comes first because files and drives often contain the COB-ID of another node.
         """
         bases = cob.RPDO if receive else cob.TPDO
         predefined = (bases[pdo.number - 1] + self._node_id,) if pdo.number <= len(bases) else ()
@@ -43,7 +43,10 @@ class CobIds:
 
 
 def _is_pdo_cob_id(cob_id: int) -> bool:
-    """Whether it may be a PDO's (CiA 301 7.3.5); one without node ID was written without ``$NODEID`` and is every node's."""
+    """Whether a PDO may have this COB-ID (CiA 301 7.3.5).
+
+    Without a node-ID it was written without ``$NODEID`` and is the same in all nodes.
+    """
     if cob_id > cob.ID_MASK_11:
-        return True  # 29 bits: nothing is reserved there
+        return True  # 29 bits: no range is reserved there
     return cob_id in _PDO_COB_IDS and cob_id & _NODE_BITS != 0

@@ -1,11 +1,11 @@
-"""Bringing a live drive's PDOs where a plan wants them, by the procedure of CiA 301, with everything read back.
+"""Configure a live drive's PDOs by a plan, with the procedure of CiA 301, and read everything back.
 
 Theory of operation
 -------------------
-``configure`` reads what is there, has a plan made, applies it, and where the drive refuses makes the next plan from what that
-taught: an object that cannot be mapped is left out, a mapping that cannot be changed is kept as it is, and so are communication
-parameters.
-Before every new attempt the drive has back what it had, so that a refusal half-way never leaves a PDO switched off.
+``configure`` reads the present PDOs, makes a plan, and applies it. If the drive refuses a step, the next plan takes the refusal
+into account: an object that cannot be mapped is left out, and a mapping or communication parameters that cannot be changed stay as
+they are. Before every new attempt the old parameters are restored in the drive, so that a refusal half-way never leaves a PDO
+switched off.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from axisbus.wording import counted
 
 _STEP = "PDO configuration"
 
-# Abort codes on a mapping entry that speak of the object; any other means that the mapping cannot be changed at all.
+# Abort codes on a mapping entry that refer to the object; any other means that the mapping cannot be changed at all.
 _OBJECT_REFUSED = frozenset({0x0602_0000, 0x0604_0041, 0x0604_0043, 0x0609_0011, 0x0609_0030})
 
 _ATTEMPTS = 16
 
 
 class _Refusal(Exception):
-    """The drive refused a step; says what the next plan must leave alone."""
+    """The drive refused a step; contains what the next plan must not change."""
 
     def __init__(self, what: str, abort: SdoAbort, index: int | None = None) -> None:
         super().__init__(what)
@@ -50,13 +50,13 @@ def configure(
     on_plan: Callable[[PdoPlan], None] | None = None,
     also: Collection[tuple[bool, int]] = (),
 ) -> PdoPlan:
-    """Plan the PDOs of one axis and bring the drive there, which should be pre-operational; blocks for some dozen transfers.
+    """Plan the PDOs of one axis and configure the drive, which should be pre-operational; blocks for some dozen transfers.
 
-    Returns the plan that holds now, with what the drive reads back. ``on_plan`` sees each plan before it is applied. ``also``: see
-    ``read_pdos``.
+    Returns the resulting plan with the values read back from the drive. ``on_plan`` is called with each plan before it is applied.
+    ``also``: see ``read_pdos``.
 
     Raises:
-        BootError: a step failed in a way that no other plan avoids; the drive has back what it had, as far as it lets us.
+        BootError: a step failed in a way that no other plan avoids; the old parameters are restored as far as the drive permits.
         SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
     """
 
@@ -75,7 +75,10 @@ def negotiate(
     on_plan: Callable[[PdoPlan], None] | None = None,
     also: Collection[tuple[bool, int]] = (),
 ) -> PdoPlan:
-    """Bring the device to the plan that is ``made`` of its PDOs and a policy; it allows less after each refusal."""
+    """Configure the device by the plan that ``made`` returns for its PDOs and a policy.
+
+    The policy allows less after each refusal.
+    """
     learnt: list[str] = []
     for _ in range(_ATTEMPTS):
         device = read_pdos(sdo, also)
@@ -104,13 +107,13 @@ def set_pdo(
     sync_start: int | None = None,
     rtr: bool | None = None,
 ) -> PdoConfiguration:
-    """Set one PDO as a user wants it, read it back and return it; None leaves a parameter as it is. Blocks.
+    """Set one PDO as the user requests, read it back and return it; None leaves a parameter as it is. Blocks.
 
     ``event_timer`` in ms, ``inhibit_time`` in 100 µs, ``sync_start`` a value of the SYNC counter (0: none). ``rtr``: whether the
     drive shall answer remote frames (bit 30 of 18xxh:01). The node should be pre-operational.
 
     Raises:
-        BootError: the node has no such PDO, refuses a step, or reads back something else.
+        BootError: the node has no such PDO, refuses a step, or the values read back are different.
         SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
     """
     name = f"{'RPDO' if receive else 'TPDO'}{number}"
@@ -145,7 +148,7 @@ def set_pdo(
 
 
 def _less(sdo: SdoClient, policy: Policy, refusal: _Refusal) -> Policy:
-    """Return what may still be tried after a refusal."""
+    """Return the policy for the next attempt after a refusal."""
     about_object = refusal.abort.code in _OBJECT_REFUSED and refusal.index not in policy.refused
     if refusal.index is not None and about_object:
         return replace(policy, refused=policy.refused | {refusal.index})
@@ -160,9 +163,9 @@ def _less(sdo: SdoClient, policy: Policy, refusal: _Refusal) -> Policy:
 
 
 def _apply(sdo: SdoClient, plan: PdoPlan, rtr: bool | None = None) -> PdoPlan:
-    """Bring the drive where the plan says; return the plan with what was read back; raises ``_Refusal`` after restoring."""
+    """Configure the drive by the plan; return the plan with the values read back. Raises ``_Refusal`` after restoring."""
     changed = [pdo for pdo in plan.pdos if pdo.change is not PdoChange.KEEP]
-    # An event timer may change while its PDO is on (CiA 301 7.5.2.37), and on such a drive nothing else may.
+    # An event timer may change while its PDO is on (CiA 301 7.5.2.37). It is changed alone if nothing else may be changed.
     switched = [pdo for pdo in changed if pdo.change is not PdoChange.TIMER]
     touched: list[PlannedPdo] = []
     try:
@@ -182,7 +185,7 @@ def _apply(sdo: SdoClient, plan: PdoPlan, rtr: bool | None = None) -> PdoPlan:
 
 
 def _switch_off(sdo: SdoClient, pdo: PlannedPdo) -> None:
-    """Step 1 of CiA 301 7.5.2.36: bit 31 of the COB-ID."""
+    """Step 1 of CiA 301 7.5.2.36: set bit 31 of the COB-ID."""
     at = Indices.of(pdo.receive, pdo.before.number)
     _step(
         sdo,
@@ -226,12 +229,12 @@ def _write_communication(
         _step(sdo, what, index, o.PDO_SYNC_START, target.sync_start, 1)
     for subindex, old, new in timers:
         if new is not None and new != old:
-            with suppress(_Refusal):  # what the drive then has is read back, and freshness is judged by that
+            with suppress(_Refusal):  # the drive's value is read back, and freshness depends on that
                 _step(sdo, f"{name}: timer {subindex}", index, subindex, new, 2)
 
 
 def _switch_on(sdo: SdoClient, pdo: PlannedPdo, rtr: bool | None = None) -> None:
-    """Step 5: the COB-ID without bit 31; ``rtr`` None keeps bit 30 as the drive has it."""
+    """Step 5: write the COB-ID without bit 31; ``rtr`` None keeps bit 30 as the drive has it."""
     if pdo.target.valid:
         at = Indices.of(pdo.receive, pdo.before.number)
         value = _raw_cob_id(sdo, at, pdo.target.cob_id)
@@ -244,7 +247,7 @@ def _switch_on(sdo: SdoClient, pdo: PlannedPdo, rtr: bool | None = None) -> None
 
 
 def _answers_rtr(sdo: SdoClient, pdo: PlannedPdo) -> bool | None:
-    """Whether a TPDO may be asked for; None for an RPDO."""
+    """Return whether a TPDO may be requested by remote frames; None for an RPDO."""
     if pdo.receive:
         return None
     at = Indices.of(pdo.receive, pdo.before.number)
@@ -252,7 +255,7 @@ def _answers_rtr(sdo: SdoClient, pdo: PlannedPdo) -> bool | None:
 
 
 def _raw_cob_id(sdo: SdoClient, at: Indices, cob_id: int) -> int:
-    """The UNSIGNED32 of a valid PDO: the drive's own "no RTR" bit is kept."""
+    """Return the UNSIGNED32 of a valid PDO, which keeps the drive's own "no RTR" bit."""
     flags = (read_number(sdo, at.communication, o.PDO_COB_ID) or 0) & cob.NO_RTR
     return cob_id | flags | (cob.EXTENDED if cob_id > cob.ID_MASK_11 else 0)
 
@@ -267,7 +270,7 @@ def _step(
 
 
 def _restore(sdo: SdoClient, pdo: PlannedPdo) -> None:
-    """Give a PDO back what it had, as far as the drive lets us; the refusal that led here is what will be told."""
+    """Restore a PDO's old parameters as far as the drive permits; ignore refusals, because the first one is reported."""
     at = Indices.of(pdo.receive, pdo.before.number)
     now = read_pdo(sdo, pdo.receive, pdo.before.number)
     if now is None or now == pdo.before:
@@ -285,7 +288,7 @@ def _restore(sdo: SdoClient, pdo: PlannedPdo) -> None:
 
 
 def _checked(sdo: SdoClient, pdo: PlannedPdo) -> PlannedPdo:
-    """Read a PDO back; timers may come back rounded, everything else must be as written."""
+    """Read a PDO back; timers may be rounded, everything else must be as written."""
     now = read_pdo(sdo, pdo.receive, pdo.target.number)
     if now is None:
         raise _unlike(sdo, pdo, "its COB-ID", "a value", "nothing")

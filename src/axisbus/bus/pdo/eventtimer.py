@@ -1,23 +1,23 @@
-"""The event timers (18xxh:05) of event-driven TPDOs: which ones a boot sets to another time, and what has become of them.
+"""Event timers (18xxh:05) of event-driven TPDOs: the ones that booting changes, and the result.
 
 Theory of operation
 -------------------
-Many drives send an event-driven TPDO when its content changes, and again when its event timer has run out; some only then. With a
-timer of a second such a drive shows each of the two edges of a set-point handshake up to a second late, and a drive that is gone is
-noticed only after three. So a timer that runs too slowly is shortened wherever the drive lets it be written; on a bus without SYNC
-one that is off is started as well. A time that the user has set stays.
+Many drives send an event-driven TPDO when its content changes, and again when its event timer expires; some send it only then. With
+a timer of one second such a drive shows each of the two edges of a set-point handshake up to a second late, and the loss of the
+drive is noticed only after three seconds. So a timer that is too long is shortened if the drive permits writing it. On a bus
+without SYNC a timer that is off is started as well. A time set by the user is not changed.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-LIMIT = 20  # ms: a handshake then costs about as much as with SYNC, and the values are as fresh
+LIMIT = 20  # ms: a handshake then takes about as long as with SYNC, and the values are as fresh
 
 
 @dataclass(frozen=True, slots=True)
 class EventTimer:
-    """One event timer that was to be changed, in ms (0: off): what it ``was``, what was ``wanted``, and what it is ``now``."""
+    """One event timer to be changed, in ms (0: off): ``was`` before, ``wanted``, and ``now`` as read back."""
 
     pdo: str
     values: tuple[str, ...]
@@ -27,7 +27,7 @@ class EventTimer:
 
     @property
     def changed(self) -> bool:
-        """Whether the drive has taken another time."""
+        """Whether the drive has accepted another time."""
         return self.now != self.was
 
     def __str__(self) -> str:
@@ -38,7 +38,7 @@ class EventTimer:
 
 
 def quicker(timer: int | None, limit: int, *, start: bool) -> int | None:
-    """Return the event timer (ms) that a TPDO shall have; None where the drive has none. ``start``: also one that is off."""
+    """Return the event timer (ms) that a TPDO shall have; None if the drive has none. ``start``: also start one that is off."""
     if timer is None or 0 < timer <= limit:
         return timer
     return limit if timer or start else 0

@@ -1,4 +1,4 @@
-"""How old each input of a drive may be before it counts as unknown, and which inputs must be polled by SDO for it."""
+"""Maximum age of each input of a drive before it is unknown, and the inputs that must be polled by SDO for that."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from axisbus.bus.pdo.plan import PdoPlan, PlannedPdo
 from axisbus.cia402.port import ValueTransport
 
 SYNC_PERIODS = 5
-SYNC_LEAST = 0.1  # seconds: a busy computer may skip some cycles without the axis being lost
+SYNC_LEAST = 0.1  # seconds: a busy computer may skip some cycles without losing the axis
 EVENT_TIMES = 3
 EVENT_MARGIN = 0.05
 POLLS = 3
@@ -31,8 +31,8 @@ _WATCHED = frozenset({"statusword", "position"})
 def polls(plan: PdoPlan) -> dict[str, float]:
     """Return the period in seconds of each input that is polled by SDO.
 
-    Those are the inputs without a PDO, and statusword and position where their PDO may stay silent: without an event timer silence
-    says nothing, neither that the drive lives nor that the axis stands.
+    These are the inputs without a PDO, and statusword and position if their PDO may stay silent. Without an event timer, silence
+    proves neither that the drive is alive nor that the axis is at standstill.
     """
     return {name: period for name, period in POLL_PERIODS.items() if _is_polled(plan, name)}
 
@@ -45,7 +45,7 @@ def _is_polled(plan: PdoPlan, name: str) -> bool:
 
 
 def max_ages(plan: PdoPlan, scan_period: float) -> dict[str, float]:
-    """Return the maximum age in seconds of each input that the axis has; infinite where silence says nothing.
+    """Return the maximum age in seconds of each input of the axis; infinite if silence has no meaning.
 
     ``scan_period`` (seconds) is the distance of two SYNCs.
     """
@@ -60,19 +60,19 @@ def max_ages(plan: PdoPlan, scan_period: float) -> dict[str, float]:
 
 
 def _pdo_age(plan: PdoPlan, name: str, scan_period: float) -> float:
-    """The age by the PDO that comes most often among those that carry the value."""
+    """Return the age for the most frequent PDO among those that carry the value."""
     carriers = [pdo for pdo in plan.active if not pdo.receive and name in pdo.values]
     return min((pdo_age(pdo, scan_period) for pdo in carriers), default=math.inf)
 
 
 def syncs_of(pdo: PlannedPdo) -> int:
-    """Return with every how many SYNCs a TPDO comes; 0 where it does not come by SYNC, or not always."""
+    """Return the number of SYNCs per frame of a TPDO; 0 if it is not sent by SYNC, or not always."""
     cyclic = pdo.target.synchronous and pdo.target.transmission_type > 0 and not pdo.request
     return pdo.target.transmission_type if cyclic else 0
 
 
 def pdo_age(pdo: PlannedPdo, scan_period: float) -> float:
-    """Return how long a TPDO may stay away (seconds) before it counts as missing; infinite where its silence says nothing."""
+    """Return the seconds without a TPDO after which it counts as missing; infinite if its silence has no meaning."""
     target = pdo.target
     if pdo.request:
         return POLLS * pdo.request + POLL_MARGIN

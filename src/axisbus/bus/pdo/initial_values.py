@@ -1,4 +1,4 @@
-"""First values of a port, read by SDO: inputs that no TPDO may bring soon, and everything that an RPDO would overwrite."""
+"""First values of a port, read by SDO: inputs that no TPDO may send soon, and all entries that an RPDO would overwrite."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from axisbus.errors import BootError, SdoError
 
 _STEP = "priming"
 
-# What an output starts with where the drive does not let it be read: the input that shows the same, or 0 where that means rest.
+# Start value of an output that cannot be read: the input that shows the same, or 0 if 0 means standstill.
 _INSTEAD = {"target_position": "position", "interpolation_target": "position", "mode": "mode"}
 _REST = frozenset({"target_velocity", "target_torque", *OFFSET_OBJECTS})
 
 
 def prime_inputs(sdo: SdoClient, plan: PdoPlan, index_of: Callable[[int], int]) -> dict[str, Sample]:
-    """Read every input that the axis has; one that cannot be read is left out. Blocks, raises as ``SdoClient.read``."""
+    """Read every input of the axis; leave out inputs that cannot be read. Blocks, raises as ``SdoClient.read``."""
     samples = {}
     for name, source in plan.inputs.items():
         if source is ValueTransport.NONE:
@@ -39,10 +39,10 @@ def prime_inputs(sdo: SdoClient, plan: PdoPlan, index_of: Callable[[int], int]) 
 def prime_outputs(
     sdo: SdoClient, plan: PdoPlan, images: Sequence[RpdoImage], samples: Mapping[str, Sample]
 ) -> None:
-    """Give every entry of every RPDO the value that the drive has now; blocks.
+    """Set every entry of every RPDO to the present value in the drive; blocks.
 
     Raises:
-        BootError: an entry that is not motion's own cannot be read, and zeroing it could do anything.
+        BootError: an entry that is not an output of motion cannot be read, and setting it to zero could have any effect.
         others as ``SdoClient.upload``.
     """
     for image in images:

@@ -1,4 +1,4 @@
-"""Bringing the PDOs of a node's inputs and outputs to their plan."""
+"""Configure the PDOs of a node's inputs and outputs by their plan."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from axisbus.errors import BootError
 
 
 def configure_io(sdo: SdoClient, objects: IoObjects, policy: Policy, used: Used, also: Used = ()) -> PdoPlan:
-    """Plan them and bring the node there, which should be pre-operational, as ``configure`` does; blocks for some dozen transfers.
+    """Plan the PDOs and configure the node, which should be pre-operational, as ``configure``; blocks for some dozen transfers.
 
     Raises:
         BootError: an object is in no PDO, or as ``configure``.

@@ -1,7 +1,8 @@
-"""Which PDOs carry the named inputs and outputs of a node, beside those of its axes.
+"""Plan the PDOs for the named inputs and outputs of a node, in addition to those of its axes.
 
-No PDO of an axis is touched, and no RPDO is shared with one: its controlword keeps its frames, and their order, to itself. Else it
-is planned as for an axis: what the node maps already, where that carries all; else a layout of our own over what is free.
+The plan changes no PDO of an axis, and shares no RPDO with one: the frames of the controlword, and their order, belong to the axis
+alone. Otherwise the planning is as for an axis: the present mappings of the node if they carry all objects, else a layout of
+axisbus over the free PDOs.
 """
 
 from __future__ import annotations
@@ -24,27 +25,30 @@ Used = Collection[tuple[bool, int]]  # PDOs of axes: whether the node receives i
 
 @dataclass(frozen=True, slots=True)
 class IoObjects:
-    """The objects that are to be carried, each with how it may be mapped."""
+    """The objects to be carried, each with its mapping options."""
 
     inputs: tuple[MapEntry, ...] = ()
     outputs: tuple[MapEntry, ...] = ()
 
     @classmethod
     def of(cls, dictionary: Dictionary, inputs: Sequence[Address], outputs: Sequence[Address]) -> IoObjects:
-        """Look these objects up; those that the EDS does not have are left out."""
+        """Look these objects up; leave out those that the EDS does not have."""
         sides = ([map_entry_of(dictionary, *key) for key in keys] for keys in (inputs, outputs))
         return cls(*(tuple(entry for entry in side if entry is not None) for side in sides))
 
 
 def name_of(address: Address) -> str:
-    """Return the name that a plan calls an object by, such as ``6200h:01``."""
+    """Return the name of an object in a plan, such as ``6200h:01``."""
     return f"{address[0]:04X}h:{address[1]:02X}"
 
 
 def make_io_plan(
     node_id: int, device: DevicePdos, objects: IoObjects, policy: Policy, used: Used = ()
 ) -> PdoPlan:
-    """Plan the PDOs of a node's inputs and outputs; ``used`` are those of its axes. What none carries stands in ``impossible``."""
+    """Plan the PDOs of a node's inputs and outputs; ``used`` are those of its axes.
+
+    ``impossible`` lists the objects that no PDO carries.
+    """
     ids = CobIds(node_id, device, policy.taken, policy.spare)
     for receive, pdo in _of(device, used):
         ids.choose(pdo, receive)  # an axis has it
@@ -52,7 +56,7 @@ def make_io_plan(
         DirectionPlan(
             receive,
             {name_of((entry.index, entry.subindex)): entry for entry in entries},
-            replace(policy, slow=1, requests={}),  # nobody asks for inputs
+            replace(policy, slow=1, requests={}),  # inputs are never requested
         )
         for receive, entries in ((True, objects.outputs), (False, objects.inputs))
     ]
@@ -82,5 +86,5 @@ def _planned(side: DirectionPlan, device: DevicePdos, ids: CobIds, used: Used) -
 
 
 def _moves(pdo: PdoConfiguration) -> bool:
-    """Whether it holds what belongs to an axis: it is not ours to send."""
+    """Whether the RPDO contains an object of an axis, so that it must not be sent for outputs."""
     return any(first_axis(mapped.index) in _MOTION for mapped in pdo.mapping)

@@ -1,23 +1,23 @@
-"""How late the frames of a TPDO come although there is no gap between them, and when their values were sampled.
+"""Delay of TPDO frames that come without a gap, and the time at which their values were sampled.
 
 Theory of operation
 -------------------
 A gateway or an adapter whose queue grows delays every frame a little more than the one before. Each frame is fresh by its
-reception, and its values are old. Two things tell:
+reception, but its values are old. There are two indications:
 
-- *The count.* A synchronous TPDO answers each SYNC, or each n-th. So the newest frame answers SYNC number
-  ``offset + n * frames``, and its values were sampled when that SYNC was sent. SYNCs that the master did not send count for
-  nothing, so a busy computer shows no delay. A lost frame (or SYNC) looks like a delay of one period that stays.
-- *Round trips.* An SDO answer bounds the delay: what comes behind it was sent after the request. So it tells a lost frame from
-  a delayed one, and moves ``offset`` up. It never moves it down, because a slow answer is no proof.
+- *The count.* A synchronous TPDO answers each SYNC, or each n-th. So the newest frame answers SYNC number ``offset + n * frames``,
+  and its values were sampled when that SYNC was sent. SYNCs that the master did not send are not counted, so a busy computer shows
+  no delay. A lost frame (or SYNC) looks like a delay of one period that remains.
+- *Round trips.* An SDO answer limits the delay: the frames after it were sent after the request. So it distinguishes a lost frame
+  from a delayed one, and increases ``offset``. It never decreases ``offset``, because a slow answer is no proof.
 
-While a frame answers one of the newest SYNCs, its values have the time of its reception. Once it is ``allowed`` behind, they
-have the time of the SYNC, and the drive is asked (``doubtful``). For ``GRACE`` seconds after that the values are taken for old,
-but not for unknown: within this time the answer comes. If no answer comes, whole gaps between frames count as lost frames for as
-long as the SDO client tries.
+While a frame answers one of the newest SYNCs, its values have the time of its reception. Once it is more than ``allowed`` behind,
+they have the time of the SYNC, and the master sends an SDO request to the drive (``doubtful``). For ``GRACE`` seconds after that
+the values are regarded as old, but not as unknown: within this time the answer comes. If no answer comes, whole gaps between frames
+count as lost frames for as long as the SDO client tries.
 
-Where TPDOs are not counted (sent on events, or by another device's SYNC), the drive is asked twice a second, and two slow answers
-in succession count as the delay (``LinkLag``).
+If TPDOs are not counted (event-driven, or with the SYNC of another device), the master sends a request twice a second, and two slow
+answers in succession count as the delay (``LinkLag``).
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ from axisbus.cia301.sync import SyncTimes
 
 GRACE = 0.25  # seconds
 LONGEST_ANSWER = 1.6  # seconds that the SDO client may take, with all its attempts
-_KNOWN = 0.9  # of the maximum age: as old are values at most within the grace
-ASK_PERIOD = 0.5  # seconds between two requests where TPDOs are not counted
-ASK_PAUSE = 0.1  # seconds between two requests where the count is in doubt
+_KNOWN = 0.9  # of the maximum age: within the grace, values are at most this old
+ASK_PERIOD = 0.5  # seconds between two requests if TPDOs are not counted
+ASK_PAUSE = 0.1  # seconds between two requests if the count is in doubt
 JITTER = 0.01  # seconds by which a busy computer may receive a frame late in every cycle
-LEAST = 0.03  # seconds of delay on a link whose TPDOs are not counted that are none
-LONGEST = 0.25  # seconds of delay on such a link after which values that never grow old are unknown
+LEAST = 0.03  # seconds; shorter delays of a link whose TPDOs are not counted are ignored
+LONGEST = 0.25  # seconds of delay on such a link after which values without a maximum age are unknown
 
 
 class Counted(Protocol):
@@ -59,7 +59,7 @@ class SdoSubmitter(Protocol):
 
 
 class SyncLag:
-    """By how many SYNCs one synchronous TPDO is behind; holds state: which SYNC its first frame would have answered."""
+    """Number of SYNCs by which one synchronous TPDO is behind; holds state: the SYNC that its first frame would have answered."""
 
     __slots__ = (
         "_before",
@@ -81,30 +81,30 @@ class SyncLag:
 
         Args:
             slot: the TPDO.
-            syncs: when SYNC was sent, each ``period`` seconds.
-            every: by how many SYNCs two of its frames differ.
+            syncs: send times of SYNC, one each ``period`` seconds.
+            every: number of SYNCs between two of its frames.
             max_age: the seconds for which its values are known.
         """
         self._slot, self._syncs, self._period, self._max_age = slot, syncs, period, max_age
         self.every = every
         self.allowed = every + max(1, math.ceil(JITTER / period))
         self.offset = math.inf  # not known yet
-        self._since = math.inf  # operational, and frames from later on are counted
-        self._proved = -math.inf  # when the answer came that was used last
+        self._since = math.inf  # operational since this time; later frames are counted
+        self._proved = -math.inf  # time of the last answer that was used
         self._doubt_since = math.inf
-        self._gaps = 0  # SYNCs without a frame, by the gaps since then or since that answer
-        # The frame by which gaps are measured: when it came, what it answers, and how many SYNCs there were then.
+        self._gaps = 0  # SYNCs without a frame, by the gaps since that time or that answer
+        # The frame from which gaps are measured: its time, the SYNC it answers, and the number of SYNCs then.
         self._before = (-math.inf, 0, 0)
 
     @property
     def doubtful(self) -> bool:
-        """Whether it is not known if frames were lost or are late."""
+        """Whether it is unknown if frames are lost or late."""
         return self._doubt_since < math.inf
 
     def step(self, now: float, operational: bool, trips: RoundTrips) -> float:
-        """Return when the values of the newest frame were sampled, at the earliest; all times in seconds.
+        """Return the earliest time at which the values of the newest frame were sampled; all times in seconds.
 
-        ``operational``: the node sends them.
+        ``operational``: the node sends the TPDO.
         """
         received = self._slot.latest[1]
         if not operational or not self._syncs.count:
@@ -115,7 +115,7 @@ class SyncLag:
         if self.offset == math.inf and received <= self._since:
             return received
         answered = self._answered(now, received, trips)
-        if answered < 1:  # sent before our first SYNC: begin with the next frame
+        if answered < 1:  # sent before the master's first SYNC: begin with the next frame
             self.offset, self._since = math.inf, received
             return received
         if not self._is_behind(now, received, answered):
@@ -131,7 +131,7 @@ class SyncLag:
         syncs, counted = self._syncs, self.every * self._slot.frames
         if self.offset == math.inf:
             self.offset = syncs.number_at(received - trips.shortest_delay) - counted
-        # A frame more than SYNCs answers none of them.
+        # A frame beyond the number of SYNCs answers none of them.
         answered = min(int(self.offset) + counted, syncs.count)
         heard = trips.newest[1]
         if heard > self._proved and received >= heard:
@@ -153,27 +153,27 @@ class SyncLag:
         return True
 
     def _note_gap(self, received: float, answered: int) -> None:
-        """Count the SYNCs that no frame has answered between two frames, if there was a gap: a growing delay makes no whole one."""
+        """Count the SYNCs without a frame between two frames, if there was a gap; a growing delay causes no whole gap."""
         before, last, count = self._before
         if received > before:
             syncs = self._syncs
             grown = syncs.count - count - (answered - last)
             longer = received - before - (syncs.time(answered) - syncs.time(last))
-            # The time of a SYNC is kept for ``SyncTimes.KEPT`` SYNCs; without it, no gap is proved.
+            # The time of a SYNC is stored for ``SyncTimes.KEPT`` SYNCs; without it, no gap is proved.
             gap = max(0, round(longer / self._period)) if math.isfinite(longer) else 0
             self._gaps = max(0, self._gaps + (min(grown, gap) if grown > 0 else grown))
             self._before = (received, answered, syncs.count)
 
 
 class LinkLag:
-    """The delay of a link by round trips alone; holds state: what the two newest answers allow."""
+    """The delay of a link by round trips alone; holds state: the delays by the two newest answers."""
 
     def __init__(self) -> None:
         self._delays = (0.0, 0.0)
         self._used = -math.inf
 
     def step(self, trips: RoundTrips) -> float:
-        """Return the delay in seconds that two answers in succession show, 0 where it is below ``LEAST``."""
+        """Return the delay in seconds that two answers in succession show, 0 if it is below ``LEAST``."""
         if trips.newest[1] > self._used:
             self._used = trips.newest[1]
             self._delays = (self._delays[1], trips.delay())
@@ -182,12 +182,12 @@ class LinkLag:
 
 
 class Lags:
-    """The lag of all TPDOs of one port; holds state: what ``look`` has found, and when the node is to be asked."""
+    """The lag of all TPDOs of one port; holds state: the result of ``look``, and the time of the next request."""
 
     def __init__(
         self, slots: Sequence[tuple[Counted, int, float]], period: float, syncs: SyncTimes, trips: RoundTrips
     ) -> None:
-        """``slots``: each TPDO with the SYNCs from one to the next (0: it is not counted), and its maximum age in seconds."""
+        """``slots``: each TPDO with the SYNCs from one frame to the next (0: not counted), and its maximum age in seconds."""
         self.syncs = syncs
         self.late = 0.0  # seconds, of the latest TPDO
         self._trips = trips
@@ -202,16 +202,16 @@ class Lags:
 
     @property
     def is_known(self) -> bool:
-        """Whether each TPDO that is counted has its count."""
+        """Whether each counted TPDO has its count."""
         return not self.syncs.count or all(one is None or one.offset < math.inf for one in self.counts)
 
     @property
     def look_by(self) -> float:
-        """When ``look`` is needed at the latest although frames come as they should."""
+        """Latest time at which ``look`` is needed although frames come as expected."""
         return math.inf if self._link is None else self._due
 
     def look(self, now: float, operational: bool) -> list[float]:
-        """Return when the values of each TPDO's newest frame were sampled, at the earliest; minus infinity where it is too late."""
+        """Return the earliest sampling time of each TPDO's newest frame; minus infinity if it is too late."""
         delay = 0.0 if self._link is None else self._link.step(self._trips)
         received = [slot.latest[1] for slot in self._slots]
         sampled = [
@@ -223,7 +223,7 @@ class Lags:
         return sampled
 
     def ask(self, now: float, operational: bool, worker: SdoSubmitter) -> None:
-        """Have the node asked where that is due; does not block. Its answer comes by the round trips."""
+        """Send a request to the node if one is due; does not block. The round trips get its answer."""
         if not operational or self._asking or now < self._due:
             return
         if self._link is not None or any(one is not None and one.doubtful for one in self.counts):
@@ -242,7 +242,7 @@ class Lags:
 def lags_of(
     slots: Sequence[tuple[Counted, PlannedPdo]], scan_period: float, node: CanopenNode, foreign_sync: bool
 ) -> Lags:
-    """Return the lags of the TPDOs of a node's port; ``foreign_sync``: another device sends SYNC, so that none is counted."""
+    """Return the lags of the TPDOs of a node's port; ``foreign_sync``: another device sends SYNC, so none is counted."""
     counted = [
         (slot, 0 if foreign_sync else freshness.syncs_of(pdo), freshness.pdo_age(pdo, scan_period))
         for slot, pdo in slots

@@ -1,4 +1,4 @@
-"""What of a drive's objects may travel in its PDOs, by its dictionary and by the standard."""
+"""Objects of a drive that its PDOs can carry, by its dictionary and by the standard."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _POSITION_BITS = 32
 
 @dataclass(frozen=True, slots=True)
 class MapEntry:
-    """One object as it may be mapped; ``index`` is the device's own (the axis's offset included)."""
+    """One object with its mapping options; ``index`` is the device's own (the axis's offset included)."""
 
     index: int
     subindex: int
@@ -37,7 +37,7 @@ class MapEntry:
 
 @dataclass(frozen=True, slots=True)
 class DevicePdos:
-    """The PDOs that a device has, as its parameters say now."""
+    """The PDOs of a device with their present parameters."""
 
     rpdos: tuple[PdoConfiguration, ...]
     tpdos: tuple[PdoConfiguration, ...]
@@ -51,8 +51,8 @@ class DevicePdos:
 def axis_objects(dictionary: Dictionary, device: DevicePdos, axis: int = 1) -> dict[int, MapEntry]:
     """Return the objects of motion's values that the axis has, by their index in the device.
 
-    An object exists where the EDS has it, or where the drive maps it already; without an EDS the standard's objects are taken to
-    exist, and the drive is asked when they are mapped.
+    An object exists if the EDS has it, or if the drive maps it already. Without an EDS the standard's objects are assumed to exist,
+    and mapping them shows whether the drive has them.
     """
     wanted = {*INPUT_OBJECTS.values(), *ALL_OUTPUTS.values()}
     mapped = {(entry.index, entry.subindex): entry.bits for entry in device.mapped}
@@ -70,7 +70,7 @@ def axis_objects(dictionary: Dictionary, device: DevicePdos, axis: int = 1) -> d
 
 
 def map_entry_of(dictionary: Dictionary, index: int, subindex: int = 0) -> MapEntry | None:
-    """Return an integer object as its EDS lets it be mapped; None where the EDS has none such."""
+    """Return an integer object with the mapping options of its EDS; None if the EDS has no such object."""
     variable = None if dictionary.eds is None else dictionary.eds.get(index, subindex)
     if variable is None:
         return None
@@ -88,7 +88,7 @@ def map_entry_of(dictionary: Dictionary, index: int, subindex: int = 0) -> MapEn
 
 
 def _interpolation_entry(dictionary: Dictionary, index: int) -> MapEntry | None:
-    """The first set-point of 60C1h: a position, whatever sign the file gives it."""
+    """Return the first set-point of 60C1h: a position, which is signed whatever the file says."""
     found = map_entry_of(dictionary, index, 1)
     return None if found is None or found.bits != _POSITION_BITS else replace(found, signed=True)
 
@@ -118,7 +118,7 @@ def _entry(dictionary: Dictionary, index: int) -> MapEntry | None:
 
 
 def _mapped_entry(index: int, bits: int | None) -> MapEntry | None:
-    """An object that the file forgot but the drive maps: its size is the drive's, and it stays where it is."""
+    """Return an object that the file lacks but the drive maps: it has the drive's size and cannot be mapped elsewhere."""
     return None if bits is None else MapEntry(index, 0, bits, _signed(index), receive=False, transmit=False)
 
 

@@ -1,16 +1,16 @@
-"""The PDO plan: from what a drive has and what motion wants, which value travels where, and what must be changed for it.
+"""The PDO plan: from the PDOs of a drive and the wanted values, which PDO carries each value, and the necessary changes.
 
 Theory of operation
 -------------------
-Everything is decided here, from values, and nothing is sent: the plan can be printed, tested, and made again with another policy
-after the drive has refused something. Each direction is planned on its own:
+All decisions are made here, from values, without sending anything. So the plan can be printed, tested, and made again with another
+policy after the drive has refused something. Each direction is planned separately:
 
-1. *Keep*: the PDOs that the drive maps now and that together carry most of what is wanted.
+1. *Keep*: the present PDOs that together carry most of the wanted values.
 2. *Remap*: the mappable objects laid out by ``LAYOUT_OUTPUTS`` and ``LAYOUT_INPUTS``.
-3. Keep wins unless remapping is allowed and carries more.
+3. Keep is chosen unless remapping is allowed and carries more.
 
-Then every chosen PDO gets its COB-ID, transmission type, event timer and inhibit time. What no PDO carries falls back to SDO, with
-the reason in ``notes``; what must be synchronous and is not is ``impossible``.
+Then every chosen PDO gets its COB-ID, transmission type, event timer and inhibit time. Values without a PDO are transferred by SDO,
+with the reason in ``notes``. Values that must be synchronous and are not are listed in ``impossible``.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ SYNC_EVERY = 1  # transmission type: with every SYNC (CiA 301 table 72)
 EVENT_PROFILE = 255  # transmission type: event-driven by the device profile
 _EVENT_TYPES = (254, 255)
 
-# By importance, not in the order of mapping: many drives take the entries of an RPDO one by one, and one that reads the edge of a
-# set-point before its target starts towards the old one. So the controlword is mapped last, wherever it is.
+# By importance, not in the order of mapping. Many drives take the entries of an RPDO one by one. A drive that reads the edge of a
+# set-point before its target starts towards the old target. So the controlword is always mapped last.
 LAYOUT_OUTPUTS = (
     ("controlword", "mode", "target_position"),
     ("target_velocity", "target_torque"),
@@ -49,11 +49,11 @@ LAYOUT_OUTPUTS = (
     tuple(INTERPOLATION_OBJECTS),
 )
 LAYOUT_INPUTS = (("statusword", "mode", "position"), ("velocity", "torque"), ("demand",))
-EVERY_SYNC = frozenset(LAYOUT_INPUTS[0])  # what a cyclic mode lives on
+EVERY_SYNC = frozenset(LAYOUT_INPUTS[0])  # needed in every cycle of a cyclic mode
 
 
 class PdoChange(Enum):
-    """What is to be done with one PDO."""
+    """Change of one PDO."""
 
     KEEP = "as the drive has it"
     COMMUNICATION = "communication parameters set"
@@ -64,15 +64,20 @@ class PdoChange(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """How the plan may be made.
+    """Limits for the plan.
 
-    ``sync``: PDOs are tied to SYNC, else event-driven. ``remap``: mappings may be changed. ``communication``: communication
-    parameters may be changed; without that, at most event timers (``timers``). ``event_timer`` (ms) and ``inhibit_time`` (100 µs)
-    are for event-driven TPDOs. ``refused`` holds the indices that the drive would not map. ``taken`` are COB-IDs of other nodes,
-    ``spare`` those that PDOs past the fourth may take. ``fixed`` are the PDOs (whether receive, number) whose transmission type the
-    user has set, ``timed`` the TPDOs, by number, whose event timer is the user's; both stay. ``requests`` are the TPDOs, by number,
-    that we ask for by remote frames, each with its period in seconds; no other is ever asked for. ``slow`` is the number of SYNCs
-    after which a TPDO comes that carries nothing of ``EVERY_SYNC``.
+    - ``sync``: PDOs are synchronous, else event-driven.
+    - ``remap``: mappings may be changed.
+    - ``communication``: communication parameters may be changed; without it, at most event timers (``timers``).
+    - ``event_timer`` (ms) and ``inhibit_time`` (100 µs) are for event-driven TPDOs.
+    - ``refused``: indices that the drive refused to map.
+    - ``taken``: COB-IDs of other nodes.
+    - ``spare``: COB-IDs available to PDOs after the fourth.
+    - ``fixed``: PDOs (whether receive, number) whose transmission type the user has set; it is not changed.
+    - ``timed``: numbers of TPDOs whose event timer the user has set; it is not changed.
+    - ``requests``: numbers of TPDOs that the master requests by remote frames, each with its period in seconds; no other TPDO is
+      requested.
+    - ``slow``: transmission type (number of SYNCs) of a TPDO that carries nothing of ``EVERY_SYNC``.
     """
 
     sync: bool = True
@@ -92,7 +97,7 @@ class Policy:
 
 @dataclass(frozen=True, slots=True)
 class PdoRequirements:
-    """Which values motion wants (names of ``cia402.port``), and which of them must travel with SYNC."""
+    """The values that motion needs (names of ``axisbus.cia402.port``), and those of them that must be synchronous."""
 
     inputs: tuple[str, ...] = tuple(INPUT_OBJECTS)
     outputs: tuple[str, ...] = tuple(OUTPUT_OBJECTS)
@@ -102,10 +107,10 @@ class PdoRequirements:
 
 @dataclass(frozen=True, slots=True)
 class PlannedPdo:
-    """One PDO as it is and as it shall be; ``values`` names what each mapping entry carries (None: nothing of motion's).
+    """One PDO before and after; ``values`` names the value of each mapping entry (None: not used by motion).
 
-    ``request`` is the period in seconds in which we ask for a TPDO by remote frames, 0 for one that comes by itself.
-    ``event_timer`` is the one in ms that it is to be given, None where it keeps its own; ``target`` has what was read back.
+    ``request`` is the period in seconds in which the master requests a TPDO by remote frames, 0 if the drive sends it
+    automatically. ``event_timer`` is the new one in ms, None if it is not changed; ``target`` has the value read back.
     """
 
     receive: bool
@@ -125,7 +130,7 @@ class PlannedPdo:
 
 @dataclass(frozen=True, slots=True)
 class PdoPlan:
-    """The plan of one axis: its PDOs, how each value travels, why some travel by SDO, and what cannot be had."""
+    """The plan of one axis: its PDOs, the transport of each value, the reasons for SDO, and unmet requirements."""
 
     node_id: int
     axis: int
@@ -141,7 +146,7 @@ class PdoPlan:
         return tuple(pdo for pdo in self.pdos if pdo.change is not PdoChange.DISABLE)
 
     def carrier(self, index: int, subindex: int) -> PdoLocation | None:
-        """Return where a PDO in use carries an object, None where none does."""
+        """Return the location of an object in the PDOs in use, None if none carries it."""
         for pdo in (pdo for pdo in self.active if pdo.target.valid):
             shift = 0
             for entry in pdo.target.mapping:
@@ -152,12 +157,12 @@ class PdoPlan:
 
     @property
     def edge_after_target(self) -> bool:
-        """Whether the edge of a new set-point must go one SYNC after its target (see ``edge``)."""
+        """Whether the edge of a new set-point must go one SYNC after its target (see ``setpoint_edge_order``)."""
         return setpoint_edge_order.after_target([pdo.values for pdo in self.active if pdo.receive])
 
     @property
     def event_timers(self) -> tuple[EventTimer, ...]:
-        """The event timers that were to be changed; once the plan holds, with what has become of them."""
+        """The event timers to be changed; after the plan has been applied, with the result."""
         return tuple(
             EventTimer(
                 pdo.name,
@@ -184,7 +189,7 @@ def make_plan(
     policy: Policy | None = None,
     axis: int = 1,
 ) -> PdoPlan:
-    """Plan one axis (1 to 8); ``objects``: see ``mapping.axis_objects``. Raises nothing: what is wrong stands in the plan."""
+    """Plan one axis (1 to 8); ``objects``: see ``mapping.axis_objects``. Raises nothing: problems are listed in the plan."""
     wanted = wanted or PdoRequirements()
     policy = policy or Policy()
     ids = CobIds(node_id, device, policy.taken, policy.spare)
@@ -208,7 +213,7 @@ def make_plan(
 
 
 def spare_cob_ids(used_nodes: frozenset[int], node_id: int | None = None) -> tuple[int, ...]:
-    """Return COB-IDs of the predefined connection set that no node of the bus has, for PDOs past the fourth of a node.
+    """Return COB-IDs of the predefined connection set that no node of the bus has, for PDOs after the fourth of a node.
 
     With ``node_id``, one of ``used_nodes``, only this node's share: no two nodes get the same.
     """
@@ -228,14 +233,14 @@ def _entries(
 
 @dataclass(frozen=True, slots=True)
 class DirectionPlan:
-    """One direction: the wanted objects that the axis has, by the value's name."""
+    """Plan of one direction; ``entries`` are the wanted objects that the axis has, by the value's name."""
 
     receive: bool
     entries: dict[str, MapEntry]
     policy: Policy
 
     def plan(self, pdos: tuple[PdoConfiguration, ...], axis: int, ids: CobIds) -> tuple[PlannedPdo, ...]:
-        """Plan the PDOs of an axis, out of all that the device has."""
+        """Plan the PDOs of an axis, from all PDOs of the device."""
         usable = [pdo for pdo in pdos if self._usable(pdo, axis)]
         slots = choose.slots([pdo for pdo in pdos if self.travels(pdo)], axis)
         layout = LAYOUT_OUTPUTS if self.receive else LAYOUT_INPUTS
@@ -249,7 +254,7 @@ class DirectionPlan:
         layout: Sequence[Sequence[str]],
         ids: CobIds,
     ) -> list[PlannedPdo]:
-        """Plan by what ``usable`` PDOs map already, or by a ``layout`` over ``slots``, where that may be made and carries more."""
+        """Plan with the present mappings of ``usable`` PDOs, or a ``layout`` over ``slots`` if that is allowed and carries more."""
         kept = choose.keep(usable, self.entries, switch_on=self.policy.communication)
         if self.policy.remap and self.policy.communication:
             laid = choose.lay_out(slots, self._mappable(), layout, last=setpoint_edge_order.CONTROLWORD)
@@ -259,7 +264,7 @@ class DirectionPlan:
         return [pdo for pdo in planned if pdo is not None]
 
     def travels(self, pdo: PdoConfiguration) -> bool:
-        """Whether it may be used: it is sent or taken by itself, or can be made so, or is one that we ask for."""
+        """Whether the PDO may be used: it is sent or accepted automatically, can be set to that, or the master requests it."""
         if self._may_retype(pdo) or self._requested(pdo):
             return True
         return pdo.synchronous or pdo.transmission_type in _EVENT_TYPES
@@ -277,7 +282,7 @@ class DirectionPlan:
         return f"{direction} with room for it is not there"
 
     def sources(self, wanted: tuple[str, ...], pdos: Sequence[PlannedPdo]) -> dict[str, ValueTransport]:
-        """Return how each value travels by these PDOs."""
+        """Return the transport of each value by these PDOs."""
         found = {name: ValueTransport.SDO if name in self.entries else ValueTransport.NONE for name in wanted}
         for pdo in pdos:
             if pdo.receive is self.receive:
@@ -297,7 +302,7 @@ class DirectionPlan:
         return texts
 
     def _usable(self, pdo: PdoConfiguration, axis: int) -> bool:
-        """Whether its present mapping may serve: no other axis's targets beside ours, and sent or taken without being asked for."""
+        """Whether the present mapping may be used: it holds no objects of other axes, and the PDO may be used (see ``travels``)."""
         if self.receive and any(_is_of_other_axis(mapped, axis) for mapped in pdo.mapping):
             return False
         return self.travels(pdo)
@@ -351,17 +356,17 @@ class DirectionPlan:
         return pdo if self.receive else self._timers(pdo)
 
     def _pace(self, pdo: PdoConfiguration) -> int:
-        """With which SYNC a TPDO comes: each, unless the wire is too full for what may come less often."""
+        """Return the transmission type of a TPDO: every SYNC, unless the bus is too full and the values may come less often."""
         carried = choose.names_in(pdo.mapping, self.entries)
         return SYNC_EVERY if EVERY_SYNC.intersection(carried) else self.policy.slow
 
     def _timers(self, pdo: PdoConfiguration) -> PdoConfiguration:
-        """Event timer and inhibit time of an event-driven TPDO, where the drive has them and they are not set tighter."""
+        """Set event timer and inhibit time of an event-driven TPDO, if the drive has them and they are not set tighter."""
         inhibit = self.policy.inhibit_time if pdo.inhibit_time == 0 else pdo.inhibit_time
         return self._timed(replace(pdo, inhibit_time=inhibit), start=True)
 
     def _quicker(self, pdo: PdoConfiguration) -> PdoConfiguration:
-        """The statusword's TPDO, event-driven by the user's wish or because the drive keeps it so: the handshake lives on it."""
+        """Shorten the event timer of an event-driven TPDO with the statusword, because the set-point handshake depends on it."""
         carries = "statusword" in choose.names_in(pdo.mapping, self.entries)
         if not carries or pdo.transmission_type not in _EVENT_TYPES:
             return pdo
@@ -377,7 +382,7 @@ class DirectionPlan:
         return any(entry.mapped == mapped and entry.signed for entry in self.entries.values())
 
     def _redundant(self, pdos: tuple[PdoConfiguration, ...], chosen: list[PlannedPdo]) -> list[PlannedPdo]:
-        """TPDOs that are on, are not chosen and hold only what the chosen ones carry: they would only load the bus."""
+        """Switch off valid TPDOs that are not chosen and hold only values of the chosen ones: they would only load the bus."""
         if self.receive or not self.policy.communication:
             return []
         carried = {mapped for planned in chosen for mapped in planned.target.mapping}
@@ -395,7 +400,10 @@ def _is_of_other_axis(mapped: MappedObject, axis: int) -> bool:
 
 
 def _source(pdo: PlannedPdo) -> ValueTransport:
-    """How its values travel; a TPDO of type 0 comes at SYNC, but only when something changed: its silence means nothing."""
+    """Return the transport of a PDO's values.
+
+    A TPDO of type 0 is sent at SYNC only after a change, so its silence has no meaning.
+    """
     on_change = not pdo.receive and pdo.target.transmission_type == 0
     return ValueTransport.SYNC_PDO if pdo.target.synchronous and not on_change else ValueTransport.EVENT_PDO
 

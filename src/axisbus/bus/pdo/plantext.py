@@ -1,4 +1,4 @@
-"""The PDO plan in words, as ``boot`` prints it."""
+"""The PDO plan as text, as ``boot`` prints it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from axisbus.cia402.port import ValueTransport
 
 
 def describe(plan: PdoPlan) -> str:
-    """Return the plan as lines: each PDO with what it carries, what travels by SDO and why, and what is impossible."""
+    """Return the plan as lines: each PDO with its values, the values by SDO with the reason, and unmet requirements."""
     lines = [f"node {plan.node_id}, axis {plan.axis}: {_summary(plan)}"]
     lines += [f"  {_pdo(pdo)}" for pdo in plan.pdos]
     lines += [f"  note: {note}" for note in plan.notes]
@@ -47,5 +47,5 @@ def _timing(pdo: PlannedPdo) -> str:
 
 
 def source_words(sources: dict[str, ValueTransport]) -> str:
-    """Return how values travel in one line, such as ``statusword: synchronous PDO, torque: SDO``."""
+    """Return the transports of values in one line, such as ``statusword: synchronous PDO, torque: SDO``."""
     return ", ".join(f"{name.replace('_', ' ')}: {source.value}" for name, source in sources.items())

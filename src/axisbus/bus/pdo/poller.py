@@ -1,4 +1,4 @@
-"""Slow SDO polling of the inputs that no PDO brings, through the node's worker."""
+"""Slow SDO polling of the inputs without a PDO, through the node's worker."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from axisbus.cia402.port import INPUT_OBJECTS, Sample
 
 
 class Poller:
-    """Polls some inputs; holds state: when each is due, which are under way, and the newest answers.
+    """Polls some inputs; holds state: the due time of each, the running requests, and the newest answers.
 
-    A polled value counts only if no PDO brought the same one since the poll began: the answer may have waited in the drive while a
-    newer TPDO overtook it. It has the time of its request, because it was sampled after that.
+    A polled value counts only if no PDO has brought a value of this input since the poll began: a newer TPDO may have overtaken the
+    answer in the drive. The value has the time of its request, because it was sampled after that.
     """
 
     def __init__(
@@ -22,7 +22,7 @@ class Poller:
         periods: Mapping[str, float],
         index_of: Callable[[int], int],
     ) -> None:
-        """``periods`` in seconds by the input's name; ``index_of`` turns a first-axis index into the axis's."""
+        """``periods`` in seconds by the input's name; ``index_of`` converts a first-axis index into the axis's."""
         self._worker = worker
         self._periods = dict(periods)
         self._index_of = index_of
@@ -31,7 +31,7 @@ class Poller:
         self._answers: dict[str, tuple[Sample, float]] = {}
 
     def poll(self, now: float) -> None:
-        """Ask for what is due; does not block."""
+        """Request the inputs that are due; does not block."""
         for name, period in self._periods.items():
             if now >= self._due[name] and name not in self._under_way:
                 self._due[name] = now + period
@@ -39,7 +39,7 @@ class Poller:
                 self._worker.submit(self._job(name))
 
     def read_into(self, samples: dict[str, Sample]) -> None:
-        """Put the answers that have come into ``samples``."""
+        """Put the received answers into ``samples``."""
         for name in tuple(self._answers):
             sample, began = self._answers.pop(name)
             known = samples.get(name)

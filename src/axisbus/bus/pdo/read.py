@@ -1,4 +1,4 @@
-"""The PDO parameters that a live drive has, read by SDO with tolerance for what real drives lack."""
+"""Read the PDO parameters of a live drive by SDO, with tolerance for what real drives lack."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from axisbus.eds.dictionary import Dictionary
 from axisbus.errors import SdoAbort
 
 _LAST = 512
-_PROBED = (*range(1, 9), *range(65, 69))  # where no EDS says which PDOs there are
-_MULTIPLEXED = 0xFE  # sub-index 0 of an MPDO (CiA 301 7.5.2.36): FEh and FFh are no counts
+_PROBED = (*range(1, 9), *range(65, 69))  # if no EDS lists the PDOs
+_MULTIPLEXED = 0xFE  # sub-index 0 of an MPDO (CiA 301 7.5.2.36): FEh and FFh are not counts
 
 
 @dataclass(frozen=True, slots=True)
 class Indices:
-    """Where the parameters of one PDO are."""
+    """Indices of the parameters of one PDO."""
 
     communication: int
     mapping: int
@@ -34,11 +34,11 @@ class Indices:
 
 
 def read_pdos(sdo: SdoClient, also: Collection[tuple[bool, int]] = ()) -> DevicePdos:
-    """Read every PDO of the device by SDO; blocks for a dozen transfers each.
+    """Read every PDO of the device by SDO; blocks for about a dozen transfers each.
 
-    Of many PDOs those are read that an axis may need, and those of ``also`` (whether it is an RPDO, its number). Entries that a
-    device lacks are None or left out; a PDO without COB-ID or transmission type is not there. The parameters are read by number, so
-    that it does not matter how an EDS types them.
+    If a device has many PDOs, only those that an axis may need are read, and those of ``also`` (whether it is an RPDO, its number).
+    Entries that a device lacks are None or left out. A PDO without COB-ID or transmission type does not exist. The parameters are
+    read by number, so their types in an EDS do not matter.
 
     Raises:
         SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
@@ -50,7 +50,7 @@ def read_pdos(sdo: SdoClient, also: Collection[tuple[bool, int]] = ()) -> Device
 
 
 def read_pdo(sdo: SdoClient, receive: bool, number: int) -> PdoConfiguration | None:
-    """Read one PDO (number from 1); None where the device has none of that number. Blocks, raises as ``read_pdos``."""
+    """Read one PDO (number from 1); None if the device has no such PDO. Blocks, raises as ``read_pdos``."""
     at = Indices.of(receive, number)
     cob_id = read_number(sdo, at.communication, o.PDO_COB_ID)
     transmission = read_number(sdo, at.communication, o.PDO_TRANSMISSION_TYPE)
@@ -79,7 +79,7 @@ def _read_existing(
 
 
 def _numbers(dictionary: Dictionary, receive: bool) -> list[int]:
-    """PDO numbers worth asking for: the first eight that the EDS has in each axis's block of 64."""
+    """Return PDO numbers to try: the first eight that the EDS has in each axis's block of 64."""
     if dictionary.eds is None:
         return list(_PROBED)
     numbers = [
@@ -107,7 +107,7 @@ def _read_mapping(sdo: SdoClient, index: int) -> tuple[MappedObject, ...]:
 
 
 def _sync_start(sdo: SdoClient, index: int) -> int | None:
-    """Few drives have it, so the file is believed where it says so."""
+    """Read the SYNC start value, unless the EDS says that the drive does not have it (few drives do)."""
     return (
         None
         if sdo.dictionary.has(index, o.PDO_SYNC_START) is False

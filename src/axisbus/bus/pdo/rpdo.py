@@ -1,18 +1,18 @@
-"""The RPDOs of one axis as their images of values, and in which order their frames go out.
+"""Images of the RPDOs of one axis, and the order in which their frames are sent.
 
 Theory of operation
 -------------------
-Drives with fixed mappings carry the controlword in several RPDOs, each with one other value. A frame with a new controlword that
-comes before the frame with its target would start a move to the old target. So:
+Drives with fixed mappings have the controlword in several RPDOs, each with one other value. If a frame with a new controlword comes
+before the frame with its target, it starts a move to the old target. Therefore:
 
-- a frame whose other values changed goes before those whose did not;
-- where several such frames hold the controlword, all but the last still carry the *previous* controlword, so that its edge comes
-  with or after every new value.
+- a frame with other changed values goes before frames without;
+- if several such frames hold the controlword, all but the last still carry the *previous* controlword, so that its edge comes with
+  or after every new value.
 
-In which order a drive takes what came with one SYNC is its own affair: see ``edge``.
+The order in which a drive processes the RPDOs of one SYNC is up to the drive: see ``setpoint_edge_order``.
 
-An image holds every entry of its mapping. Entries that are not motion's own (a profile velocity beside the target position, say)
-keep what the drive had, or what was last written to them by SDO: an RPDO must never zero them.
+An image holds every entry of its mapping. Entries that are not outputs of motion (such as a profile velocity next to the target
+position) keep the value of the drive, or the value last written by SDO: an RPDO must never set them to zero.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _VALUES = frozenset(ALL_OUTPUTS) - {CONTROLWORD}
 
 
 class RpdoImage:
-    """The values of one RPDO, by the position of their mapping entries; holds state (the controlword's place holds nothing)."""
+    """The values of one RPDO, by the position of their mapping entries; holds state (except the controlword)."""
 
     __slots__ = (
         "_codec",
@@ -56,10 +56,10 @@ class RpdoImage:
         self.names = pdo.values
         self._codec = PdoCodec(self.mapping, pdo.signed)
         self._pack = self._codec.pack_each
-        # A maker may have mapped it twice: a copy that is not filled in would say *disable voltage*.
+        # A vendor may have mapped it twice: a copy that is left at 0 would be *disable voltage*.
         self._controlwords_at = [at for at, name in enumerate(self.names) if name == CONTROLWORD]
         self._offsets_at = [at for at, name in enumerate(self.names) if name in OFFSET_OBJECTS]
-        # Which of its places which output goes to, by position in both; the controlword's apart.
+        # Positions in the mapping and in ``Outputs`` of each output, without the controlword.
         self._given = [(at, _OUTPUTS.index(name)) for at, name in enumerate(self.names) if name in _VALUES]
         self._signed = pdo.signed
         self._values: list[int | None] = [
@@ -69,12 +69,12 @@ class RpdoImage:
 
     @property
     def holds_controlword(self) -> bool:
-        """Whether 6040h is mapped into it."""
+        """Whether 6040h is mapped in this RPDO."""
         return bool(self._controlwords_at)
 
     @property
     def cleared_bits(self) -> int:
-        """The bits that are set to 0 in a stop: offsets of feed-forward, and all bits of a second controlword but bit 1.
+        """The bits that are set to 0 in a stop: feed-forward offsets, and all bits of a second controlword but bit 1.
 
         With bit 1 alone that controlword is *quick stop*, without it *disable voltage*.
         """
@@ -89,12 +89,12 @@ class RpdoImage:
 
     @property
     def controlword_shift(self) -> int:
-        """How many bits of the RPDO are before it (the first, if it is mapped twice)."""
+        """Number of bits of the RPDO before the controlword (the first, if it is mapped twice)."""
         return sum(mapped.bits for mapped in self.mapping[: self._controlwords_at[0]])
 
     @property
     def unknown(self) -> list[tuple[MappedObject, str | None]]:
-        """The entries that have no value yet, each with its name (None: not motion's)."""
+        """The entries that have no value yet, each with its name (None: not used by motion)."""
         return [
             (mapped, name)
             for mapped, name, value in zip(self.mapping, self.names, self._values, strict=True)
@@ -102,7 +102,7 @@ class RpdoImage:
         ]
 
     def take(self, given: Mapping[str, int]) -> bool:
-        """Put values in by name (not the controlword); return whether one changed."""
+        """Set values by name (not the controlword); return whether one changed."""
         changed = False
         for position, name in enumerate(self.names):
             value = given.get(name) if name is not None else None
@@ -112,7 +112,7 @@ class RpdoImage:
         return changed
 
     def put(self, index: int, subindex: int, value: int) -> bool:
-        """Put a value in by object, cut to the bits that are mapped; return whether the object is mapped here."""
+        """Set the value of an object, cut to the mapped bits; return whether the object is mapped here."""
         found = False
         for position, mapped in enumerate(self.mapping):
             if (mapped.index, mapped.subindex) == (index, subindex):
@@ -121,7 +121,7 @@ class RpdoImage:
         return found
 
     def value(self, index: int, subindex: int) -> int | None:
-        """Return the value of an object, None where it is unknown or not mapped here."""
+        """Return the value of an object, None if it is unknown or not mapped here."""
         for mapped, value in zip(self.mapping, self._values, strict=True):
             if (mapped.index, mapped.subindex) == (index, subindex):
                 return value
@@ -131,7 +131,7 @@ class RpdoImage:
         """Return COB-ID and data with this controlword.
 
         Raises:
-            StateError: an entry has no value yet, which sending would zero in the drive.
+            StateError: an entry has no value yet; sending would set it to zero in the drive.
         """
         values = self._values.copy()
         for at in self._controlwords_at:
@@ -146,7 +146,7 @@ class RpdoImage:
         return self.cob_id, self._codec.pack(values)  # type: ignore[arg-type]  # None is excluded above
 
     def frame_of(self, outputs: Outputs) -> Frame:
-        """Put the values of all outputs in and return COB-ID and data; what ``arrange`` does where this RPDO is all that there is.
+        """Set the values of all outputs and return COB-ID and data; does the same as ``arrange`` for an axis with only this RPDO.
 
         Raises:
             StateError: as ``frame``.
@@ -155,17 +155,17 @@ class RpdoImage:
         for at, field in self._given:
             value = outputs[field]
             if value is not None:
-                values[at] = value  # type: ignore[assignment]  # what these fields hold are numbers
+                values[at] = value  # type: ignore[assignment]  # these fields hold numbers
         whole = values.copy()
         for at in self._controlwords_at:
             whole[at] = outputs.controlword
         try:
             return self.cob_id, self._pack(*whole)
-        except (TypeError, struct.error):  # one is not known, or does not fit
+        except (TypeError, struct.error):  # a value is unknown, or does not fit
             return self.frame(outputs.controlword)
 
     def with_controlword(self, data: bytes, controlword: int) -> Frame:
-        """Return COB-ID and ``data``, which was sent before, with another controlword, and without offsets."""
+        """Return COB-ID and ``data`` of a sent frame with another controlword, and without offsets."""
         values = list(self._codec.unpack(data))
         for at in self._offsets_at:
             values[at] = 0
@@ -182,20 +182,21 @@ def _cut(value: int, bits: int, signed: bool) -> int:
 def arrange(
     images: Sequence[RpdoImage], given: Mapping[str, int], controlword: int | None, previous: int | None
 ) -> list[Frame]:
-    """Put what is ``given`` into the images and return this cycle's frames in the order in which they must go out.
+    """Put the ``given`` values into the images and return this cycle's frames in the order in which they must be sent.
 
-    Frames that hold a given value are sent; a ``controlword`` goes with them, or with the first RPDO that holds it. None sends
-    nothing that holds 6040h. ``previous`` is the controlword of the last cycle that had one.
+    Frames that hold a given value are sent. A ``controlword`` goes with them, or with the first RPDO that holds it. With None, no
+    frame with 6040h is sent. ``previous`` is the controlword of the last cycle that had one.
     """
     changed = {image.cob_id for image in images if image.take(given)}
     used = _used(images, given, controlword)
-    if len(images) == 1:  # most drives: there is no order
+    if len(images) == 1:  # most drives: the order does not matter
         return [image.frame(controlword) for image in used]
     first = [image for image in used if image.cob_id in changed]
     rest = [image for image in used if image.cob_id not in changed]
     held_back = {image.cob_id for image in first if image.holds_controlword and previous is not None}
     if first:
-        first.sort(key=lambda image: image.holds_controlword)  # targets alone before those with the word
+        # Targets alone before those with the controlword.
+        first.sort(key=lambda image: image.holds_controlword)
         held_back.discard(first[-1].cob_id)
     frames = [
         image.frame(previous if image.cob_id in held_back else controlword) for image in (*first, *rest)

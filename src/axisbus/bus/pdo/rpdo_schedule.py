@@ -1,18 +1,18 @@
-"""Which RPDO frames of a cycle go out: synchronous ones all, event-driven ones where they are news to the drive or due again.
+"""Select the RPDO frames of a cycle: all synchronous ones, and event-driven ones if they are new to the drive or due again.
 
 Theory of operation
 -------------------
-An event-driven RPDO (types 254 and 255) acts when it comes: one with what the drive has already does nothing but load the bus. What
-the drive has is kept by object, not by RPDO: where several hold the controlword, the newest of any of them counts.
+An event-driven RPDO (types 254 and 255) takes effect when it arrives; if its values are in the drive already, it only loads the
+bus. The sent values are stored by object, not by RPDO: if several RPDOs hold the controlword, the newest of them counts.
 
-It is sent again all the same:
+An event-driven RPDO is repeated in these cases:
 
-- after ``REPEAT``. That a frame went out says that *some* node has received it: a drive that was too busy to take it, or not yet
-  operational, would be without it until the next change, and a stop must not wait for that. A tenth of a second is short beside
-  every time that is waited for the drive to obey, and ten short frames a second are nothing to a bus;
-- after a third of 14xxh:05, where the drive watches for it: two may be lost. That holds for every RPDO which the drive has had,
-  also when nothing of it is in use any more, and with SYNC: a drive begins to watch with the first one;
-- when it is not known what the drive has (``forget``).
+- after ``REPEAT``. The transmission of a frame only shows that *some* node has received it. A drive that was too busy to take the
+  frame, or not yet operational, would miss it until the next change, and a stop must not wait for that. A tenth of a second is
+  short compared with every time limit for a reaction of the drive, and ten short frames a second hardly load a bus;
+- after a third of 14xxh:05, if the drive monitors the RPDO: two frames may be lost. That applies to every RPDO that was sent once,
+  also if none of its values is used any more, and with SYNC: a drive begins to monitor with the first frame;
+- if the values in the drive are unknown (``forget``).
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ _Key = tuple[int, int]  # index and sub-index
 
 
 class _Rpdo:
-    """How one RPDO is sent; holds state: when it last was.
+    """Sending of one RPDO; holds state: the time of the last transmission.
 
-    ``repeat``: seconds after which it is sent again where it is in use, None for in every cycle; ``watched``: also where it is not.
+    ``repeat``: seconds after which an RPDO in use is sent again, None for every cycle; ``watched``: the same for one not in use.
     """
 
     __slots__ = ("_fields", "image", "repeat", "sent_at", "watched")
@@ -56,7 +56,7 @@ class _Rpdo:
 
 
 class RpdoPace:
-    """The RPDOs of one axis on their way; holds state: what the drive has been sent, and when. All times in seconds."""
+    """Sending of the RPDOs of one axis; holds state: the sent values, and the times. All times in seconds."""
 
     def __init__(
         self,
@@ -65,7 +65,7 @@ class RpdoPace:
         scan_period: float,
         repeat: float = REPEAT,
     ) -> None:
-        """``images`` are those of ``pdos``; ``repeat``: how often an event-driven RPDO is sent again at least."""
+        """``images`` are those of ``pdos``; ``repeat``: maximum time between two transmissions of an event-driven RPDO in use."""
         self._images = images
         self._rpdos = {
             image.cob_id: _Rpdo(pdo, image, repeat) for pdo, image in zip(pdos, images, strict=True)
@@ -74,12 +74,12 @@ class RpdoPace:
         self._has: dict[_Key, int] = {}
         self.plain = all(
             rpdo.repeat is None and rpdo.watched == math.inf for rpdo in self._rpdos.values()
-        )  # nothing to be kept in mind: every frame goes out
+        )  # no state is needed: every frame is sent
 
     def frames(
         self, given: Mapping[str, int], controlword: int | None, previous: int | None, now: float
     ) -> list[Frame]:
-        """Return the frames of this cycle in the order in which they must go out; see ``arrange``."""
+        """Return the frames of this cycle in the order in which they must be sent; see ``arrange``."""
         frames = arrange(self._images, given, controlword, previous)
         if self.plain:
             return frames
@@ -92,7 +92,7 @@ class RpdoPace:
         return sent
 
     def forget(self) -> None:
-        """Send everything that is in use anew: frames were dropped, or the drive was not operational meanwhile."""
+        """Send all RPDOs in use again: frames were dropped, or the drive was not operational meanwhile."""
         self._has.clear()
 
     def _goes(self, frame: Frame, now: float) -> bool:
@@ -108,7 +108,7 @@ class RpdoPace:
         return goes
 
     def _is_left_out(self, rpdo: _Rpdo, controlword: int | None, now: float) -> bool:
-        """Whether the drive watches for it, and nothing that is in use has brought it in time; it then has no news."""
+        """Whether the drive monitors the RPDO and no frame has been sent in time; the frame then contains no new values."""
         if rpdo.sent_at == -math.inf or (rpdo.image.holds_controlword and controlword is None):
             return False
         return self._is_due(rpdo.sent_at, rpdo.watched, now)

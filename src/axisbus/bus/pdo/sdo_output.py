@@ -1,4 +1,4 @@
-"""Outputs that no RPDO carries: written by SDO when they change, the controlword at once when it stops the drive."""
+"""Outputs without an RPDO: written by SDO when they change; a controlword that stops the drive is written at once."""
 
 from __future__ import annotations
 
@@ -25,19 +25,20 @@ def is_stop(controlword: int) -> bool:
 
 
 class _Output:
-    """One such output; holds state: what was last written, whether that is under way, and what was refused when."""
+    """One such output; holds state: the last written value, the running writes, and the last refusal with its time."""
 
     __slots__ = ("index", "pending", "refused", "refused_at", "written")
 
     def __init__(self, index: int) -> None:
         self.index = index
         self.written: int | None = None
-        self.pending: set[object] = set()  # a token per write under way: two threads change it, so no counter
+        # A token for each running write: two threads change the set, so a counter would not do.
+        self.pending: set[object] = set()
         self.refused: int | None = None
         self.refused_at = float("-inf")
 
     def wants(self, value: int) -> bool:
-        """Whether ``value`` is to be written now: it is new, or it failed some time ago."""
+        """Whether ``value`` must be written now: it is new, or it failed some time ago."""
         if value == self.written:
             return False
         return value != self.refused or time.monotonic() - self.refused_at >= RETRY
@@ -58,7 +59,7 @@ class _Output:
 
 
 class SdoOutputs:
-    """All outputs of an axis that travel by SDO; holds state. Used by the scan's thread; the answers come in the worker's."""
+    """All outputs of an axis by SDO; holds state. Used by the scan's thread; the worker's thread reports the results."""
 
     def __init__(
         self, worker: SdoWorker, outputs: Mapping[str, ValueTransport], index_of: Callable[[int], int]
@@ -74,16 +75,16 @@ class SdoOutputs:
 
     @property
     def none(self) -> bool:
-        """Whether every output travels by PDO."""
+        """Whether every output has a PDO."""
         return self._controlword is None and not self._outputs
 
     @property
     def pending(self) -> bool:
-        """Whether a value other than the controlword is still on its way."""
+        """Whether a write of a value other than the controlword is running."""
         return any(output.pending for output in self._outputs.values())
 
     def take(self, given: Mapping[str, int], controlword: int | None) -> int | None:
-        """Write what changed; return the controlword that is left for the RPDOs (None where it travels by SDO)."""
+        """Write the changed outputs; return the controlword for the RPDOs (None if it is written by SDO)."""
         for name, value in given.items():
             output = self._outputs.get(name)
             if output is not None and output.wants(value):
@@ -95,11 +96,11 @@ class SdoOutputs:
         return None
 
     def _wants_controlword(self, output: _Output, controlword: int) -> bool:
-        """A stop that failed is tried again at once."""
+        """Whether the controlword must be written; a stop that failed is repeated at once."""
         return output.wants(controlword) or (is_stop(controlword) and controlword != output.written)
 
     def _write_controlword(self, output: _Output, controlword: int) -> None:
-        """Behind the targets in the queue, or before everything where it stops the drive."""
+        """Queue the controlword after the targets, or write it before all others if it stops the drive."""
         self.commanded = True
         job = output.job(self, controlword)
         if is_stop(controlword):

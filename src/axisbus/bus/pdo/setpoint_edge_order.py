@@ -1,11 +1,12 @@
-"""Whether a drive may see the edge of a new set-point (6040h bit 4) before the target that belongs to it.
+"""Can a drive see the edge of a new set-point (6040h bit 4) before the target that belongs to it?
 
 Theory of operation
 -------------------
-CiA 301 does not say in which order a drive takes what came with one SYNC: the entries of an RPDO, and several RPDOs. Many stacks
-write them into the dictionary one by one, and take the set-point at the moment when bit 4 rises, with the target that is there.
-One order alone is safe by itself: target and controlword in the same RPDO, the target in front, and no other RPDO with a
-controlword that could bring the edge earlier. In any other the target goes with one SYNC (or frame), the edge with the next.
+CiA 301 does not define the order in which a drive processes the entries of an RPDO, and several RPDOs, that came with one SYNC.
+Many stacks write them into the dictionary one by one. They take the set-point at the moment at which bit 4 rises, with the target
+that is present then. Only one order is safe: target and controlword in the same RPDO, the target first, and no other RPDO with a
+controlword that could bring the edge earlier. In any other order the target goes with one SYNC (or frame), and the edge with the
+next.
 """
 
 from __future__ import annotations
@@ -17,18 +18,19 @@ _TARGET = "target_position"
 
 
 def delay(after_target: bool, foreign_sync: bool) -> int:
-    """Return how many cycles the edge comes after its target.
+    """Return the number of cycles from the target to its edge.
 
-    Our own SYNC stands between any two cycles. Another device's does not: a cycle that took too long sends its frames with those
-    of the next, so that only the second cycle is sure to have a SYNC between.
+    There is a SYNC of the master between any two cycles. With the SYNC of another device there may be none: a cycle that took too
+    long sends its frames with those of the next. Then only the second cycle is sure to have a SYNC in between.
     """
     return int(after_target) + int(after_target and foreign_sync)
 
 
 def after_target(rpdos: Iterable[Sequence[str | None]]) -> bool:
-    """Whether the edge must wait for the target's SYNC; ``rpdos``: the values that each RPDO in use carries, as they are mapped.
+    """Whether the edge must wait for the target's SYNC; ``rpdos``: the values of each RPDO in use, in the order of mapping.
 
-    A target that travels by SDO needs no such wait: the port keeps the controlword back until the drive has confirmed it.
+    A target that is written by SDO needs no such wait: the port holds the controlword back until the drive has confirmed the
+    target.
     """
     mappings = list(rpdos)
     if not any(_TARGET in values for values in mappings):

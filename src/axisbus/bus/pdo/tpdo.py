@@ -11,16 +11,17 @@ from axisbus.cia301.pdo import PdoCodec
 from axisbus.cia402.port import INPUT_OBJECTS, Sample
 
 _PLACES = {name: place for place, name in enumerate(INPUT_OBJECTS)}
-_tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
+_tuple = tuple.__new__  # makes a named tuple from fitting values without the cost of its own ``__new__``
 
 
 class TpdoSlot:
-    """The newest frame of a TPDO; holds state: one (data, stamp) pair, replaced as a whole, so that no reader sees half of one.
+    """The newest frame of a TPDO.
 
-    A frame shorter than the mapping is not decoded: it is counted in ``short``, and the values it should have brought grow old. The
-    surplus of a longer one is ignored (CiA 301 7.2.2.5). ``latest`` is that pair, ``seen`` the one that was looked at last, for the
-    one reader; ``frames`` is how many have come, whole or not; ``places`` says which of the frame's values are which inputs, by
-    position in both.
+    Holds state: one (data, stamp) pair, replaced as a whole, so that a reader never sees half of one.
+
+    A frame shorter than the mapping is not decoded; it is counted in ``short``, and its values grow old. Surplus bytes of a longer
+    frame are ignored (CiA 301 7.2.2.5). ``latest`` is the newest pair, ``seen`` the pair that the one reader has read last.
+    ``frames`` counts all frames, whole or short. ``places`` assigns the frame's values to inputs, by position in both.
     """
 
     __slots__ = (
@@ -54,7 +55,7 @@ class TpdoSlot:
 
     @property
     def stamp(self) -> float:
-        """When the newest whole frame came, in seconds; minus infinity where none has."""
+        """Time of the newest whole frame in seconds; minus infinity if there is none."""
         return self.latest[1]
 
     def on_frame(self, data: bytes, stamp: float) -> None:
@@ -68,9 +69,9 @@ class TpdoSlot:
         self.latest = (data, stamp)
 
     def read_into(self, samples: dict[str, Sample], sampled: float) -> float:
-        """Put the values of a frame that has come since the last call into ``samples``, where they are newer; for one reader.
+        """Put the values of a frame that has come since the last call into ``samples`` if they are newer; for one reader.
 
-        ``sampled``: when they were sampled, at the earliest (seconds). Return the frame's ``stamp``.
+        ``sampled``: the earliest time at which they were sampled (seconds). Return the frame's ``stamp``.
         """
         latest = self.latest
         data, stamp = latest
@@ -86,7 +87,7 @@ class TpdoSlot:
 
 
 class Requests:
-    """When to ask for the TPDOs that come on request only; holds state: when each is due. Empty where none is asked for."""
+    """Schedule of the TPDOs that are sent only on request; holds state: the due time of each. Empty if there are none."""
 
     def __init__(self, slots: Sequence[TpdoSlot]) -> None:
         self._slots = tuple(slot for slot in slots if slot.request > 0.0)
@@ -96,7 +97,7 @@ class Requests:
         return bool(self._slots)
 
     def due(self, now: float) -> list[tuple[int, int]]:
-        """Return COB-ID and data length of each TPDO whose period has passed since it was asked for; ``now`` in seconds."""
+        """Return COB-ID and data length of each TPDO to request now; ``now`` in seconds."""
         asked = [number for number, due in enumerate(self._due) if now >= due]
         for number in asked:
             period = self._slots[number].request

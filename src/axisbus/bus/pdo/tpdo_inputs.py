@@ -1,11 +1,11 @@
-"""The values that the TPDOs of one axis bring, and the deadlines by which they have to come, as one look in each cycle.
+"""The values from the TPDOs of one axis and their reception deadlines, checked once in each cycle.
 
 Theory of operation
 -------------------
-In nearly every cycle each TPDO has come once more, or is not late yet. Then there is nothing to be told and nothing to be
-compared: what a new frame brings is the newest of each of its values, and its deadline begins anew. The same holds as long as no
-TPDO is behind the SYNCs (``lag``). ``renewed`` does just that, and leaves what ``look`` keeps of samples and deadlines as it was;
-``look`` brings that up to date first. Whether the short way may be taken is found out by ``look``: ``steady``.
+In nearly every cycle each TPDO has come once more, or is not late yet. Then there is nothing to report and nothing to compare: the
+values of a new frame are the newest ones, and its deadline restarts. The same applies as long as no TPDO is behind the SYNCs
+(``lag``). ``renewed`` does only that, and does not update the samples and deadlines of ``look``; ``look`` updates them first.
+``look`` also determines whether ``renewed`` may be used: ``steady``.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from axisbus.bus.pdo.tpdo_timeout import Deadline, Deadlines, PdoEvent
 from axisbus.cia402.port import INPUT_OBJECTS, Sample
 
 _NAMES = tuple(INPUT_OBJECTS)
-_tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
+_tuple = tuple.__new__  # makes a named tuple from fitting values without the cost of its own ``__new__``
 
 
 class Incoming:
-    """Holds the newest sample of each input, by name in ``samples`` and in the order of ``Inputs`` in what the looks return."""
+    """Holds the newest sample of each input, by name in ``samples``; the methods return them in the order of ``Inputs``."""
 
     __slots__ = (
         "_ahead",
@@ -41,21 +41,21 @@ class Incoming:
     )
 
     def __init__(self, slots: Sequence[tuple[TpdoSlot, Deadline]], period: float, lags: Lags) -> None:
-        """``slots``: each TPDO's with its deadline; ``period``: of the scan, in seconds; ``lags``: theirs, in this order."""
+        """``slots``: each TPDO with its deadline; ``period``: of the scan, in seconds; ``lags``: of the TPDOs, in this order."""
         self._slots = tuple((slot, deadline.age) for slot, deadline in slots)
         self._lags, self._syncs = lags, lags.syncs
         counted = zip(self._slots, lags.counts, strict=True)
         self._counts = tuple((slot, lag) for (slot, _), lag in counted if lag is not None)
         self._deadlines = Deadlines([deadline for _, deadline in slots], period)
-        self._longest_gap = 2 * period  # between two looks: then nothing is excused
+        self._longest_gap = 2 * period  # between two calls; after a longer gap ``look`` must decide
         self.samples: dict[str, Sample] = {}
         self._known: list[Sample | None] = [None] * len(_NAMES)
-        self.steady = False  # whether ``renewed`` may be asked
-        self._ahead = False  # whether ``samples`` and the deadlines are behind ``_known``
-        self._now = -math.inf  # of the last look
+        self.steady = False  # whether ``renewed`` may be called
+        self._ahead = False  # whether ``_known`` is newer than ``samples`` and the deadlines
+        self._now = -math.inf  # of the last call
 
     def renewed(self, now: float) -> list[Sample | None] | None:
-        """Return the newest samples where no TPDO is late, else None: then ``look``. For an axis that is ``steady``."""
+        """Return the newest samples if no TPDO is late, else None: then call ``look``. For an axis that is ``steady``."""
         if now - self._now > self._longest_gap:
             return None
         count = self._syncs.count
@@ -85,7 +85,7 @@ class Incoming:
     def look(
         self, now: float, operational: bool, poller: Poller | None
     ) -> tuple[list[Sample | None], list[PdoEvent]]:
-        """Return the newest samples and what has become of the TPDOs; ``operational``: they are to come."""
+        """Return the newest samples and the events of the TPDOs; ``operational``: the TPDOs are expected."""
         if self._ahead:
             self._catch_up()
         samples = self.samples
@@ -114,7 +114,7 @@ class Incoming:
         self._deadlines.met([slot.seen[1] for slot, _ in self._slots], self._now)
 
     def _are_only_sources(self, known: Sequence[Sample | None]) -> bool:
-        """Whether each value of a TPDO is the one that this TPDO has brought."""
+        """Whether each value of a TPDO is the one from the last frame of this TPDO."""
         places = [place for slot, _ in self._slots for _, place in slot.places]
         return len(set(places)) == len(places) and all(
             (sample := known[place]) is not None and sample.stamp == slot.seen[1]

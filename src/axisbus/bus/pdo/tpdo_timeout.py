@@ -1,4 +1,4 @@
-"""Reception deadlines: a TPDO that stops coming becomes an event with its age, and so does its return."""
+"""Reception deadlines: a TPDO that stops coming causes an event with its age, and so does its return."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ HISTORY = 64
 
 
 class Reception(Enum):
-    """What became of a TPDO."""
+    """Kind of an event of a TPDO."""
 
     MISSING = "has stopped coming"
     RETURNED = "comes again"
@@ -21,8 +21,8 @@ class Reception(Enum):
 class PdoEvent:
     """A TPDO that stopped coming, or came again after that.
 
-    ``age`` is how long it had not come (seconds), ``deadline`` how long it may stay away, ``stamp`` the time of the event.
-    ``never``: it has not come at all since the node became operational.
+    ``age`` is the time without a frame (seconds), ``deadline`` the permitted time, ``stamp`` the time of the event. ``never``: no
+    frame has come since the node became operational.
     """
 
     node_id: int
@@ -50,11 +50,11 @@ def _ms(seconds: float) -> str:
 
 
 class Deadline:
-    """The deadline of one TPDO; holds state: since when it is waited for, whether it is missing, and what is excused.
+    """The deadline of one TPDO; holds state: the start of the wait, whether it is missing, and the excused time.
 
-    ``age`` is how many seconds may pass between two frames: infinity for what is never due, a TPDO that is sent on change only,
-    whose silence says nothing. ``since`` is infinite while nothing is waited for. Where a frame has come as it should,
-    ``Deadlines`` notes it without ``step``.
+    ``age`` is the maximum number of seconds between two frames; infinity for a TPDO that is sent on change only, whose silence has
+    no meaning. ``since`` is infinite while no frame is expected. If a frame has come as expected, ``Deadlines`` records it without
+    ``step``.
     """
 
     __slots__ = ("_cob_id", "_name", "_node_id", "age", "excused", "missing", "since", "stamp")
@@ -62,16 +62,16 @@ class Deadline:
     def __init__(self, node_id: int, name: str, cob_id: int, age: float) -> None:
         """``age``: seconds that may pass between two frames."""
         self._node_id, self._name, self._cob_id, self.age = node_id, name, cob_id, age
-        self.since = math.inf  # when the last frame came, or when waiting began
+        self.since = math.inf  # time of the last frame, or of the start of the wait
         self.stamp = -math.inf
         self.excused = 0.0
         self.missing = False
 
     def step(self, now: float, stamp: float, expected: bool, held_up: float) -> PdoEvent | None:
-        """Return what has happened since the last call; all times in seconds.
+        """Return the event since the last call, if any; all times in seconds.
 
-        ``stamp`` is when the newest frame came (minus infinity: never). ``expected``: the node is operational. ``held_up``: how
-        long we ourselves were late just now, when no SYNC of ours went out; that is not the drive's silence.
+        ``stamp`` is the time of the newest frame (minus infinity: never). ``expected``: the node is operational. ``held_up``: delay
+        of this master just now, without a SYNC from it; it does not count as silence of the drive.
         """
         if not expected:
             self.since, self.stamp, self.missing = math.inf, -math.inf, False
@@ -99,21 +99,21 @@ class Deadline:
 
 
 class Deadlines:
-    """The deadlines of one axis's TPDOs; holds state: the time of the last look."""
+    """The deadlines of one axis's TPDOs; holds state: the time of the last check."""
 
     def __init__(self, deadlines: Sequence[Deadline], period: float) -> None:
-        """``period``: seconds between two looks when all is well."""
+        """``period``: seconds between two checks in normal operation."""
         self._deadlines = tuple(deadlines)
         self._period = period
         self._before: float | None = None
 
     def all_met(self, stamps: Sequence[float]) -> bool:
-        """Whether each TPDO has come as it should: with ``stamps``, in their order, begins what is waited for now."""
+        """Whether each TPDO has come as expected, so that its present wait began with its frame of ``stamps`` (in their order)."""
         pairs = zip(self._deadlines, stamps, strict=True)
         return all(deadline.since == stamp and not deadline.missing for deadline, stamp in pairs)
 
     def met(self, stamps: Sequence[float], now: float) -> None:
-        """Note looks that were left out, the last one at ``now``: nothing had become of a TPDO, which came last with ``stamps``."""
+        """Record skipped checks, the last one at ``now``: there was no event, and the last frames came at ``stamps``."""
         self._before = now
         for deadline, stamp in zip(self._deadlines, stamps, strict=True):
             if deadline.since != stamp:
@@ -121,13 +121,13 @@ class Deadlines:
                 deadline.excused = 0.0
 
     def step(self, now: float, stamps: Sequence[float], expected: bool) -> list[PdoEvent]:
-        """Return what has happened since the last call; ``stamps`` are in the order of the deadlines."""
+        """Return the events since the last call; ``stamps`` are in the order of the deadlines."""
         gap = 0.0 if self._before is None else now - self._before
         self._before = now
         held_up = gap - 2 * self._period if gap > 2 * self._period else 0.0
         found: list[PdoEvent] = []
         for deadline, stamp in zip(self._deadlines, stamps, strict=True):
-            if expected and not deadline.missing and deadline.since < stamp:  # it comes as it should
+            if expected and not deadline.missing and deadline.since < stamp:  # the frame has come as expected
                 deadline.since = deadline.stamp = stamp
                 deadline.excused = 0.0
                 continue
