@@ -1,23 +1,24 @@
-"""The bus as the scan drives it: time, the frames of all ports, SYNC, our heartbeat, and the quick stop of everything.
+"""The bus for the scan: time, the frames of all ports, SYNC, the master's heartbeat, and the quick stop of all axes.
 
 Theory of operation
 -------------------
-``wait_until`` sleeps to an absolute time, so that periods do not drift and a late cycle does not make the next one late. All frames
-go out from the scan's own calls: when the scan stops, SYNC, heartbeat and RPDOs stop with it, and the drives notice.
+``wait_until`` sleeps to an absolute time, so that periods do not drift and a late cycle does not delay the next one. All frames are
+sent by calls of the scan. When the scan stops, SYNC, heartbeat and RPDOs stop with it, and the drives notice.
 
-Where another device sends SYNC, ``wait_until`` waits for that instead, and we send none, not even with the quick stop: two
-producers are one too many. The drives then take the stop frames with its next SYNC, and the quick stop by SDO at once.
+If another device sends SYNC, ``wait_until`` waits for that SYNC instead. The master then sends none, not even with the quick stop,
+because a bus must not have two producers. The drives then accept the stop frames with the next SYNC of that device, and the quick
+stop by SDO at once.
 
-``quick_stop_all`` is for when the scan has failed, perhaps stuck in the driver. It needs nothing that the scan may hold: the stop
-frames were built when the last ones were committed, they are sent by ``Channel.send_urgent`` in a thread of its own, and that
-thread is waited for only for a bounded time.
+``quick_stop_all`` is for a failed scan, which may be stuck in the driver. It needs nothing that the scan may hold: the stop frames
+were built when the last frames were committed. ``Channel.send_urgent`` sends them in a thread of its own, and the wait for that
+thread is limited.
 
-While the controller is bus-off the cycles go on, so that the axes are told and can be stopped as soon as the bus is back, but
-nothing is sent: what the ports gave is dropped. Where another device sends SYNC, its absence ends the scan, as at any other time.
+While the controller is bus-off the cycles continue, so that the axes are informed and can be stopped as soon as the bus is back.
+Nothing is sent: the frames of the ports are dropped. If another device sends SYNC, its absence ends the scan, as at any other time.
 
-The same holds while the adapter's transmit queue is full for longer than ``send`` waits: the frames of a cycle that cannot be sent
-are dropped. Each cycle then offers its first frame once, without waiting, until the adapter takes it. SYNC follows the frames of
-that cycle, because what the drives still hold is of before.
+The same applies while the adapter's transmit queue is full for longer than ``send`` waits: the frames of a cycle that cannot be
+sent are dropped. Each cycle then tries its first frame once, without waiting, until the adapter accepts it. SYNC follows the frames
+of that cycle, because the values in the drives are those from before.
 """
 
 from __future__ import annotations
@@ -38,43 +39,43 @@ from axisbus.cia301 import cob
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AdapterError, BusOff, TransmitQueueFull
 
-QUICK_STOP_PATIENCE = 0.5  # seconds that are waited for stop frames to be taken
-_SEND_AGAIN = 0.02  # seconds between two rounds of the frames of a stop that nothing has confirmed yet
+QUICK_STOP_PATIENCE = 0.5  # seconds to wait until the stop frames are accepted
+_SEND_AGAIN = 0.02  # seconds between two repetitions of the stop frames until the stop is confirmed
 _OUR_STATE = bytes((NmtState.OPERATIONAL,))
 
 
 class FrameOwner(Protocol):
-    """Whose frames they are: a node."""
+    """The node that the frames belong to."""
 
     @property
     def node_id(self) -> int:
-        """Its ID."""
+        """The node's ID."""
 
 
 class GuardedNode(Protocol):
-    """A node without heartbeat, whose state is asked for: a ``NodeMonitor``."""
+    """A node without heartbeat that is monitored by node guarding: a ``NodeMonitor``."""
 
     def ask(self, now: float) -> None:
         """Send a guarding request."""
 
 
 class CycleSender(Protocol):
-    """What has frames in a cycle: a ``CanPort`` of an axis, or a ``CanIoPort`` of a node's inputs and outputs."""
+    """Source of frames in a cycle: a ``CanPort`` of an axis, or a ``CanIoPort`` of a node's inputs and outputs."""
 
     asks: bool
 
     @property
     def node(self) -> FrameOwner:
-        """Whose they are."""
+        """The node of the frames."""
 
     def take_frames(self) -> list[Frame]:
-        """Return the frames given since the last call, in the order in which they must go out."""
+        """Return the frames given since the last call, in the order in which they must be sent."""
 
     def drop_frames(self) -> None:
-        """Forget them: the bus carries none."""
+        """Discard these frames, because the bus cannot carry them."""
 
     def take_requests(self, now: float) -> list[tuple[int, int]]:
-        """Return the TPDOs to be asked for by a remote frame now, as COB-ID and data length."""
+        """Return the TPDOs to request by remote frames now, as COB-ID and data length."""
 
     def stop_frames(self) -> tuple[tuple[Frame, ...], tuple[Frame, ...]]:
         """Return the frames of a quick stop, by PDO and by SDO."""
@@ -84,14 +85,14 @@ class CycleSender(Protocol):
 
 
 class BootHeartbeat:
-    """Our heartbeat from the moment in which a first node expects it until the scan sends it; holds its thread.
+    """The master's heartbeat from the moment at which a first node expects it until the scan sends it; holds its thread.
 
-    A node may count from the write of 1016h, and not from the first heartbeat that it gets (CiA 301 7.5.2.20). May be used from any
-    thread.
+    A node may start its timer with the write of 1016h, and not with the first received heartbeat (CiA 301 7.5.2.20). May be used
+    from any thread.
     """
 
     def __init__(self, channel: Channel, master_id: int, period: float) -> None:
-        """``master_id``: our node ID (1 to 127); ``period`` in seconds, 0 to send none."""
+        """``master_id``: the master's node-ID (1 to 127); ``period`` in seconds, 0 to send none."""
         self._channel = channel
         self._can_id = cob.HEARTBEAT + master_id
         self._period = period
@@ -100,7 +101,7 @@ class BootHeartbeat:
         self._begun = False
 
     def begin(self) -> None:
-        """Send the first one, and then one in each period; does nothing when repeated, or after ``end``. Blocks for the frame.
+        """Send the first heartbeat, then one in each period; no effect when repeated, or after ``end``. Blocks for the frame.
 
         Raises:
             AdapterError: it cannot be sent.
@@ -113,19 +114,19 @@ class BootHeartbeat:
             threading.Thread(target=self._run, name="axisbus heartbeat", daemon=True).start()
 
     def end(self) -> None:
-        """Send no more; does not block."""
+        """Stop sending; does not block."""
         self._over.set()
 
     def _run(self) -> None:
         while not self._over.wait(self._period):
-            with suppress(AdapterError):  # boot meets the same adapter, and reports it
+            with suppress(AdapterError):  # booting uses the same adapter, and reports its errors
                 self._channel.send(self._can_id, _OUR_STATE)
 
 
 class CanCycle:
-    """One bus (``cia402.port.BusCycle``); holds state: when our heartbeat is due, and whether all was stopped.
+    """One bus (``axisbus.cia402.port.BusCycle``); holds state: the due time of the heartbeat, and whether all axes were stopped.
 
-    ``quick_stop_all`` may be called from any thread, the rest belongs to the scan's.
+    ``quick_stop_all`` may be called from any thread, the other methods only from the scan's.
     """
 
     def __init__(
@@ -147,22 +148,23 @@ class CanCycle:
         sleep: Callable[[float], None] = time.sleep,
         spin: float = 0.0,
     ) -> None:
-        """Drive ``ports`` on ``channel``.
+        """Serve ``ports`` on ``channel``.
 
         Args:
-            sync_cob_id: COB-ID of SYNC that we send, None to send none.
-            sync_counter: value at which the counter in SYNC starts again with 1 (1019h: 2 to 240), 0 for SYNC without counter.
-            sync_consumer: another device's SYNC, which then starts each cycle; None where our own clock does.
+            sync_cob_id: COB-ID of the SYNC that the master sends, None to send none.
+            sync_counter: value at which the counter in SYNC restarts with 1 (1019h: 2 to 240), 0 for SYNC without counter.
+            sync_consumer: another device's SYNC, which then starts each cycle; None if the master's own clock does.
             time_producer: sends TIME, None to send none.
-            master_id: our node ID (1 to 127) for the heartbeat, None to send none.
+            master_id: the master's node-ID (1 to 127) for the heartbeat, None to send none.
             heartbeat: its period in seconds, 0 to send none.
             boot_heartbeat: the sender until now; the first heartbeat of the cycle ends it.
-            guarded: nodes without heartbeat that are asked for their state (node guarding), each with its period in seconds.
-            events: what each commit looks at, to note what error control has to tell.
+            guarded: nodes without heartbeat that are monitored by node guarding, each with its period in seconds.
+            events: detectors of error control events, called in each commit.
             owns_channel: whether ``close`` closes the channel too.
             clock: the time in seconds, which must be the clock of the channel's stamps.
             sleep: how to wait for a number of seconds.
-            spin: seconds at most before a cycle is due for which its clock is only looked at: a sleep may end late, a look not.
+            spin: maximum seconds before a cycle is due in which the clock is polled instead of sleeping: a sleep may end late,
+                polling does not.
         """
         self._channel = channel
         self._ports = tuple(ports)
@@ -184,7 +186,7 @@ class CanCycle:
         self._waking = Waking(spin)
         self._stopped = False
         self._behind = False
-        self._blocked = False  # the adapter takes no frames
+        self._blocked = False  # the adapter accepts no frames
         self._sync_held = False  # until the frames of this cycle are sent
 
     def add(
@@ -194,7 +196,7 @@ class CanCycle:
         events: NodeEvents,
         guarding: float | None = None,
     ) -> None:
-        """Drive the ports of one node more, and ask for its state every ``guarding`` seconds; may be called from any thread."""
+        """Serve the ports of one more node, and guard it every ``guarding`` seconds (None: not); may be called from any thread."""
         self._events = (*self._events, events)
         if guarding is not None:
             self._guarding_due = {**self._guarding_due, node: float("-inf")}
@@ -206,13 +208,13 @@ class CanCycle:
         return self._clock()
 
     def wait_until(self, t: float) -> float | None:
-        """Return when ``now() >= t``, as soon after it as the system lets us. Blocks by sleeping, and spins at the end.
+        """Return when ``now() >= t``, as soon after it as the system permits. Blocks by sleeping, and polls the clock at the end.
 
-        Where another device sends SYNC, return when its next SYNC has come, whatever ``t`` is, with the time at which it came.
+        If another device sends SYNC, return when its next SYNC has come, whatever ``t`` is, with the time of that SYNC.
 
         Raises:
             SyncError: that SYNC has stopped.
-            BusError: the channel has failed: that is told before anything that follows from it.
+            BusError: the channel has failed; this is reported before any of its consequences.
         """
         if self._sync_consumer is not None:
             return self._sync_consumer.wait()
@@ -222,26 +224,26 @@ class CanCycle:
             self._sleep(ends)
             before, left = left, t - self._clock()
             waking.note(before - left - ends)
-        try:  # noqa: SIM105  # in every cycle: ``suppress`` would cost more than what it is for
+        try:  # noqa: SIM105  # in every cycle: ``suppress`` would cost more than the check
             self._channel.check()
         except BusOff:
-            pass  # the ports tell the axes
+            pass  # the ports inform the axes
         if self._channel.behind is not None:
             self._behind = self._channel.behind()
-        while left > 0:  # last, so that nothing stands between the grid and SYNC
+        while left > 0:  # last, so that nothing delays SYNC
             left = t - self._clock()
         return None
 
     def receive(self) -> bool:
-        """As ``BusCycle.receive``: what the kernel has kept for this cycle; nothing where the receive thread brings every frame."""
+        """As ``BusCycle.receive``: read the frames that the kernel has collected for this cycle, if the adapter separates them."""
         self._channel.drain()
         return self._behind
 
     def commit(self) -> None:
-        """Send the frames that the ports were given since the last commit; blocks while the adapter's queue is full, a few ms.
+        """Send the frames given to the ports since the last commit; blocks while the adapter's queue is full, a few ms.
 
         Raises:
-            BusError: the channel failed, or does not receive any more.
+            BusError: the channel failed, or can no longer receive.
         """
         try:
             frames: list[Frame] = []
@@ -267,7 +269,7 @@ class CanCycle:
                 events.look(now)
 
     def _offer(self, frames: list[Frame]) -> None:
-        """Try the first frame of this cycle once, and take it from ``frames``: once it is taken, the others follow as usual.
+        """Try the first frame of this cycle once and remove it from ``frames``; once it is accepted, the others follow as usual.
 
         Raises:
             TransmitQueueFull: it is refused.
@@ -290,20 +292,20 @@ class CanCycle:
             self._channel.block(error)
 
     def _send(self, frames: list[Frame]) -> bool:
-        """Send them in this order; return False where all was stopped meanwhile."""
+        """Send the frames in this order; return False if all axes were stopped meanwhile."""
         for can_id, data in frames[self._channel.send_all(frames) :]:
-            if self._stopped:  # while the frame before was stuck: this one may enable the drive again
+            if self._stopped:  # while the frame before was stuck: this frame may enable the drive again
                 return False
             self._channel.send(can_id, data)
         return not self._stopped
 
     def _ask(self, port: CycleSender) -> None:
-        """Ask for the TPDOs that come on request."""
+        """Request the TPDOs that are sent only on request."""
         for can_id, length in port.take_requests(self._clock()):
             self._channel.send_remote(can_id, length)
 
     def sync(self) -> None:
-        """Send SYNC, where we are its producer (CiA 301 7.2.5), with the counter where the bus has one: 1, 2, ... and again 1.
+        """Send SYNC if the master is its producer (CiA 301 7.2.5), with the counter if the bus has one: 1, 2, ... and 1 again.
 
         Raises:
             BusError: as ``commit``.
@@ -323,12 +325,12 @@ class CanCycle:
             count = self._count % self._sync_counter + 1
             data = self._sync_data(count)
         now = self._clock()
-        self._channel.send(self._sync_cob_id, data, patience)  # type: ignore[arg-type]  # who calls this has looked
+        self._channel.send(self._sync_cob_id, data, patience)  # type: ignore[arg-type]  # the callers have checked this
         self._channel.syncs.note(now)
         self._count = count
 
     def heartbeat(self) -> None:
-        """Send our heartbeat, guarding requests and TIME when they are due (CiA 301 7.2.8.3.2, 7.2.6).
+        """Send the master's heartbeat, guarding requests and TIME when they are due (CiA 301 7.2.8.3.2, 7.2.6).
 
         Raises:
             BusError: as ``commit``.
@@ -363,10 +365,10 @@ class CanCycle:
                 node.ask(now)
 
     def quick_stop_all(self) -> bool:
-        """Send a quick stop to every axis that was ever commanded: by RPDO, one SYNC, then by SDO without awaiting an answer.
+        """Send a quick stop to every axis that was ever commanded: by RPDO, one SYNC, then by SDO without waiting for an answer.
 
-        Return whether the adapter took all of its frames. Never raises; returns within about half a second even when the adapter is
-        stuck. A ``commit`` that is under way ends.
+        Return whether the adapter accepted all frames. Never raises; returns within about half a second even if the adapter is
+        stuck. Ends a running ``commit``.
         """
         self._stopped = True
         frames, complete = self._quick_stop_frames()
@@ -376,13 +378,13 @@ class CanCycle:
         return complete and taken == len(frames)
 
     def keep_stopping(self) -> AbstractContextManager[None]:
-        """Send the quick stops by RPDO, and SYNC, again and again in a thread until the context ends; raises nothing."""
+        """Repeat the quick stops by RPDO, and SYNC, in a thread until the context ends; raises nothing."""
         by_pdo, _, _ = self._stop_frames()
         frames = [*by_pdo, *self._sync_frame(bool(by_pdo))]
         return sending_again(self._channel, frames)
 
     def close(self) -> None:
-        """Have the ports stop listening, and close the channel if it is ours; harmless when repeated."""
+        """Close the ports, and the channel if this object owns it; harmless when repeated."""
         for port in self._ports:
             port.close()
         if self._owns_channel:
@@ -400,7 +402,7 @@ class CanCycle:
         for port in self._ports:
             try:
                 pdo, sdo = port.stop_frames()
-            except Exception as error:  # noqa: BLE001 - nothing may keep the other axes from being stopped
+            except Exception as error:  # noqa: BLE001 - no error may keep the other axes from being stopped
                 complete = False
                 self._channel.counters.errors.append(f"stop frames of node {port.node.node_id}: {error}")
             else:
@@ -409,7 +411,7 @@ class CanCycle:
         return by_pdo, by_sdo, complete
 
     def _sync_frame(self, needed: bool) -> Iterable[Frame]:
-        """One more SYNC, so that synchronous RPDOs take effect; another producer's goes on, or is not ours to replace."""
+        """Return one more SYNC, so that synchronous RPDOs take effect; none if another device is the producer."""
         if not needed or self._sync_cob_id is None:
             return ()
         count = self._count % self._sync_counter + 1 if self._sync_counter else 0
@@ -420,9 +422,9 @@ class CanCycle:
 
 
 def send_bounded(channel: Channel, frames: Sequence[Frame]) -> int:
-    """Send stop frames in any state of the channel, and return how many the adapter took; raises nothing.
+    """Send stop frames in any state of the channel, and return how many the adapter accepted; raises nothing.
 
-    Returns within about half a second even when the driver blocks: the frames are sent in a thread of its own.
+    Returns within about half a second even if the driver blocks: the frames are sent in a thread of their own.
     """
     taken: list[int] = []
 
@@ -432,7 +434,7 @@ def send_bounded(channel: Channel, frames: Sequence[Frame]) -> int:
     thread = threading.Thread(target=send, name="axisbus quick stop", daemon=True)
     try:
         thread.start()
-    except RuntimeError:  # the interpreter is ending and makes no more threads
+    except RuntimeError:  # the interpreter is ending and starts no more threads
         send()
     else:
         thread.join(QUICK_STOP_PATIENCE)
@@ -441,9 +443,10 @@ def send_bounded(channel: Channel, frames: Sequence[Frame]) -> int:
 
 @contextmanager
 def sending_again(channel: Channel, frames: Sequence[Frame], period: float = _SEND_AGAIN) -> Iterator[None]:
-    """Send ``frames`` every ``period`` seconds in a thread of its own until the context ends; raises nothing.
+    """Send ``frames`` every ``period`` seconds in a thread until the context ends; raises nothing.
 
-    A stop by synchronous RPDO takes effect with SYNC, and a single frame may be lost: so both go on until the stop is confirmed.
+    A stop by synchronous RPDO takes effect with SYNC, and a single frame may be lost: so both are repeated until the stop is
+    confirmed.
     """
     over = threading.Event()
 
@@ -455,7 +458,7 @@ def sending_again(channel: Channel, frames: Sequence[Frame], period: float = _SE
     thread = threading.Thread(target=send, name="axisbus stop frames", daemon=True)
     try:
         thread.start()
-    except RuntimeError:  # the interpreter is ending and makes no more threads
+    except RuntimeError:  # the interpreter is ending and starts no more threads
         channel.send_urgent(frames)
         yield
         return

@@ -1,4 +1,4 @@
-"""The inputs and outputs of one node on the bus: the newest TPDOs in, RPDOs out (``cia401.port.IoPort``)."""
+"""The inputs and outputs of one node on the bus: the newest TPDOs in, RPDOs out (``axisbus.cia401.port.IoPort``)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from axisbus.errors import BusOff, SdoAbort
 
 
 class _Slot:
-    """The newest frame of one TPDO; one pair, replaced as a whole, so that no reader sees half of it."""
+    """The newest frame of one TPDO; one pair, replaced as a whole, so that a reader never sees half of one."""
 
     def __init__(self, pdo: PlannedPdo, node: CanopenNode, places: dict[Address, int]) -> None:
         codec = PdoCodec(pdo.target.mapping, pdo.signed)
@@ -44,7 +44,7 @@ class _Slot:
 
     @property
     def stamp(self) -> float:
-        """When the newest frame came."""
+        """Time of the newest frame."""
         return self.latest[1]
 
     def on_frame(self, data: bytes, stamp: float) -> None:
@@ -56,7 +56,7 @@ class _Slot:
         self.latest = data, stamp
 
     def read_into(self, samples: list[Sample | None], sampled: float) -> None:
-        """Put its values where they are newer; ``sampled``: when they were, at the earliest (minus infinity: too long ago)."""
+        """Store its values if they are newer; ``sampled`` is their earliest sampling time (minus infinity: too long ago)."""
         data, stamp = self.latest
         if data:
             values = self._unpack(data)
@@ -69,8 +69,8 @@ class _Slot:
 class CanIoPort:
     """Holds the images of its RPDOs and the samples of its TPDOs; ``read``, ``write`` and the frames belong to the scan's thread.
 
-    A node that has rebooted has lost its PDO configuration: nothing is sent to it any more. One that may have done so while nobody
-    could hear it, because in its first word after a bus-off it is not operational, counts as such.
+    A node that has rebooted has lost its PDO configuration, so nothing is sent to it any more. If the first report of a node after
+    a bus-off is not operational, it may have rebooted unnoticed; it is treated in the same way.
     """
 
     asks = False
@@ -85,7 +85,7 @@ class CanIoPort:
         *,
         foreign_sync: bool = False,
     ) -> None:
-        """Listen to the TPDOs of ``plan``, which holds in the node; ``foreign_sync``: another device sends SYNC. Sends nothing."""
+        """Listen to the TPDOs of ``plan``, which the node has; ``foreign_sync``: another device sends SYNC. Sends nothing."""
         self.node, self.plan = node, plan
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
         self.found: tuple[int, ...] = ()
@@ -104,7 +104,7 @@ class CanIoPort:
         ]
         self._alone: dict[
             Address, int
-        ] = {}  # what a module makes of them without us, of all that its RPDOs hold
+        ] = {}  # values that a module sets without the master, for all objects in its RPDOs
         self._samples: list[Sample | None] = [None] * len(self.inputs)
         self._frames: list[Frame] = []
         self._now = -math.inf
@@ -115,7 +115,7 @@ class CanIoPort:
             node.channel.subscribe_cyclic(slot.cob_id, slot.on_frame)
 
     def prime(self) -> None:
-        """Read by SDO what its RPDOs would otherwise overwrite, and inputs whose TPDO comes only when they change; blocks.
+        """Read by SDO the objects that RPDOs would overwrite, and inputs whose TPDO comes only after a change; blocks.
 
         Raises:
             BootError: an RPDO holds an object that cannot be read.
@@ -127,7 +127,7 @@ class CanIoPort:
         self.found = tuple(values[address] for address in self.outputs)
         self.alone = tuple(self._alone[address] for address in self.outputs)
         for place, address in enumerate(self.inputs):
-            if self.max_age[place] == math.inf:  # of any other, the first is on its way
+            if self.max_age[place] == math.inf:  # for other inputs, the first TPDO will come soon
                 with suppress(SdoAbort):
                     self._samples[place] = Sample(int(self.node.sdo.read(*address)), time.monotonic())
 
@@ -137,7 +137,7 @@ class CanIoPort:
         known = self._reachable(now)
         if known is SignalValidity.YES and not self._was_known:
             for pace in self._paces:
-                pace.forget()  # what was sent before, it has not taken
+                pace.forget()  # the node has not accepted what was sent before
         if self._was_known and known is not SignalValidity.YES:
             self._take_alone()
         self._was_known, self._may_hear = known is SignalValidity.YES, known in MAY_HEAR
@@ -149,7 +149,7 @@ class CanIoPort:
         return IoInputs(known, tuple(self._samples), self._heard())
 
     def write(self, words: tuple[int | None, ...]) -> None:
-        """Take a value for each output; an RPDO goes out once something in it was set. Does not block."""
+        """Set a value for each output; an RPDO is sent after one of its values was set. Does not block."""
         if not self._may_hear:
             self._frames = []
             return
@@ -173,17 +173,17 @@ class CanIoPort:
         return frames
 
     def drop_frames(self) -> None:
-        """Forget them: the bus carries none, and later they would be of long ago."""
+        """Discard these frames: the bus cannot carry them, and later they would be outdated."""
         self._frames = []
         for pace in self._paces:
             pace.forget()
 
     def take_requests(self, now: float) -> list[tuple[int, int]]:  # noqa: ARG002
-        """None: inputs come by themselves."""
+        """Return no requests: the TPDOs of inputs are sent automatically."""
         return []
 
     def stop_frames(self) -> tuple[tuple[Frame, ...], tuple[Frame, ...]]:
-        """None: outputs become safe once the axes stand, which takes longer than this."""
+        """Return no frames: outputs become safe when the axes are at standstill, which takes longer than this."""
         return (), ()
 
     def close(self) -> None:
@@ -212,7 +212,7 @@ class CanIoPort:
         return SignalValidity.YES if nmt.state is NmtState.OPERATIONAL else SignalValidity.NOT_OPERATIONAL
 
     def _heard(self) -> float:
-        """When it last gave a sign of life; infinite where nothing makes it give one."""
+        """Return the time of the node's last sign of life; infinite if none is expected."""
         nmt = self.node.nmt
         if nmt.watched is None and not any(map(math.isfinite, self.max_age)):
             return math.inf
@@ -226,14 +226,14 @@ class CanIoPort:
         return found if mode is None or value is None else row.word(mode, value, found)
 
     def _take_alone(self) -> None:
-        """What shares an RPDO with outputs that were set, named or not, must not come back by the next frame."""
+        """Set all objects of the RPDOs to the module's own values, so that the next frame does not restore the values before."""
         for image in self._images:
             for (index, subindex), _ in _values(image):
                 image.put(index, subindex, self._alone[index, subindex])
 
 
 def _values(image: RpdoImage) -> Iterator[tuple[Address, int]]:
-    """Yield what an RPDO holds, which is known of all of it once it was primed."""
+    """Yield the objects of an RPDO and their values, which are all known after priming."""
     for mapped in image.mapping:
         value = image.value(mapped.index, mapped.subindex)
         if value is not None:
@@ -241,7 +241,7 @@ def _values(image: RpdoImage) -> Iterator[tuple[Address, int]]:
 
 
 def _age(address: Address, pdos: Sequence[PlannedPdo], scan_period: float) -> float:
-    """The age by the PDO that comes most often among those that carry an object."""
+    """Return the age for the most frequent PDO among those that carry an object."""
     carriers = [
         pdo for pdo in pdos if any((entry.index, entry.subindex) == address for entry in pdo.target.mapping)
     ]

@@ -1,11 +1,11 @@
-"""LSS on a CAN channel (CiA 305): runs the dialogues of ``cia301`` in real time, never beside a bus in operation.
+"""LSS on a CAN channel (CiA 305): run the dialogues of ``axisbus.cia305`` in real time, never on a bus in operation.
 
 Theory of operation
 -------------------
-The receive thread puts each frame of 7E4h with its time into an inbox. ``_exchange`` sends a request, takes the answers of its kind
-until its wait is over, and hands them to the dialogue. An answer to the last request that comes after that was too late; its delay
-is told, so that the waits grow. However a dialogue ends, every slave is switched back to *waiting*: a slave
-left in *configuration* would obey the next master's requests.
+The receive thread puts each frame of 7E4h with its time into an inbox. ``_exchange`` sends a request, collects the answers of the
+expected kind until its wait is over, and passes them to the dialogue. An answer to the last request that comes after that is late;
+its delay is passed on, so that the waits grow. However a dialogue ends, every slave is switched back to *waiting*: a slave left in
+*configuration* would obey the next master's requests.
 """
 
 from __future__ import annotations
@@ -42,26 +42,26 @@ from axisbus.errors import ArgumentError, BusError, NodeTimeout, StateError
 T = TypeVar("T")
 Progress = Callable[[int, int], None]  # slaves found, bits of the next one's address (0 to 128)
 
-LISTEN = 1.1  # s: the usual heartbeat of 1 s fits in
+LISTEN = 1.1  # s: long enough for the usual heartbeat period of 1 s
 BOOT_WAIT = 3.0  # s; some drives need seconds to restart
-_SLICE = 0.05  # s between two looks at the channel's failure
+_SLICE = 0.05  # s between two checks of the channel's failure
 _SEND_PATIENCE = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class NodeIdGiven:
-    """What became of a node-ID: ``booted`` when the boot-up message under it was seen, None where it is not due yet."""
+    """Result of setting a node-ID; ``booted``: whether its boot-up message was seen under it, None if it is not due yet."""
 
     set: NodeIdSet
     booted: bool | None
 
 
 class LssMaster:
-    """The LSS master of a channel; holds the answers that wait in an inbox, and the pace learnt from the slaves.
+    """The LSS master of a channel; holds received answers in an inbox, and the timing learnt from the slaves.
 
-    Every call blocks, may raise what its dialogue raises and ``AdapterError`` when the channel fails, and is to be made from one
+    Every call blocks, may raise the exceptions of its dialogue, and ``AdapterError`` if the channel fails. Make calls from one
     thread at a time, not from the receive thread (``StateError``). The first call listens for ``LISTEN`` s and raises
-    ``StateError`` when the bus is in operation, unless ``beside_operation``.
+    ``StateError`` if the bus is in operation, unless ``beside_operation``.
     """
 
     def __init__(
@@ -78,21 +78,21 @@ class LssMaster:
         self._on_progress = on_progress
         self._quiet = beside_operation
         self._inbox: UnboundedQueue[tuple[bytes, float]] = UnboundedQueue()
-        self._next: tuple[bytes, float] | None = None  # taken from the inbox, and not looked at yet
-        self._asked = (0, 0.0)  # the last service that has an answer, and when it was sent
+        self._next: tuple[bytes, float] | None = None  # taken from the inbox, but not evaluated yet
+        self._asked = (0, 0.0)  # the last service with an answer, and the time of the request
 
-    # -- what it does -------------------------------------------------------------------------------------------------------------
+    # -- services -----------------------------------------------------------------------------------------------------------------
 
     def find(self, known: KnownIdentity | None = None, most: int = len(cob.NODE_IDS)) -> Scanned:
-        """Find all slaves without a node-ID by fast scan; changes nothing about them.
+        """Find all slaves without a node-ID by fast scan; changes nothing in them.
 
-        Takes about 1 s for the first and one more for each that differs much; 0.6 s more at the end, when nobody answers any more.
-        A slave that goes on answering after it was found (against CiA 305) costs some seconds: its address is read from it, and it
-        is excluded; ``Scanned`` says so, and what could not be found out. Slaves with a node-ID do not take part
-        (``axisbus.bus.node.discover.scan`` finds those).
+        Takes about 1 s for the first slave, 1 s for each slave with a very different address, and 0.6 s at the end, when no slave
+        answers any more. A slave that continues to answer after it was found (against CiA 305) costs some seconds: its address is
+        read from it, and it is excluded. ``Scanned`` reports that, and remaining uncertainties. Slaves with a node-ID do not take
+        part (``axisbus.bus.node.discover.scan`` finds those).
 
         Raises:
-            LssTimeout, LssError: a slave went silent, or the answers go on contradicting each other.
+            LssTimeout, LssError: a slave went silent, or the answers contradict each other again and again.
         """
         return self.run(FastScan(self.pace, known, most).run())
 
@@ -100,24 +100,24 @@ class LssMaster:
         """Return a slave's identity and node-ID; None means the only LSS slave on the bus.
 
         Raises:
-            LssTimeout, LssError: nobody has this identity, or several answer.
+            LssTimeout, LssError: no slave has this identity, or several answer.
         """
         return self.run(master.inquire(self.pace, address))
 
     def set_node_id(
         self, address: LssAddress | None, node_id: int, *, store: bool = False, reset: bool = False
     ) -> NodeIdGiven:
-        """Give a slave a node-ID that nobody else has; wait until it boots under it, where that is due.
+        """Give a slave a node-ID that no other node has; wait until it boots with it, if that is due.
 
-        A slave without a node-ID boots at once; if it does not, ``reset`` sends NMT *reset communication* to the new node-ID, with
-        which some slaves take it. One with a node-ID needs *reset communication* always, which ``reset`` sends to its old node-ID
-        (it stops a drive that moves); a slave that does not tell its node-ID is not reset. 255 takes the node-ID away. Blocks for
-        up to about 6 s.
+        A slave without a node-ID boots at once. If it does not, ``reset`` sends NMT *reset communication* to the new node-ID, with
+        which some slaves accept it. A slave with a node-ID always needs *reset communication*; ``reset`` sends it to the old
+        node-ID (it stops a drive that moves). A slave that does not report its node-ID is not reset. 255 removes the node-ID.
+        Blocks for up to about 6 s.
 
         Raises:
-            ArgumentError: the node-ID cannot be given.
+            ArgumentError: the node-ID cannot be assigned.
             StateError: another node has it.
-            LssRefused: the slave does not take or store it; LssTimeout, LssError: as ``inquire``.
+            LssRefused: the slave does not accept or store it; LssTimeout, LssError: as ``inquire``.
         """
         require_node_id(node_id)
         before = self.inquire(address)
@@ -135,38 +135,39 @@ class LssMaster:
             if reset and not booted and done.at_once:  # no other node has this node-ID
                 nmt.send(self._channel, NmtCommand.RESET_COMMUNICATION, node_id)
                 booted = _boots(monitor)
-            # Of a slave that does not tell its node-ID, nobody knows whether it is to boot now.
+            # If a slave does not report its node-ID, it is unknown whether a boot-up is due now.
             return NodeIdGiven(done, None if before.node_id is None and not booted else booted)
 
     def set_bit_rate(
         self, addresses: Sequence[LssAddress] | None, bitrate: int, *, store: bool = False
     ) -> None:
-        """Tell slaves (None: all at once) the bit rate (bit/s) that ``activate``, or a restart after storing, brings into force.
+        """Set the bit rate (bit/s) that slaves (None: all at once) change to at ``activate``, or at a restart after storing.
 
         Raises:
-            ArgumentError: CiA 305 has no such rate, or nobody is named.
-            LssRefused: a slave does not take or store it; LssTimeout, LssError: as ``inquire``.
+            ArgumentError: CiA 305 has no such rate, or ``addresses`` is empty.
+            LssRefused: a slave does not accept or store it; LssTimeout, LssError: as ``inquire``.
         """
         bit_timing_index(bitrate)
         _require_some(addresses)
         self.run(master.set_bit_rate(self.pace, addresses, bitrate, store=store))
 
     def activate(self, addresses: Sequence[LssAddress] | None, delay: float) -> None:
-        """Have slaves (None: all) change to the bit rate that they were told; blocks until they have (twice ``delay`` s).
+        """Make slaves (None: all) change to the configured bit rate; blocks until they have (twice ``delay`` s).
 
-        Every node that does not change loses the bus, and so do we: ``changeover.change_over`` takes our adapter along.
+        Every node that does not change loses the bus, and so does the master: ``bitrate_change.change_over`` changes its adapter
+        too.
 
         Raises:
-            ArgumentError: the delay is not 0.01 to 65.535 s, or nobody is named.
-            LssTimeout: a slave named does not answer; nothing was activated.
+            ArgumentError: the delay is not 0.01 to 65.535 s, or ``addresses`` is empty.
+            LssTimeout: a slave in ``addresses`` does not answer; nothing was activated.
         """
         sent = self.start_activation(addresses, delay)
         time.sleep(max(0.0, sent + 2 * delay - time.monotonic()))
 
     def start_activation(self, addresses: Sequence[LssAddress] | None, delay: float) -> float:
-        """Do as ``activate``, but return when the command was given to the adapter (monotonic clock, s), and do not wait.
+        """Do as ``activate``, but without waiting; return when the command was passed to the adapter (monotonic clock, s).
 
-        The slaves are at the old rate for ``delay`` s from then on, change over, and are silent for as long again.
+        From then on the slaves use the old rate for ``delay`` s, change the rate, and are silent for another ``delay`` s.
         """
         _require_some(addresses)
         self.run(master.activate(self.pace, addresses, delay), leave=False)
@@ -174,11 +175,11 @@ class LssMaster:
 
     @property
     def channel(self) -> Channel:
-        """The channel that it works on."""
+        """The channel of this master."""
         return self._channel
 
     def store(self, address: LssAddress | None) -> None:
-        """Have a slave store its node-ID and bit rate; blocks up to 15 s where it is silent.
+        """Make a slave store its node-ID and bit rate; blocks up to 15 s if it is silent.
 
         Raises:
             LssRefused: it cannot; LssTimeout, LssError: as ``inquire``.
@@ -186,7 +187,7 @@ class LssMaster:
         self.run(master.store(self.pace, address))
 
     def identify(self, low: LssAddress, high: LssAddress) -> bool:
-        """Return whether a slave with revision and serial number in these ranges is there, with or without a node-ID.
+        """Return whether a slave has revision and serial number in these ranges, with or without a node-ID.
 
         Raises:
             ArgumentError: the two differ in vendor-ID or product code.
@@ -194,17 +195,17 @@ class LssMaster:
         return self.run(master.identify(self.pace, low, high))
 
     def any_unconfigured(self) -> bool:
-        """Return whether a slave without a node-ID is there (by its own service, which not every slave has)."""
+        """Return whether any slave has no node-ID, by a separate service that not every slave supports."""
         return self.run(master.any_unconfigured(self.pace))
 
-    # -- how it runs --------------------------------------------------------------------------------------------------------------
+    # -- running a dialogue -------------------------------------------------------------------------------------------------------
 
     def run(self, dialogue: Dialogue[T], *, leave: bool = True) -> T:
-        """Run a dialogue to its end; ``leave`` switches all slaves to *waiting* behind it.
+        """Run a dialogue to its end; ``leave`` switches all slaves to *waiting* after it.
 
         Raises:
             StateError: the bus is in operation, or called in the receive thread.
-            AdapterError: the channel failed; and what the dialogue raises.
+            AdapterError: the channel failed; and the exceptions of the dialogue.
         """
         require_other_thread(self._channel, "an LSS service")
         self._require_quiet()
@@ -216,7 +217,7 @@ class LssMaster:
             raise
         finally:
             if leave:
-                with suppress(BusError):  # what failed is being told already
+                with suppress(BusError):  # the failure is being reported already
                     self._channel.send(cob.LSS_RX, switch_global(LssState.WAITING), _SEND_PATIENCE)
             self._channel.unsubscribe(cob.LSS_TX, self._receive)
 
@@ -256,7 +257,7 @@ class LssMaster:
         return LssReplies(tuple(answers), tuple(late))
 
     def _note_late(self, item: tuple[bytes, float], late: list[float]) -> None:
-        """Take the delay of an answer to the last request that has one; what else comes says nothing."""
+        """Record the delay of an answer to the last request that has one; other frames are only counted."""
         self._drop(item)
         data, stamp = item
         expected, sent = self._asked
@@ -268,9 +269,9 @@ class LssMaster:
         self._channel.drops.note(DropReason.LSS, None, stamp, cob.LSS_TX, data)
 
     def _take(self, until: float) -> tuple[bytes, float] | None:
-        """Return the next frame that came by the time ``until``, None when there is none; one that waits is taken even then.
+        """Return the next frame that came by the time ``until``, None if there is none; a waiting frame is returned even later.
 
-        What came later stays where it is, so that a slave that talks without a pause ends no wait late.
+        Frames that came later stay in the inbox, so that a slave that sends continuously does not prolong a wait.
         """
         while True:
             self._channel.check()
@@ -285,7 +286,7 @@ class LssMaster:
     def _receive(self, data: bytes, stamp: float) -> None:
         self._inbox.put((data, stamp))
 
-    # -- what it asks of the bus --------------------------------------------------------------------------------------------------
+    # -- preconditions ------------------------------------------------------------------------------------------------------------
 
     def _require_quiet(self) -> None:
         if self._quiet:

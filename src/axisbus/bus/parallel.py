@@ -1,4 +1,4 @@
-"""The same work on several nodes side by side: each waits for its own answers."""
+"""The same work on several nodes in parallel: each thread waits for the answers of its node."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ _T = TypeVar("_T")
 
 
 def in_parallel(work: Callable[..., _T], *items: Iterable[object]) -> list[_T]:
-    """Call ``work`` with the items of each place, a thread for each; one after the other where there are no more threads.
+    """Call ``work`` with one item of each iterable, each call in a thread; sequentially if no threads can be started.
 
-    There are none at the end of the interpreter, when ``atexit`` closes a machine that was left open.
+    At the end of the interpreter no threads can be started, when ``atexit`` closes a machine that was left open.
     """
     places = list(zip(*items, strict=True))
     pool = ThreadPoolExecutor(max_workers=max(1, len(places)), thread_name_prefix="axisbus nodes")

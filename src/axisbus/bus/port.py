@@ -40,26 +40,27 @@ from axisbus.cia402.port import (
 from axisbus.cia402.state import ENERGISED, decode
 from axisbus.errors import BusError, BusOff
 
-_OPERATIONAL = NmtState.OPERATIONAL  # looked at in every cycle
-assert Inputs._fields[2:8] == tuple(INPUT_OBJECTS)  # ``read`` takes them in this order
+_OPERATIONAL = NmtState.OPERATIONAL  # compared in every cycle
+assert Inputs._fields[2:8] == tuple(INPUT_OBJECTS)  # the order in which ``read`` uses them
 _ALL_QUIET = Inputs(0.0, True, *(None,) * 6, nmt=int(_OPERATIONAL))[
     8:
-]  # of a node that is operational, and says nothing more
-_tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
-_DUPLICATE_WITHIN = 1.0  # seconds after a boot-up message in which an energised drive shows a second device
+]  # of an operational node without further events
+_tuple = tuple.__new__  # makes a named tuple from fitting values without the cost of its own ``__new__``
+_DUPLICATE_WITHIN = 1.0  # seconds after a boot-up message in which an energised drive proves a second device
 _QUICK_STOP_SDO = bytes((0x2B, 0, 0, 0)) + PowerCommand.QUICK_STOP.word.to_bytes(4, "little")
 
 
 class CanPort:
-    """One axis over CAN (``cia402.port.Port``); holds state: the PDO images, the samples, and what is under way by SDO.
+    """One axis over CAN (``axisbus.cia402.port.Port``); holds state: the PDO images, the samples, and the running SDO transfers.
 
     ``read``, ``write`` and ``take_frames`` belong to the scan's thread, ``stop_frames`` may be called from any.
 
-    A boot-up message says that the node has restarted and lost its PDO configuration, or that a second device has its node-ID, or
-    it is forged. The same is possible of a node that is not operational in its first word after a bus-off. From then on the node is
-    not operational until a new port is made, and the port sends it only what stops a drive, by every path: the RPDOs that were
-    committed last with the controlword of the stop, the controlword by SDO, and NMT stop. The RPDOs cannot enable a drive that
-    really has restarted and maps them otherwise: their content does not change, and enabling takes several controlwords in turn.
+    A boot-up message has three possible causes: the node has restarted and lost its PDO configuration, a second device has its
+    node-ID, or the message is forged. The same is possible if the first report of a node after a bus-off is not operational. From
+    then on the node counts as not operational until a new port is made. The port sends it only stops, in three ways: the last
+    committed RPDOs with the controlword of the stop, the controlword by SDO, and NMT stop. These RPDOs cannot enable a drive that
+    has really restarted and maps them differently: their content does not change, and enabling takes several different
+    controlwords.
     """
 
     def __init__(
@@ -72,10 +73,10 @@ class CanPort:
         rpdo_repeat: float = REPEAT,
         foreign_sync: bool = False,
     ) -> None:
-        """Listen to the TPDOs of ``plan``, which holds in the drive; ``scan_period`` in seconds. Sends nothing.
+        """Listen to the TPDOs of ``plan``, which the drive has; ``scan_period`` in seconds. Sends nothing.
 
-        ``rpdo_repeat``: seconds after which an event-driven RPDO is sent again at the latest, though nothing has changed.
-        ``foreign_sync``: another device sends SYNC.
+        ``rpdo_repeat``: maximum time in seconds until an unchanged event-driven RPDO is sent again. ``foreign_sync``: another
+        device sends SYNC.
         """
         self.node = node
         self.plan = plan
@@ -99,16 +100,16 @@ class CanPort:
         self._look_by = self._lags.look_by
         self._incoming = Incoming(list(zip(self._slots, deadlines, strict=True)), scan_period, self._lags)
         self._requests = Requests(self._slots)
-        self.asks = bool(self._requests)  # whether there are TPDOs to be asked for at all
+        self.asks = bool(self._requests)  # whether there are TPDOs to request at all
         sent = [pdo for pdo in plan.active if pdo.receive]
         self._images = [RpdoImage(pdo) for pdo in sent]
         self._pace = RpdoPace(sent, self._images, scan_period, rpdo_repeat)
         self._now = -math.inf  # of the newest ``read``
-        self._operational = False  # as it has told
+        self._operational = False  # as last reported to motion
         polls = freshness.polls(plan)
         self._poller = Poller(node.worker, polls, self.index) if polls else None
         self._sdo_outputs = SdoOutputs(node.worker, plan.outputs, self.index)
-        # Where one RPDO takes all outputs to the drive, in every cycle: that.
+        # The only RPDO, if it carries all outputs to the drive in every cycle.
         alone = len(sent) == 1 and self._pace.plain and self._sdo_outputs.none
         self._only_image = self._images[0] if alone and self._images[0].holds_controlword else None
         self._sends_more = len(plan.outputs.keys() - OUTPUT_OBJECTS.keys()) > 0
@@ -121,19 +122,19 @@ class CanPort:
         self._nmt_stopped = False
         self._channel = node.channel
         self._offs = node.channel.offs
-        self._returning = False  # from a bus-off; nothing was heard of it since
-        self._doubtful_since: float | None = None  # when a bus-off ended during which it may have restarted
+        self._returning = False  # from a bus-off; no report of the node has come since
+        self._doubtful_since: float | None = None  # end of a bus-off during which the node may have restarted
         self._energised_stamp = (
             -math.inf
         )  # of the newest statusword after a boot-up that shows an energised drive
         for slot in self._slots:
             node.channel.subscribe_cyclic(slot.cob_id, slot.on_frame)
 
-    # -- the seam -----------------------------------------------------------------------------------------------------------------
+    # -- interface to motion ------------------------------------------------------------------------------------------------------
 
     @property
     def capabilities(self) -> Capabilities:
-        """How the axis's values travel."""
+        """The transport of the axis's values."""
         return replace(self._capabilities, guarded=self.node.nmt.guarded)
 
     @property
@@ -142,7 +143,7 @@ class CanPort:
         return self.node.nmt.bootups != self._bootups
 
     def read(self, now: float) -> Inputs:
-        """Return the newest values and start what polling is due; does not block."""
+        """Return the newest values and start due polls; does not block."""
         nmt, incoming = self._nmt, self._incoming
         if incoming.steady and now < self._look_by and not self._emergencies and not self._replies:
             channel = self._channel
@@ -162,11 +163,11 @@ class CanPort:
         channel = self._channel
         news = channel.offs != self._offs or self._returning or channel.off is not None
         bus = self._bus_off() if news else None
-        state, silent = nmt.state, now > nmt.deadline  # now, and not before what they may be the answer to
+        state, silent = nmt.state, now > nmt.deadline  # now, and not before the frames that may cause them
         since = self._restarted_since
         operational = bus is None and since is None and state is _OPERATIONAL and not silent
         if operational and not self._operational:
-            self._pace.forget()  # what was sent before, it has not taken
+            self._pace.forget()  # the drive has not accepted what was sent before
         self._now, self._operational = now, operational
         samples, events = incoming.look(now, operational, self._poller)
         if events:
@@ -186,7 +187,7 @@ class CanPort:
         )
 
     def write(self, outputs: Outputs) -> None:
-        """Take the outputs of this cycle; what travels by PDO is sent by ``BusCycle.commit``. Does not block.
+        """Set the outputs of this cycle; ``BusCycle.commit`` sends those with a PDO. Does not block.
 
         Raises:
             StateError: an RPDO would have to be sent although the port was not primed.
@@ -223,7 +224,7 @@ class CanPort:
             self._controlword = controlword
 
     def _write_stop(self, outputs: Outputs) -> None:
-        """Send only what stops the drive, and ask only for what shows how it is."""
+        """Send only stops to the drive, and only read requests."""
         self._frames = []
         for request in outputs.sdo:
             if request.value is None or _stops(request):
@@ -238,11 +239,11 @@ class CanPort:
     # -- for the cycle ------------------------------------------------------------------------------------------------------------
 
     def index(self, first_axis: int) -> int:
-        """Return the index that an object of the first axis has for this axis; others are shared by all axes."""
+        """Return this axis's index of an object of the first axis; other objects are shared by all axes."""
         return own_index(first_axis, self.axis)
 
     def take_frames(self) -> list[Frame]:
-        """Return the frames given since the last call, in the order in which they must go out."""
+        """Return the frames given since the last call, in the order in which they must be sent."""
         frames = self._frames
         if frames:
             self._frames = []
@@ -256,7 +257,7 @@ class CanPort:
 
     @property
     def controlwords(self) -> list[tuple[int, int]]:
-        """The COB-ID of each RPDO that holds the controlword, and how many bits before it are others'."""
+        """The COB-ID of each RPDO that holds the controlword, and the number of bits before it."""
         return [(image.cob_id, image.controlword_shift) for image in self._images if image.holds_controlword]
 
     @property
@@ -265,19 +266,19 @@ class CanPort:
         return [(image.cob_id, bits) for image in self._images if (bits := image.cleared_bits)]
 
     def drop_frames(self) -> None:
-        """Forget the frames given since the last call: the bus carries none, and later they would be of long ago."""
+        """Discard the frames given since the last call: the bus cannot carry them, and later they would be outdated."""
         self._frames = []
         self._pace.forget()
-        self._nmt_stopped = False  # it was not sent, and must be if it is still wanted then
+        self._nmt_stopped = False  # it was not sent, and must be sent if it is still requested then
 
     def take_requests(self, now: float) -> list[tuple[int, int]]:
-        """Return the TPDOs to be asked for by a remote frame now, as COB-ID and data length; none while the node cannot answer."""
+        """Return the TPDOs to request by remote frames now, as COB-ID and data length; none while the node cannot answer."""
         return self._requests.due(now) if self.asks and self.node.nmt.operational(now) else []
 
     def stop_frames(self) -> tuple[tuple[Frame, ...], tuple[Frame, ...]]:
         """Return the frames of a quick stop, by PDO and by SDO; none for an axis that never got a controlword.
 
-        The PDO frames are those that were last committed, with the controlword replaced and offsets of 0.
+        The PDO frames are the last committed ones, with the controlword replaced and offsets of 0.
         """
         if self._controlword is None and not self._sdo_outputs.commanded:
             return (), ()
@@ -287,9 +288,9 @@ class CanPort:
         return by_pdo, ((cob.SDO_RX + self.node.node_id, sdo),)
 
     def prime(self) -> None:
-        """Read by SDO what no TPDO may bring soon, and what an RPDO would otherwise overwrite; blocks for a dozen transfers.
+        """Read by SDO the values that no TPDO may send soon, and those that an RPDO would overwrite; blocks for a dozen transfers.
 
-        To be called once the plan holds and before the scan starts.
+        Call this after the plan has been applied and before the scan starts.
 
         Raises:
             BootError: an RPDO holds an object that cannot be read.
@@ -306,7 +307,7 @@ class CanPort:
 
     @property
     def short_frames(self) -> int:
-        """How many TPDO frames came with less data than their mapping."""
+        """Number of TPDO frames with less data than their mapping."""
         return sum(slot.short for slot in self._slots)
 
     def _dropping(self, cob_id: int) -> Receiver:
@@ -316,7 +317,7 @@ class CanPort:
     # -- details ------------------------------------------------------------------------------------------------------------------
 
     def _bus_off(self) -> BusError | None:
-        """Why nothing can be sent, told at least once for each bus-off, however short it was."""
+        """Return why nothing can be sent, at least once for each bus-off, however short it was."""
         channel = self._channel
         offs, self._offs = self._offs, channel.offs
         off = channel.off or (channel.last_off if offs != self._offs else None)
@@ -330,16 +331,16 @@ class CanPort:
 
     @property
     def _restarted_since(self) -> float | None:
-        """When the node sent a boot-up message, or may have restarted unheard; None while neither is so."""
+        """Time of the node's boot-up message, or of a possible unnoticed restart; None if there is neither."""
         if self.rebooted:
             return self.node.nmt.bootup_stamp or 0.0
         return self._doubtful_since
 
     def _look_for_duplicate(self, statusword: Sample | None, since: float) -> None:
-        """A drive that has restarted is not energised: one that is has not sent the boot-up message.
+        """Detect a second device: a drive that has restarted is not energised, so an energised drive sent no boot-up message.
 
-        Two statuswords are asked for, because the first may have been sent before the boot-up and overtaken on its way, and both
-        shortly after the boot-up, because later another master may have enabled the drive.
+        Two statuswords are required, because the first may have been sent before the boot-up and delayed. Both must come shortly
+        after the boot-up, because later another master may have enabled the drive.
         """
         if statusword is None or statusword.stamp <= self._energised_stamp or not self.rebooted:
             return
@@ -353,7 +354,7 @@ class CanPort:
             self._nmt.note_duplicate(f"a boot-up message came, and the drive has not restarted: {seen}")
 
     def _stops_by_pdo(self, word: int) -> tuple[Frame, ...]:
-        """The RPDOs that were committed last, with the controlword of a stop, and offsets of 0."""
+        """Return the last committed RPDOs with the controlword of a stop, and offsets of 0."""
         committed = self._committed.copy()
         return tuple(
             image.with_controlword(committed[image.cob_id], word)
@@ -362,9 +363,10 @@ class CanPort:
         )
 
     def _held_back(self, controlword: int | None) -> int | None:
-        """Keep a controlword that may start a motion until the values that travel by SDO have arrived.
+        """Hold back a controlword that may start a motion until the values written by SDO have arrived.
 
-        A halt is never kept. Under halt only the edge of bit 4 waits; without the new target the drive would take its old one.
+        A halt is never held back. During a halt only the edge of bit 4 waits; without the new target the drive would use its old
+        one.
         """
         if controlword is None or not self._sdo_outputs.pending:
             return controlword
@@ -395,7 +397,10 @@ class CanPort:
             self.node.worker.submit(job)
 
     def _into_images(self, index: int, request: SdoRequest) -> list[tuple[RpdoImage, int]]:
-        """An object that is also in an RPDO must have its new value there first, or the next frame would bring back the old one."""
+        """Store a value in the RPDOs that hold the object, before it is written.
+
+        Else the next frame would restore the old value.
+        """
         undo: list[tuple[RpdoImage, int]] = []
         if request.value is None:
             return undo
@@ -414,7 +419,7 @@ def _stops(request: SdoRequest) -> bool:
 
 
 def _more(outputs: Outputs) -> dict[str, int]:
-    """What only some axes are sent."""
+    """Return the outputs that only some axes have."""
     values = (
         ("velocity_offset", outputs.velocity_offset),
         ("torque_offset", outputs.torque_offset),

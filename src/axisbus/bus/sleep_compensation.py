@@ -1,17 +1,17 @@
-"""How much before its time a sleep has to end, so that it does not end after it: learned from those before."""
+"""Learn from earlier sleeps how long before a deadline a sleep must end, so that it does not end late."""
 
 from __future__ import annotations
 
-_SPARE = 5e-6  # seconds beside what the sleeps are late by
-_MORE = 1.15  # times that
-_BLOCK = 50  # sleeps; what was needed in one is kept for one more
+_SPARE = 5e-6  # seconds, added to the delay of the sleeps
+_MORE = 1.15  # factor on that delay
+_BLOCK = 50  # sleeps; the delay in one block is also used for the next one
 
 
 class Waking:
-    """Holds ``early``, the seconds that a sleep is to end before its time; never above ``most``, with which it begins.
+    """Holds ``early``, the seconds that a sleep must end before its deadline; never above ``most``, its initial value.
 
-    What is left of them is spent looking at the clock, so each microsecond too much is one of a processor in every cycle. ``early``
-    follows the latest of the fifty to a hundred sleeps before, at once where one was later than all of those.
+    The rest of the time is spent polling the clock, so each surplus microsecond costs a microsecond of a processor in every cycle.
+    ``early`` follows the maximum delay of the last fifty to a hundred sleeps, at once if one was later than all of those.
     """
 
     __slots__ = ("_before", "_latest", "_seen", "early", "most")
@@ -22,7 +22,7 @@ class Waking:
         self._seen = 0
 
     def note(self, late: float) -> None:
-        """Take into account that a sleep ended ``late`` seconds after the time that it was given."""
+        """Record that a sleep ended ``late`` seconds after its requested end."""
         if late > self._latest:
             self._latest = late
             self.early = max(self.early, self._needed())

@@ -1,4 +1,4 @@
-"""Listening to the SYNC of another producer, which then starts each cycle of the scan."""
+"""Listen to the SYNC of another producer, which then starts each cycle of the scan."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from axisbus.cpu_starvation import REMEDY, Starvation
 from axisbus.errors import BusError, SyncError
 from axisbus.wording import counted
 
-_SLICE = 0.05  # seconds between two looks whether the channel still works
+_SLICE = 0.05  # seconds between two checks of the channel
 FIRST_PATIENCE = 3.0  # seconds that the producer may take to begin
 
 
 class SyncConsumer:
-    """Hears SYNC; holds state: how many have come, and when the newest did.
+    """Receiver of SYNC; holds state: the receipt times of SYNCs not yet used.
 
-    ``wait`` and ``await_steady`` are for one thread, the scan's. When it fails, stopping does not need SYNC: the quick stop also
-    goes out by SDO, and the rest of the stop ladder by SDO and NMT.
+    ``wait`` and ``await_steady`` are for one thread, the scan's. If SYNC fails, stopping does not need it: the quick stop is also
+    sent by SDO, and the rest of the stop sequence by SDO and NMT.
     """
 
     def __init__(
@@ -39,20 +39,20 @@ class SyncConsumer:
         self._channel = channel
         self._clock = clock
         self._changed = threading.Condition()
-        self._stamps: list[float] = []  # of the SYNCs that nobody has taken yet
+        self._stamps: list[float] = []  # of the SYNCs not yet used
         self._starvation = Starvation()
         channel.subscribe(cob_id, self._on_frame)
 
     @property
     def skipped(self) -> int:
-        """How many SYNCs began no cycle, because the one before was not finished or they came too close together."""
+        """Number of SYNCs that began no cycle, because the cycle before was not finished or they came too close together."""
         return self._watch.skipped
 
     def await_steady(self, timeout: float = FIRST_PATIENCE) -> float:
         """Wait until SYNC comes, and return its measured period in seconds; blocks up to ``timeout`` seconds.
 
         Raises:
-            SyncError: it does not come, or at another period than ours.
+            SyncError: it does not come, or with another period than the master's.
             BusError: the channel failed.
         """
         deadline = self._clock() + timeout
@@ -74,7 +74,7 @@ class SyncConsumer:
                 self._changed.wait(_SLICE)
 
     def wait(self) -> float:
-        """Wait for the SYNC that begins the next cycle and return when it came, in seconds; blocks until it is missing.
+        """Wait for the SYNC that begins the next cycle and return its time in seconds; blocks at most until it counts as missing.
 
         Raises:
             SyncError: it is missing, or comes too fast.
@@ -92,7 +92,7 @@ class SyncConsumer:
                 continue
             if excused or now - deadline < self._watch.period / 2:
                 raise self._missing(now, deadline)
-            excused = True  # we come too late ourselves: what came meanwhile may still wait to be read
+            excused = True  # the scan itself is late: SYNCs that came meanwhile may still wait to be read
             self._take(now + self._watch.period / 2, keep=True)
         too_fast = self._watch.too_fast
         if too_fast is not None:
@@ -104,7 +104,7 @@ class SyncConsumer:
         self._channel.unsubscribe(self.cob_id, self._on_frame)
 
     def _take(self, deadline: float | None, keep: bool = False) -> list[float]:
-        """Return the SYNCs that have come, as soon as there is one; empty when ``deadline`` has passed, or after a slice."""
+        """Return the received SYNCs as soon as there is one; empty after ``deadline`` or after a slice of time."""
         self._channel.check()
         with self._changed:
             if not self._stamps:
@@ -116,7 +116,7 @@ class SyncConsumer:
         return stamps
 
     def _wait(self, seconds: float) -> None:
-        """Wait for a SYNC; coming back far too late is no fault of its producer."""
+        """Wait for a SYNC; if the wait ends far too late, note a lack of processor time, which is no fault of the producer."""
         began = self._clock()
         self._changed.wait(seconds)
         late = self._clock() - began - seconds
@@ -124,7 +124,7 @@ class SyncConsumer:
             self._starvation.note(self._clock(), late)
 
     def _on_frame(self, data: bytes, stamp: float) -> None:
-        if len(data) > sync.LONGEST:  # the counter, and no more (CiA 301 7.2.5)
+        if len(data) > sync.LONGEST:  # only the counter is permitted (CiA 301 7.2.5)
             self._channel.drops.note(DropReason.SYNC, None, stamp, self.cob_id, data)
             return
         with self._changed:

@@ -1,4 +1,4 @@
-"""TIME on the bus (CiA 301 7.2.6): sent by us at a period, or heard from another producer."""
+"""TIME on the bus (CiA 301 7.2.6): sent by the master periodically, or received from another producer."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def utc_now() -> datetime:
 
 
 class TimeProducer:
-    """Sends the computer's time in UTC; holds state: when it is due."""
+    """Sends the computer's time in UTC; holds state: when TIME is due."""
 
     def __init__(
         self,
@@ -34,7 +34,7 @@ class TimeProducer:
         self._due = float("-inf")
 
     def step(self, now: float) -> None:
-        """Send TIME where it is due; ``now`` in seconds of any steady clock.
+        """Send TIME if it is due; ``now`` in seconds of any steady clock.
 
         Raises:
             BusError: the channel refuses.
@@ -47,7 +47,7 @@ class TimeProducer:
 
 
 class TimeConsumer:
-    """Hears TIME; holds state: the newest message with its receipt stamp. ``malformed`` counts what could not be read."""
+    """Receiver of TIME; holds state: the newest message with its receipt time. ``malformed`` counts invalid messages."""
 
     def __init__(self, channel: Channel, cob_id: int = cob.TIME) -> None:
         self.malformed = 0
@@ -58,11 +58,11 @@ class TimeConsumer:
 
     @property
     def latest(self) -> tuple[TimeOfDay, float] | None:
-        """The newest message and when it came (seconds, monotonic); None where none has."""
+        """The newest message and its receipt time (seconds, monotonic); None if there is none."""
         return self._latest
 
     def at(self, now: float) -> datetime | None:
-        """Return what the producer's clock shows at ``now`` (seconds, monotonic), in UTC; None where it was never heard."""
+        """Return the time of the producer's clock at ``now`` (seconds, monotonic), in UTC; None if no TIME has come."""
         latest = self._latest
         return None if latest is None else latest[0].moment + timedelta(seconds=now - latest[1])
 
