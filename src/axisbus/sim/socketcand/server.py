@@ -1,8 +1,8 @@
-"""A socketcand server on this computer, between the programs that join it and the stand-ins of a cell.
+"""A socketcand server on this computer that connects client programs with the simulated nodes of a cell.
 
-What one of them sends reaches all others, and the stand-ins; what the stand-ins send reaches all. A client that does not read is
-let go of, and so is one that sends something else than messages: neither holds up the bus. One that sends more than the stand-ins
-can take waits for them, as it would for a full bus.
+Each frame that a client sends reaches all other clients and the simulated nodes; each frame of the simulated nodes reaches all
+clients. The server disconnects a client that does not read, or that sends anything but messages: neither may hold up the bus. A
+client that sends faster than the simulated nodes can read waits for them, as it would wait for a full bus.
 """
 
 from __future__ import annotations
@@ -21,29 +21,29 @@ import can
 from axisbus.errors import AdapterError
 from axisbus.sim.socketcand.protocol import GREETING, QUIET, Dialogue, Frame, told
 
-LOOPBACK = "127.0.0.1"  # nobody else's computer is to be on this bus
+LOOPBACK = "127.0.0.1"  # no other computer may join this bus
 _MOST = 32  # clients
 _PIECE = 4096  # bytes
-_WAITING = 1024  # frames that the stand-ins have yet to take
-_PATIENCE = 1.0  # seconds that they may take no frame
+_WAITING = 1024  # frames in the queue to the simulated nodes
+_PATIENCE = 1.0  # s for which they may read no frame
 _QUICK_ACK = getattr(
     socket, "TCP_QUICKACK", None
-)  # else a client that waits for it holds its frames back for 40 ms
+)  # without it, a client that waits for acknowledgements holds back its frames for 40 ms
 
 _AT_ONCE = getattr(socket, "MSG_DONTWAIT", None)  # not on Windows
 
 
 class Server:
-    """Listens on a port; holds who is connected. The bus of the stand-ins is ``bus``."""
+    """Server on a TCP port, with its connected clients; ``bus`` is the bus of the simulated nodes."""
 
     def __init__(self, port: int, channel: str = "") -> None:
-        """``port`` 0: any that is free; ``channel``: the name of the bus, by default ``sim`` and the port.
+        """``port`` 0: any free port; ``channel``: name of the bus, by default ``sim`` and the port.
 
         Raises:
-            AdapterError: the port is taken.
+            AdapterError: the port is in use.
         """
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        if sys.platform != "win32":  # there it would let two servers have one port
+        if sys.platform != "win32":  # on Windows this option would let two servers share a port
             self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             self._listener.bind((LOOPBACK, port))
@@ -65,14 +65,14 @@ class Server:
 
     @property
     def clients(self) -> int:
-        """How many programs are connected."""
+        """Number of connected clients."""
         return len(self._clients)
 
     def spread(self, frame: Frame, origin: _Client | None) -> None:
-        """Give a frame to everybody but its origin (None: the stand-ins, which never wait).
+        """Send a frame to all but its origin (None: the simulated nodes, for which this call does not block).
 
         Raises:
-            queue.Full: the stand-ins take nothing any more.
+            queue.Full: the simulated nodes have read no frame for 1 s.
         """
         if origin is not None:
             self.bus.heard.put(frame, timeout=_PATIENCE)
@@ -82,12 +82,12 @@ class Server:
                 client.tell(text)
 
     def dismiss(self, client: _Client) -> None:
-        """Let a client go."""
+        """Remove a client."""
         with self._lock:
             self._clients = tuple(one for one in self._clients if one is not client)
 
     def close(self) -> None:
-        """Let everybody go. Harmless when repeated."""
+        """Disconnect all clients. Harmless when repeated."""
         self._closed = True
         with suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)
@@ -111,7 +111,7 @@ class Server:
 
 
 class _Client:
-    """One connection; holds its dialogue, and from when on it may be told frames."""
+    """One connection; holds its dialogue, and the time from which it may receive frames."""
 
     def __init__(self, server: Server, line: socket.socket) -> None:
         self._server = server
@@ -122,11 +122,11 @@ class _Client:
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def start(self) -> None:
-        """Hear it, in a thread of its own."""
+        """Start to receive, in a separate thread."""
         threading.Thread(target=self._run, name="axisbus served", daemon=True).start()
 
     def tell(self, text: bytes) -> None:
-        """Send a frame, where it may be told any; does not block: who does not read is let go of."""
+        """Send a frame, if the client may receive frames; does not block: a client that does not read is disconnected."""
         if time.monotonic() >= self._from:
             self._send(text)
 
@@ -173,14 +173,14 @@ class _Client:
 
 
 def _sent_now(line: socket.socket, text: bytes) -> bool:
-    """Send what is to go out whole and at once; return whether it did."""
+    """Send a text completely and without blocking; return whether this succeeded."""
     if _AT_ONCE is not None:
         return line.send(text, _AT_ONCE) == len(text)
     return bool(select.select([], [line], [], 0)[1]) and line.send(text) == len(text)
 
 
 class ServedBus(can.BusABC):
-    """The stand-ins' end of a server, as a bus of python-can."""
+    """The simulated nodes' end of a server, as a bus of python-can."""
 
     def __init__(self, server: Server) -> None:
         super().__init__(channel=server.channel)
@@ -188,8 +188,8 @@ class ServedBus(can.BusABC):
         self.heard: queue.Queue[Frame] = queue.Queue(_WAITING)
         self._server = server
 
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002  # it never waits
-        """Give a frame of the stand-ins to all programs."""
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002  # it never blocks
+        """Send a frame of the simulated nodes to all clients."""
         self._server.spread(Frame(msg.arbitration_id, bytes(msg.data), msg.is_extended_id), None)
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
@@ -203,6 +203,6 @@ class ServedBus(can.BusABC):
         return message, False
 
     def shutdown(self) -> None:
-        """Let all programs go."""
+        """Disconnect all clients."""
         super().shutdown()
         self._server.close()

@@ -1,10 +1,10 @@
-"""Messages into frames and frames into messages, by the table alone.
+"""Encode messages into CAN frames and decode frames into messages, driven by the message table.
 
-Theory of operation. One identifier serves both ways: the master's command and the module's answer, or its request and the answer,
-differ in nothing but who sent them. Who receives a frame knows that, since its own frames do not come back; so ``decode`` is told
-the sender, and ``readings`` gives all that the bytes allow where nobody can tell (a recording). What is sent always has eight
-bytes, filled up with zeros (manual v2.2, 4.1.1). An empty request is only made of messages that a module answers to one: eight
-bytes of 0 under Mit_Control would be full negative torque, so that one has no way through here (``mit`` packs it).
+Theory of operation. Both directions use the same identifier: a master's command or request and the module's answer differ only in
+their sender. A receiver knows the sender, since it does not receive its own frames. Therefore ``decode`` has the sender as an
+argument, and ``readings`` returns all possible meanings if the sender is unknown (in a recording). Sent frames always have eight
+bytes, padded with zeros (manual v2.2, 4.1.1). Empty requests exist only for messages that a module answers: eight bytes of 0 under
+Mit_Control would be full negative torque, so this module never encodes that message (``mit`` does).
 """
 
 from __future__ import annotations
@@ -33,11 +33,12 @@ _OWN_ENCODERS = {"Mit_Control": "mit", "RxSdo": "endpoint_messages", "TxSdo": "e
 
 @dataclass(frozen=True, slots=True)
 class Outgoing:
-    """A classic CAN frame with an 11-bit identifier, to be sent; a ``remote`` one asks for eight bytes and carries none.
+    """A classic CAN frame with an 11-bit identifier to be sent; a ``remote`` frame requests eight bytes and has no data.
 
     Raises:
-        ArgumentError: it is one of Mit_Control with nothing but zeros, or a remote one, of which nobody knows what the module takes
-            for its data: zeros are full negative torque. So no caller can make one by mistake either.
+        ArgumentError: it is Mit_Control with only zeros, or as a remote frame, whose data the module may assume to be anything.
+            Zeros
+            are full negative torque, so no caller can make such a frame by mistake.
     """
 
     can_id: int
@@ -53,14 +54,15 @@ class Outgoing:
 
 
 def encode(node: int, message: Message, values: Mapping[str, Number] | None = None) -> Outgoing:
-    """Return the frame that sends ``message`` to ``node`` (0 to 63) with its fields' values, each in its field's unit.
+    """Return the frame that sends ``message`` to ``node`` (0 to 63) with the values of its fields, each in the field's unit.
 
-    Mit_Control is packed by ``mit``, endpoints by ``endpoint_messages``: they have rules that no field has.
+    Mit_Control is encoded by ``mit``, endpoints by ``endpoint_messages``: they have rules that fields cannot express.
 
     Raises:
-        ArgumentError: a field is missing or unknown, a value is no number or none that the manual lists, the node is none, or the
-            message is not one that a master sends with values.
-        LimitError: a value beyond its field's bounds or type.
+        ArgumentError: a field is missing or unknown, a value is not a number or not in the manual's list, the node ID is invalid,
+            or
+            the message is not one that a master sends with values.
+        LimitError: a value is beyond its field's bounds or type.
     """
     if message.name in _OWN_ENCODERS:
         raise ArgumentError(
@@ -72,7 +74,7 @@ def encode(node: int, message: Message, values: Mapping[str, Number] | None = No
 
 
 def packed(message: Message, values: Mapping[str, Number]) -> bytes:
-    """Return the eight bytes of a message's sent fields; raises as ``encode``."""
+    """Return the eight bytes of a message's sent fields; raises the same errors as ``encode``."""
     names = [each.name for each in message.sent]
     if set(values) != set(names):
         raise ArgumentError(
@@ -83,17 +85,17 @@ def packed(message: Message, values: Mapping[str, Number]) -> bytes:
 
 
 def pack_places(places: Iterable[int]) -> bytes:
-    """Return eight bytes in which each field's bits are at their place."""
+    """Return eight bytes that contain the bits of all fields at their positions."""
     return sum(places).to_bytes(LENGTH, "little")
 
 
 def request(node: int, message: Message, *, remote: bool = True) -> Outgoing:
-    """Return the frame that asks ``node`` (0 to 63) for a message: a remote frame, or a data frame of eight zeros.
+    """Return the frame that requests a message from ``node`` (0 to 63): a remote frame, or a data frame of eight zeros.
 
-    Owners saw both answered. Get_Error is asked for by ``error_query``, since its request says which error.
+    Owners saw modules answer both. For Get_Error use ``error_query``: its request contains the kind of error.
 
     Raises:
-        ArgumentError: the node is none, or the message is not one that an empty request asks for.
+        ArgumentError: the node ID is invalid, or the message is not one that an empty request asks for.
     """
     if message.asked is not MessageRequestMethod.EMPTY:
         possible = [each.name for each in messages.MESSAGES if each.asked is MessageRequestMethod.EMPTY]
@@ -106,10 +108,10 @@ def request(node: int, message: Message, *, remote: bool = True) -> Outgoing:
 def decode(
     identifier: int, data: bytes, *, from_module: bool, remote: bool = False, extended: bool = False
 ) -> Outcome:
-    """Return what a frame says, given who sent it; whatever is wrong with it is a value too.
+    """Return the meaning of a frame whose sender is known; an invalid frame gives an ``Unexpected``.
 
-    Data longer than the fields are taken (answers are padded to eight bytes), shorter ones are not. Never raises for a frame that
-    a CAN bus can carry.
+    Data longer than the fields are accepted, because answers are padded to eight bytes; shorter data are not. Never raises for a
+    frame that a CAN bus can carry.
     """
     if extended or not 0 <= identifier < 0x800:
         return Unexpected(-1, -1, data, Reason.NOT_STANDARD)
@@ -125,7 +127,7 @@ def decode(
 def readings(
     identifier: int, data: bytes, *, remote: bool = False, extended: bool = False
 ) -> tuple[Outcome, ...]:
-    """Return all that a frame can be where it is not known who sent it; the ``Unexpected`` alone where it can be nothing."""
+    """Return all possible meanings of a frame with unknown sender; a single ``Unexpected`` if it has none."""
     both = [
         decode(identifier, data, from_module=from_module, remote=remote, extended=extended)
         for from_module in (True, False)
@@ -181,7 +183,7 @@ def _read(
 
 
 def short(place: Identifier, data: bytes, needed: int) -> Unexpected:
-    """Return what is told of data with too few bytes."""
+    """Return the ``Unexpected`` for data with too few bytes."""
     details = f"{counted(len(data), 'byte')} where {needed} are needed"
     return _unexpected(place, data, Reason.LENGTH, details)
 

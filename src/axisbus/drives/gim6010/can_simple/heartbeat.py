@@ -1,14 +1,16 @@
-"""The heartbeat in each of its layouts, told apart as far as its bytes allow.
+"""The module's heartbeat in each of its layouts, distinguished as far as its bytes allow.
 
 Theory of operation
 -------------------
-The manual has three layouts (v2.2, 4.1.2), and no frame names its own. Firmware up to 0.5.11 has a byte for each of motor, encoder
-and controller; 0.5.12 put these into bits and added a life counter; 0.5.13 added the system's bit. Owners report more: bit 3
-instead of bit 7 for "trajectory done" in the oldest, and a temperature in the byte that the manual reserves. A frame with all
-flags down fits every layout. So a reading keeps all layouts that its bytes allow, and says of a flag only what they agree on; where
-one of them says fault, it is a fault. What follows from several frames (a counter goes on, a flag byte stands) narrows them:
-``Heartbeats``. A flag of 1 is taken for a fault, as the manual's first layout and most owners say; one owner reads it the other
-way.
+The manual has three layouts (v2.2, 4.1.2), and no frame identifies its layout. Firmware up to 0.5.11 has a byte for each of motor,
+encoder and controller. Firmware 0.5.12 put these into bits and added a life counter; 0.5.13 added the system's bit. Owners report
+deviations: bit 3 instead of bit 7 for "trajectory done" in the oldest firmware, and a temperature in the byte that the manual
+reserves.
+
+A frame with all flags at 0 fits every layout. Therefore a reading keeps all layouts that its bytes allow, and reports a flag only
+if these layouts agree; if one of them shows a fault, it is reported as a fault. Several frames together (a counter that advances, a
+flag byte that stays the same) exclude layouts: see ``Heartbeats``. A flag of 1 is read as a fault, as in the manual's first layout
+and by most owners; one owner reads it the other way round.
 """
 
 from __future__ import annotations
@@ -25,11 +27,11 @@ from axisbus.drives.gim6010.can_simple.identifier import Identifier
 from axisbus.drives.gim6010.can_simple.messages import HEARTBEAT_FIELDS, LENGTH
 
 COMMAND = 0x01
-_STILL = 3  # times that a counter stood before it is taken for none: a frame may be seen twice on the wire
+_STILL = 3  # repetitions after which the byte is not a life counter: a frame may be seen twice on the wire
 
 
 class HeartbeatLayout(Enum):
-    """What a firmware's heartbeat holds where."""
+    """Layout of a firmware's heartbeat."""
 
     FIRST = "firmware 0.5.11 and earlier"
     COUNTED = "firmware 0.5.12"
@@ -52,7 +54,7 @@ LAYOUTS = {
 }
 ALL = frozenset(HeartbeatLayout)
 _WITH_LIFE = frozenset({HeartbeatLayout.COUNTED, HeartbeatLayout.NEWEST})
-# The bits that a layout leaves at 0; byte 6 of the later ones is reserved, and owners saw a temperature there.
+# Bits that a layout leaves at 0. Byte 6 of the later layouts is reserved, but owners saw a temperature there: it is not checked.
 _NEVER_SET = {
     HeartbeatLayout.FIRST: (0xFE, 0xFE, 0x76),
     HeartbeatLayout.COUNTED: (0x78, 0x00, 0x00),
@@ -62,10 +64,10 @@ _NEVER_SET = {
 
 @dataclass(frozen=True, slots=True)
 class Heartbeat:
-    """One heartbeat; a flag is None where the layouts that it may have do not agree, or have none.
+    """One heartbeat; a flag is None if the possible layouts do not agree on it, or do not contain it.
 
-    ``layouts`` are those that its bytes allow; with none of them only ``axis_error`` and ``state`` are known. ``life`` (0 to 255)
-    is None where it may be a flag byte.
+    ``layouts`` are the layouts that its bytes allow; if there are none, only ``axis_error`` and ``state`` are known. ``life`` (0 to
+    255) is None if the byte may be a flag byte.
     """
 
     axis_error: int
@@ -80,7 +82,7 @@ class Heartbeat:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """The parts that it reports a fault of; the axis where its error word is not 0."""
+        """The parts for which the heartbeat reports a fault; "axis" if the error word is not 0."""
         flags = {
             "axis": bool(self.axis_error),
             "motor": self.motor_fault,
@@ -92,7 +94,7 @@ class Heartbeat:
 
 
 def read(node: int, data: bytes, known: Collection[HeartbeatLayout] = ALL) -> Heartbeat | Unexpected:
-    """Return what the heartbeat of a node says, by those of the ``known`` layouts that its bytes allow."""
+    """Return the contents of a node's heartbeat, according to those of the ``known`` layouts that its bytes allow."""
     if len(data) < LENGTH:
         return short(Identifier(node, COMMAND), data, LENGTH)
     error = int.from_bytes(data[:4], "little")
@@ -100,9 +102,9 @@ def read(node: int, data: bytes, known: Collection[HeartbeatLayout] = ALL) -> He
     return replace(told, axis_error=error) if error else told
 
 
-@lru_cache(maxsize=1024)  # ten come in a second, and hardly one says anything new
+@lru_cache(maxsize=1024)  # ten arrive in a second, and few differ from the one before
 def _without_error(end: bytes, known: frozenset[HeartbeatLayout]) -> Heartbeat:
-    """Return what the bytes say that follow the error word."""
+    """Return the contents of the bytes after the error word."""
     data = bytes(LENGTH - len(end)) + end
     layouts = frozenset(each for each in known if _fits(data, each))
     return Heartbeat(
@@ -129,7 +131,7 @@ def _flags(data: bytes, layouts: Collection[HeartbeatLayout], name: str) -> Iter
 
 
 def _fault(data: bytes, layouts: Collection[HeartbeatLayout], name: str) -> bool | None:
-    """True as soon as one layout says so; no fault only where all say so."""
+    """Return True if one layout shows a fault, False only if all layouts show none, and None otherwise."""
     flags = set(_flags(data, layouts, name))
     if True in flags:
         return True
@@ -137,7 +139,7 @@ def _fault(data: bytes, layouts: Collection[HeartbeatLayout], name: str) -> bool
 
 
 def _done(data: bytes, layouts: Collection[HeartbeatLayout]) -> bool | None:
-    """Whether the trajectory is at its end: only what all layouts agree on."""
+    """Return whether the trajectory has ended, if all layouts agree; otherwise None."""
     flags = set(_flags(data, layouts, "Traj_Done"))
     if HeartbeatLayout.FIRST in layouts and TRAJ_DONE_BY_OWNERS.take_raw(data):
         flags = (flags | {True}) if layouts != {HeartbeatLayout.FIRST} else {True}
@@ -146,10 +148,10 @@ def _done(data: bytes, layouts: Collection[HeartbeatLayout]) -> bool | None:
 
 @dataclass(frozen=True, slots=True)
 class Heartbeats:
-    """What the heartbeats of one node have told so far; ``after`` gives what they tell with the next one.
+    """State derived from all heartbeats of one node so far; ``after`` returns the state with the next one included.
 
-    ``missed`` counts the heartbeats that the life counter says were sent and did not come, ``restarts`` the times that it began
-    anew (a restarted module, or more than half a round lost, which nobody can tell apart).
+    ``missed`` counts the heartbeats that were sent but not received, according to the life counter. ``restarts`` counts how often
+    the counter started again: the module restarted, or 128 or more heartbeats were lost; the two cannot be distinguished.
     """
 
     layouts: frozenset[HeartbeatLayout] = ALL
@@ -157,16 +159,16 @@ class Heartbeats:
     heard: int = 0
     missed: int = 0
     restarts: int = 0
-    gap: int = 0  # heartbeats that were missed before the last one
+    gap: int = 0  # heartbeats missing before the last one
     _byte: int = -1
     _still: int = 0
 
     def after(self, node: int, data: bytes) -> Heartbeats | Unexpected:
-        """Return this with one more heartbeat, or what is wrong with that."""
+        """Return this state with one more heartbeat, or the reason why that heartbeat is invalid."""
         fits = read(node, data, self.layouts)
         if isinstance(fits, Unexpected):
             return fits
-        # A layout that was ruled out may be the right one after all, where none is left: a module with other firmware.
+        # If no layout is left, one that was excluded may be right after all: the module may have other firmware now.
         fresh = replace(self, layouts=ALL, _still=0) if not fits.layouts else self
         still = fresh._still + 1 if data[7] == self._byte else 0
         layouts = fresh.layouts - _WITH_LIFE if still >= _STILL else fresh.layouts

@@ -1,19 +1,21 @@
-"""Finding modules as a pure state machine: frames with their times in, at most one request at a time out, findings in the end.
+"""Finding modules as a pure state machine: frames with their times in, at most one request at a time out, results at the end.
 
 Theory of operation
 -------------------
-It listens first, and asks only afterwards, in this order:
+The finder listens first. Then it sends requests, in this order:
 
-1. modules whose heartbeats prove CAN Simple: supply voltage, version, error words;
-2. the other node IDs of CAN Simple, by a remote frame for the supply voltage, which commands nothing whoever it reaches; one that
-   answers has to answer another message too before it is taken for a module;
-3. CANopen nodes that were heard, then the other CANopen node IDs, by an upload of 1000h. Its identifier is a command to a module
-   with node ID 48 to 51 of CAN Simple, which is why it comes last, and why no such ID is asked where one was found.
+1. to modules whose heartbeats prove CAN Simple: supply voltage, version, error words;
+2. to the other node IDs of CAN Simple: a remote frame for the supply voltage, which commands nothing whichever node receives it. A
+   node that answers must also answer another message before it counts as a module;
+3. to CANopen nodes that were heard, then to the other CANopen node IDs: an upload of 1000h. For a CAN Simple module with node ID 48
+   to 51, the identifier of this request is a command. Therefore this step is last, and such an ID gets no upload if a module was
+   found there.
 
-Nobody is asked on an identifier that somebody else was heard on; nor where several modules have one node ID, since their answers
-destroy each other; and the silent are left alone where anything foreign was heard (``ProbeScope``), and of CAN Simple where no
-remote frames can be sent: a data frame might be somebody's command. One request is on its way at a time, ``pace`` lies between two,
-a module gets at most ``most``; the first sign that nobody acknowledges (``trouble``) ends all asking.
+No request uses an identifier on which another node was heard. A node ID that several modules share gets none, since their answers
+destroy each other. If anything foreign was heard, silent node IDs get no requests (``ProbeScope``). If no remote frames can be
+sent, silent node IDs of CAN Simple get none: a data frame might be a command for some other node. Only one request is pending at a
+time, with ``pace`` between two requests, and at most ``most`` per module. The first sign that requests are not acknowledged
+(``trouble``) ends all requests.
 """
 
 from __future__ import annotations
@@ -31,15 +33,13 @@ from axisbus.drives.gim6010.discovery.bus_snapshot import BusSnapshot
 from axisbus.drives.gim6010.discovery.questions import Asking, CanopenFacts, ProbeFrame, SimpleFacts
 
 _EPSILON = 1e-9  # s; sums of floats do not meet a time exactly
-_FIRST = (
-    0.1  # s after the first request on a silent bus, in which a controller tells that nobody acknowledges
-)
-_TWICE = range(48, 52)  # node IDs of CAN Simple to which requests of CANopen are commands: asked twice before
-_BRIEF = 0.03  # s that a silent node ID is waited for; who answers later is asked again in the end
+_FIRST = 0.1  # s after the first request on a silent bus, for the CAN controller to report a missing acknowledgement
+_TWICE = range(48, 52)  # node IDs of CAN Simple to which CANopen requests are commands: probed twice before
+_BRIEF = 0.03  # s to wait for a silent node ID; a node that answers later gets a second request at the end
 
 
 class ProbeScope(Enum):
-    """Who is asked."""
+    """Which nodes get requests."""
 
     NOBODY = "nobody: it only listens"
     HEARD = "modules and nodes that were heard"
@@ -48,7 +48,7 @@ class ProbeScope(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Times in s, and how many requests one module gets at most."""
+    """Times in s, and the maximum number of requests per module."""
 
     listen: float = 1.5
     answer: float = 0.06
@@ -61,18 +61,18 @@ class Bounds:
 
 @dataclass(frozen=True, slots=True)
 class Only:
-    """The node IDs that are of interest, of each protocol; None: all."""
+    """The node IDs of interest, of each protocol; None: all."""
 
     nodes: frozenset[int] | None = None
 
     def has(self, node: int) -> bool:
-        """Whether a node ID is one of them."""
+        """Whether a node ID is of interest."""
         return self.nodes is None or node in self.nodes
 
 
 @dataclass(slots=True)
 class _Asked:
-    """A dialogue that runs: whom it asks, what it waits for, since when, and how many requests it has made."""
+    """A running dialogue: its node, its pending request and the time of that request."""
 
     who: tuple[str, int]
     dialogue: Generator[ProbeFrame, CanFrame | None, object]
@@ -84,9 +84,9 @@ class _Asked:
 
 @dataclass(slots=True)
 class Finder:
-    """Finds the modules of a bus; holds state: the picture of it, the dialogue that runs, and what was answered.
+    """Finds the modules of a bus; holds the snapshot of the bus, the running dialogue and the answers.
 
-    ``ask`` None: everybody, but only those that were heard where something foreign is on the bus.
+    If ``ask`` is None, all nodes get requests; if something foreign is on the bus, only those that were heard.
     """
 
     ask: ProbeScope | None = None
@@ -97,28 +97,28 @@ class Finder:
     picture: BusSnapshot = field(default_factory=BusSnapshot)
     simple: dict[int, SimpleFacts] = field(default_factory=dict)
     canopen: dict[int, CanopenFacts] = field(default_factory=dict)
-    requests: dict[tuple[str, int], int] = field(default_factory=dict)  # how many each got
-    answers: dict[tuple[str, int], int] = field(default_factory=dict)  # the most that one question had
-    left_out: dict[str, list[int]] = field(default_factory=dict)  # why node IDs were not asked
+    requests: dict[tuple[str, int], int] = field(default_factory=dict)  # number of requests per node
+    answers: dict[tuple[str, int], int] = field(default_factory=dict)  # most answers to one question
+    left_out: dict[str, list[int]] = field(default_factory=dict)  # reason: node IDs that got no request
     unacknowledged: str = ""
     done: bool = False
-    asked: ProbeScope = ProbeScope.NOBODY  # who was asked in the end
+    asked: ProbeScope = ProbeScope.NOBODY  # the scope that was used
     heard_first: int = 0  # frames before the first request
     _begin: float | None = None
     _free: float = 0.0  # when the next request may leave
     _plan: Iterator[_Asked] | None = None
     _current: _Asked | None = None
     _counting: tuple[ProbeFrame, tuple[str, int], int] | None = (
-        None  # the last question, to whom, its answers
+        None  # the last question, its node, the number of answers
     )
-    _expected: set[int] = field(default_factory=set)  # identifiers of answers to what was asked
+    _expected: set[int] = field(default_factory=set)  # identifiers of answers to requests sent
     _late: set[tuple[str, int]] = field(
         default_factory=set
-    )  # who let a question pass: an answer may be to that
-    _unasked: set[int] = field(default_factory=set)  # identifiers that came without having been asked for
+    )  # nodes that missed a question: a late answer may belong to it
+    _unasked: set[int] = field(default_factory=set)  # identifiers received without a request
 
     def note(self, frame: CanFrame) -> None:
-        """Take a frame that was heard, in the order of time."""
+        """Take a received frame; frames must come in order of time."""
         self.picture.note(frame)
         if not (frame.extended or frame.error or frame.can_id in self._expected):
             self._unasked.add(frame.can_id)
@@ -129,13 +129,13 @@ class Finder:
             self._go_on(current, frame)
 
     def trouble(self, words: str) -> None:
-        """Ask nobody any more: a request was not acknowledged, or could not be sent."""
+        """Send no more requests: one was not acknowledged, or could not be sent."""
         if not self.done:
             self.unacknowledged = words
             self._current, self._plan = None, iter(())
 
     def step(self, now: float) -> Outgoing | None:
-        """Let time pass until ``now`` (s, the clock of the frames); return the frame to be sent now, None for none."""
+        """Advance to ``now`` (s, the clock of the frames) and return the frame to be sent now, or None."""
         if self._begin is None:
             self._begin = now
         if self.done or (self._plan is None and self._listens(now - self._begin + _EPSILON)):
@@ -149,18 +149,18 @@ class Finder:
 
     @property
     def begun(self) -> bool:
-        """Whether listening is over."""
+        """Whether the listening phase is over."""
         return self._plan is not None
 
-    # -- the order of asking ------------------------------------------------------------------------------------------------
+    # -- the order of requests ----------------------------------------------------------------------------------------------
 
     def _listens(self, passed: float) -> bool:
-        """Whether it goes on listening: twice as long where heartbeats may still prove what they are."""
+        """Whether the listening phase continues: it is twice as long if heartbeats are still unproven."""
         listen = self.bounds.listen
         return passed < listen or (passed < 2 * listen and self.picture.unproven)
 
     def _look(self) -> None:
-        """End listening: decide who is to be asked."""
+        """End the listening phase and decide which nodes get requests."""
         self.heard_first = self.picture.listening.frames
         self.asked = self.ask or (ProbeScope.HEARD if self.picture.foreign() else ProbeScope.ALL)
         self._plan = self._everybody() if self.asked is not ProbeScope.NOBODY else iter(())
@@ -219,10 +219,10 @@ class Finder:
         if facts.answers:
             self.picture.answering.add(node)
 
-    # -- who must not be asked ------------------------------------------------------------------------------------------------
+    # -- nodes that must get no request ---------------------------------------------------------------------------------------
 
     def _is_free(self, node: int) -> bool:
-        """Whether a silent node ID of CAN Simple has no identifier that somebody uses."""
+        """Whether no identifier of a silent CAN Simple node ID is in use."""
         if not self.remote:
             self._leave_out(
                 "this bus carries no remote frames, by which alone they are asked, of CAN Simple", node
@@ -235,7 +235,7 @@ class Finder:
         return False
 
     def _unclaimed(self, node: int) -> bool:
-        """Whether what it is asked by belongs to no CANopen node that is known."""
+        """Whether the identifiers of the requests to a module belong to no known CANopen node."""
         asked = {can_id(node, command) for command in (0x03, 0x04, 0x0A, 0x17)}
         taken = {base + other for other in self.picture.canopen for base in _OF_CANOPEN}
         if asked.isdisjoint(taken):
@@ -253,7 +253,7 @@ class Finder:
         return True
 
     def _may_ask_words(self, node: int) -> bool:
-        """Error words that come by themselves do not say which they are: an answer could not be told from one."""
+        """Whether error words may be requested: if they also arrive unasked, answers cannot be distinguished from them."""
         return self.words and can_id(node, 0x03) not in self._unasked
 
     def _leave_out(self, why: str, node: int) -> None:
@@ -311,7 +311,7 @@ class Finder:
             self._current = None
 
     def _count(self, frame: CanFrame) -> None:
-        """Count the answers to one question: of two one is another module's. What comes by itself does not count."""
+        """Count the answers to one question: a second answer comes from another module. Frames that arrive unasked do not count."""
         assert self._counting is not None
         question, who, count = self._counting
         if frame.can_id not in self._unasked and who not in self._late:

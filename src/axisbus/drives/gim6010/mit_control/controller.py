@@ -1,19 +1,20 @@
-"""One module under MIT control, from the first look to its way out: frames and times in, frames out.
+"""One module under MIT control, from the first heartbeat to ESTOP: frames and times in, frames out.
 
 Theory of operation
 -------------------
-It listens, and goes on only where one module beats under this node ID, idle, without an error, and nobody else commands it. Then,
-in idle still, the mode is set and *damping frames* go out (kp 0, torque 0, velocity 0, and the kd of the settings), until they are
-answered: whatever inputs the module had are overwritten before it has power. Only then closed loop is asked for, once; until its
-heartbeat shows it, and until the first command, damping frames go on, so that nothing jumps.
+The controller listens first. It continues only if exactly one module sends heartbeats under this node ID, is idle and has no error,
+and if no other master commands it. Then, still in idle, it sets the mode and sends *damping frames* (kp 0, torque 0, velocity 0,
+and the kd of the settings) until the module answers them. This overwrites all old inputs before the module has power. Only then
+does it request closed loop, once. Until the heartbeat shows closed loop, and until the first command, it keeps sending damping
+frames, so that the output does not jump.
 
-From then on the newest command goes out in each period, with its values brought to their ranges. The way out is the same from
-everywhere: damping frames until the output stands (2 s at the most), then idle until the heartbeat shows it, then ESTOP. It is
-taken by whoever asks for it, where no command comes for ``patience``, where answers or heartbeats stay away, where the module
-leaves closed loop, restarts, or is commanded by another, and where its position comes to the end of its range, beyond which the
-firmware may wrap it.
+From then on the newest command is sent in each period, with its values limited to their ranges. The shutdown is always the same:
+damping frames until the output is at standstill (at most 2 s), then idle until the heartbeat shows it, then ESTOP. The shutdown
+begins when the user asks for it, when no command arrives for ``command_timeout``, when answers or heartbeats are missing, when the
+module leaves closed loop, restarts, or is commanded by another master, and when its position reaches the end of its range, beyond
+which the firmware may wrap it.
 
-No frame of zeros is made by any of this: ``mit.pack`` has no such frame, and ``Outgoing`` refuses it.
+No frame of zeros is ever sent: ``mit.pack`` makes none, and ``Outgoing`` rejects it.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from axisbus.drives.gim6010.mit_control.settings import MitSettings
 
 _STATE, _MODE = named("Set_Axis_State"), named("Set_Controller_Mode")
 _POSITION, _MIT_INPUT = 3, 9  # control mode and input mode (manual v2.2, 3.1.7)
-# What only a master sends to a module; Mit_Control is an answer, too.
+# Messages that only a master sends. Mit_Control is not among them: it is also an answer.
 _OTHERS = frozenset(
     named(each).command
     for each in (
@@ -52,16 +53,16 @@ LISTEN = 1.5  # s before anything is sent
 _ANSWERS, ANSWER_TIME = (
     3,
     1.0,
-)  # answers to damping frames before closed loop is asked for, and the s that they may take
-START_TIME = 2.0  # s for closed loop to be seen
+)  # answers to damping frames before closed loop is requested, and s to wait for them
+START_TIME = 2.0  # s until a heartbeat must show closed loop
 _LOST, _LOST_PERIODS = 0.1, 5  # s, or periods, without an answer
-BRAKE_TIME, BLIND = 2.0, 0.3  # s of braking; and where no answer tells whether it stands
-_EDGE = 0.99  # of the range of position, which is not to be come to
-STANDS, STILL = 0.1, 0.1  # rad/s of the output, and for how many s
+BRAKE_TIME, BLIND = 2.0, 0.3  # s of braking; and if no answer shows the velocity
+_EDGE = 0.99  # share of the position range that must not be reached
+STANDS, STILL = 0.1, 0.1  # standstill: rad/s of the output, and s below it
 
 
 class MitPhase(Enum):
-    """How far it is."""
+    """Phase of the control."""
 
     LISTENING = "listening"
     ANSWERING = "waiting for answers"
@@ -74,10 +75,10 @@ class MitPhase(Enum):
 
 @dataclass(frozen=True, slots=True)
 class MitCycle:
-    """One command and what came of it.
+    """One command and its result.
 
-    ``saturated`` are the values that lay beyond their range, ``shifted`` what kept the frame from being all zeros; ``feedback`` is
-    the module's answer, which was received at ``time`` (s, monotonic) after the frame had been sent.
+    ``saturated`` are the values that were beyond their range, ``shifted`` the value that was changed so that the frame is not all
+    zeros. ``feedback`` is the module's answer, which was received at ``time`` (s, monotonic) after the frame had been sent.
     """
 
     command: MitCommand
@@ -88,12 +89,12 @@ class MitCycle:
 
     @property
     def exact(self) -> bool:
-        """Whether the module got what was asked for, but for rounding to a step."""
+        """Whether the module received the command unchanged, except for rounding to a step."""
         return not self.saturated
 
 
 class MitLeader:
-    """Holds what was heard, what was sent, and how far it is; ``why`` says why it is on its way out, ``left`` how it ended."""
+    """Controller of one module; ``why`` is the reason for the shutdown, ``left`` the state in which it left the module."""
 
     def __init__(self, settings: MitSettings) -> None:
         self.settings = settings
@@ -116,42 +117,42 @@ class MitLeader:
         self._due = -math.inf
         self._answers = 0
         self._still: float | None = None
-        self._wishes: deque[str] = deque()  # empty: go on to ESTOP
+        self._wishes: deque[str] = deque()  # empty text: skip to ESTOP
         self._others = ""
 
-    # What the shell asks.
+    # Called by the user of the controller.
 
     @property
     def over(self) -> bool:
-        """Whether it has ended."""
+        """Whether the control has ended."""
         return self.phase is MitPhase.OVER
 
     @property
     def parting(self) -> tuple[Outgoing, ...]:
-        """What goes out where nothing else can: damping, then idle."""
+        """Frames to send if nothing else can be sent any more: damping, then idle."""
         return self._damping.frame, idle(self.settings.node)
 
     def command(self, command: MitCommand, now: float) -> int:
-        """Take the command that is sent from now on; return its number, which ``answered_number`` is once it was answered."""
+        """Set the command to send from now on; return its number, which ``answered_number`` has once the module answered it."""
         self._wanted = (command, now)
         self._number += 1
         return self._number
 
     def leave(self, why: str) -> None:
-        """Have it take its way out with the next step, from any thread or signal handler; harmless when it does already."""
+        """Request the shutdown with the next step, from any thread or signal handler; no effect if it has begun already."""
         self._wishes.append(why)
 
     def escalate(self) -> None:
-        """Have it go on to ESTOP with the next step, if it is on its way out; from any thread or signal handler."""
+        """Skip to ESTOP with the next step if the shutdown has begun; from any thread or signal handler."""
         self._wishes.append("")
 
     def give_up(self, left: str) -> None:
-        """Have it over: whoever ran it cannot go on."""
+        """End the control at once: the caller cannot continue it."""
         self.phase, self.left, self.confirmed = MitPhase.OVER, left, False
         self.why = self.why or left
 
     def receive(self, frame: CanFrame) -> None:
-        """Take a frame that was heard."""
+        """Take a received frame."""
         if self._pulse.take(frame) or frame.extended or frame.remote or self.over:
             return
         place = split(frame.can_id)
@@ -165,14 +166,14 @@ class MitLeader:
             self._others = f"another program commands the module (it was heard to send {frame.can_id:03X}h)"
 
     def step(self, now: float) -> list[Outgoing]:
-        """Let time pass, and return what is to be sent now; to be called a few times in each period until it is over."""
+        """Advance to ``now`` and return the frames to send; call it a few times per period until ``over``."""
         while self._wishes:
             self._heed(self._wishes.popleft())
         self._start = now if self._start is None else self._start
         act = _STEPS.get(self.phase)
         return [] if act is None else act(self, now)
 
-    # What is heard.
+    # Reception.
 
     def _answer(self, frame: CanFrame) -> None:
         found = mit.read(self.settings.node, frame.data, self.settings.ranges)
@@ -193,7 +194,7 @@ class MitLeader:
             self.answered = MitCycle(command, packed.clipped, packed.shifted, found, frame.time)
 
     def _estimate(self, frame: CanFrame) -> None:
-        """Compare with the encoder's own message, which is alive in closed loop alone."""
+        """Compare the position with the encoder's own message, which is valid only in closed loop."""
         last = self._pulse.last
         alive = last is not None and last.state == CLOSED_LOOP and frame.time > self._pulse.at
         if alive and self.phase is MitPhase.RUNNING and self.feedback is not None:
@@ -248,7 +249,9 @@ class MitLeader:
         if self._wanted is None:
             return self._damp(now)
         command, given = self._wanted
-        is_answered = self.answered_number == self._number  # until then the program may wait for that
+        is_answered = (
+            self.answered_number == self._number
+        )  # until then the program may be waiting for the answer
         if is_answered and now - max(given, self._first_answer) > self.settings.command_timeout:
             self._leave(f"the program gave no command for {now - max(given, self._first_answer):.3f} s")
             return []
@@ -278,7 +281,7 @@ class MitLeader:
             self.phase = MitPhase.OVER
         return [] if frame is None else [frame]
 
-    # What ends it.
+    # Shutdown.
 
     def _heed(self, why: str) -> None:
         if why:
@@ -302,7 +305,7 @@ class MitLeader:
             self._still = None
 
     def _against(self, now: float, *states: int) -> bool:
-        """Whether it has to be left: lost, commanded by another, with an error, or in none of these states."""
+        """Begin the shutdown if the module is lost, commanded by another master, has errors or is in none of ``states``; return whether."""
         last = self._pulse.last
         why = self._others or self._pulse.lost(now)
         if not why and last is not None:
@@ -335,7 +338,7 @@ class MitLeader:
         self.phase, self._start = phase, None
 
     def _is_due(self, now: float) -> bool:
-        """Whether a frame is due, on a grid of periods; one that is late is not made up for."""
+        """Whether a frame is due on the grid of periods; a missed frame is not sent later."""
         if now < self._due - 1e-9:
             return False
         following = self._due + self.settings.period

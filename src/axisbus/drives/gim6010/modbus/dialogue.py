@@ -1,14 +1,15 @@
-"""One question, one answer that is surely its own: what is asked again, and what is never taken for an answer.
+"""One request and its own answer: which requests are repeated, and which replies are never accepted as an answer.
 
 Theory of operation
 -------------------
-A reply names neither its request nor, in a read, the register. So after a time-out the answer that is still on its way would pass
-for that to the next request of the same shape, and a value would be told as another one, or as fresh. Therefore no request follows
-a time-out at once: the line is let fall silent, and then a *probe* of another shape is asked, until its own answer comes. A module
-answers in order, so whatever was owed has come by then, and was thrown away. An answer that comes later than ``TIMEOUT`` and
-``QUIET`` together, and not while a probe is asked, cannot be told from another one: no wire can have one so late.
+A reply names neither its request nor, in a read, the register. After a time-out, a late answer would therefore be accepted as the
+answer to the next request of the same shape, and its value would be attributed to another register or treated as new. For this
+reason no request follows a time-out directly. The client waits until the line is silent, then sends a *probe* of another shape
+until the probe's own answer arrives. A module answers in order, so by then every late answer has arrived and was discarded. An
+answer that is later than ``TIMEOUT`` and ``QUIET`` together, and does not arrive during a probe, cannot be distinguished; no wire
+may delay an answer that long.
 
-Reads are asked again. Of what is written nothing is: who wrote has to read what became of it (``module``).
+Reads are repeated. Writes are not: the caller must read back the result (``module``).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from axisbus.drives.gim6010.modbus.wire import ModbusTimeout, Wire
 from axisbus.errors import ArgumentError, NodeError, NodeTimeout
 from axisbus.wording import counted
 
-TRIES = 3  # of a read, the first included
+TRIES = 3  # attempts to read, including the first
 QUIET = 0.3  # s in which a late answer comes
 _PROBE = (read(named("motor_state")), read(named("node_id")))  # two shapes
 WHAT_TO_CHECK = (
@@ -29,7 +30,7 @@ WHAT_TO_CHECK = (
 
 
 class ModbusRefused(NodeError):
-    """The module answered with an exception; ``code`` is Modbus's."""
+    """The module answered with an exception; ``code`` is the Modbus exception code."""
 
     def __init__(self, message: str, *, node: int, code: int, observed: str = "", remedy: str = "") -> None:
         super().__init__(message, node=node, observed=observed, remedy=remedy)
@@ -37,13 +38,13 @@ class ModbusRefused(NodeError):
 
 
 class ModbusClient:
-    """Asks one device on a wire; holds whether an answer may still be on its way. Used by one thread."""
+    """Sends requests to one device on a wire; knows whether a late answer may still arrive. Use it from one thread only."""
 
     def __init__(self, wire: Wire, device: int) -> None:
         """``device`` 1 to 247.
 
         Raises:
-            ArgumentError: it is none; 0 is everybody, and nobody answers.
+            ArgumentError: the address is invalid; 0 is broadcast, which no device answers.
         """
         if not 1 <= device <= HIGHEST_DEVICE:
             raise ArgumentError(
@@ -55,10 +56,10 @@ class ModbusClient:
         self._owed: ModbusRequest | None = None
 
     def read(self, request: ModbusRequest, tries: int = TRIES) -> tuple[int, ...]:
-        """Return the registers that are read; asks up to ``tries`` times, blocks for at most some 0.7 s for each.
+        """Return the contents of the registers; send up to ``tries`` requests, each of which blocks for at most about 0.7 s.
 
         Raises:
-            NodeTimeout: no answer. Refused: an exception. AdapterError: the line is gone.
+            NodeTimeout: no answer. ModbusRefused: an exception. AdapterError: the line is gone.
         """
         for _ in range(tries):
             try:
@@ -68,10 +69,10 @@ class ModbusClient:
         raise self.silent(request, tries)
 
     def write(self, request: ModbusRequest) -> bool:
-        """Write once; return whether the module says that it has taken it. False: nobody knows whether it has.
+        """Write once; return whether the module confirmed it. False: it is unknown whether the module accepted the value.
 
         Raises:
-            Refused: an exception. AdapterError: the line is gone.
+            ModbusRefused: an exception. AdapterError: the line is gone.
         """
         try:
             self._once(request)
@@ -80,7 +81,7 @@ class ModbusClient:
         return True
 
     def shout(self, request: ModbusRequest) -> bool:
-        """As ``write``, but at once, whatever is owed: for what stops a motor; an answer that does not fit is none.
+        """Write at once, even if a late answer may still arrive: for frames that stop a motor. A reply that does not fit is no answer.
 
         Raises:
             AdapterError: the line is gone.
@@ -95,7 +96,7 @@ class ModbusClient:
         return fits(request, reply) and not reply.exception
 
     def silent(self, request: ModbusRequest, tries: int = 1) -> NodeTimeout:
-        """Return the error of a request that nobody answered."""
+        """Return the error for a request without an answer."""
         return NodeTimeout(
             f"module {self.device} does not answer for {request.register.name}",
             node=self.device,
@@ -110,7 +111,7 @@ class ModbusClient:
         try:
             reply = self.wire.exchange(self.device, request)
         except BaseException:
-            self._owed = request  # also where Ctrl-C came between: its answer may be on its way
+            self._owed = request  # also after Ctrl-C: its answer may still arrive
             raise
         if not fits(request, reply):
             self._owed = request
@@ -120,10 +121,10 @@ class ModbusClient:
         return reply
 
     def _settle(self, owed: ModbusRequest) -> None:
-        """Let what is owed come, until a request of another shape has its own answer.
+        """Wait until late answers have arrived: until a request of another shape has its own answer.
 
         Raises:
-            Silence: it has none either.
+            ModbusTimeout: that request has no answer either.
         """
         probe = next(each for each in _PROBE if each.shape != owed.shape)
         self.wire.drain(QUIET)

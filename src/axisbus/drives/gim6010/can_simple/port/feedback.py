@@ -1,11 +1,14 @@
-"""What a module has told: its state and faults, where it is, its current; and the questions for what it does not tell by itself.
+"""State, faults, position and current of one module as received, and the requests for values that it does not send unasked.
 
 Theory of operation
 -------------------
-Frames come in by ``take`` with the time of their receipt, and what they say is kept with it: what is too old is unknown to whoever
-asks. Heartbeats tell the state; a module that has not beaten for three periods counts as silent. One that was silent and comes back
-with another life counter than the time that has passed gives it (or has none) has restarted: it counts anew, and its settings are
-those that were saved. A counter that has gone on by less is that of heartbeats which this computer took late.
+``take`` receives each frame with its time of receipt. Every value is stored with that time, so that a caller can treat an old value
+as unknown. Heartbeats report the state. If no heartbeat arrives for three periods, the module counts as silent.
+
+When a silent module returns, its life counter shows whether it has restarted: the counter must have advanced by the number of
+heartbeats that fit into the silence. If it has not, or if there is no counter, the module has restarted: its positions start from a
+new zero, and its settings are the saved ones. A counter that has advanced by less is accepted: those are heartbeats which this
+computer received late.
 """
 
 from __future__ import annotations
@@ -27,17 +30,17 @@ from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP
 from axisbus.wording import counted
 
 _LOST = 3.0  # periods of the heartbeat
-_SLACK = 1.0  # heartbeats by which a life counter may be off after a silence, and a tenth of what has passed
+_SLACK = 1.0  # heartbeats by which a life counter may be off after a silence, plus a tenth of the heartbeats due in that time
 _YOUNG = 10  # a life counter below this may be that of a module that has just started
-CURRENT_EVERY = 0.02  # s at least between two for the current
-_COUNTS = 0.008  # s at least between two questions for the encoder's counts
-SELDOM = 0.1  # s between those for what is only compared, or shown
-_LATE = 1.5  # periods of the scan after which an estimate that a module sends by itself is asked for
-_NEWS = 64  # texts that are kept for whoever fetches them
+CURRENT_EVERY = 0.02  # s at least between two requests for the current
+_COUNTS = 0.008  # s at least between two requests for the encoder's counts
+SELDOM = 0.1  # s between two requests for values that are only compared or displayed
+_LATE = 1.5  # scan periods without an unasked estimate, after which it is requested
+_NEWS = 64  # events that are stored until a caller reads them
 
 
 class ModuleFeedback:
-    """Holds the newest of each kind with its time (s), and ``news``: what a person should be told, oldest first."""
+    """The newest value of each kind with its time (s), and ``news``: events to report to the user, oldest first."""
 
     def __init__(self, settings: ModuleSettings) -> None:
         self._settings = settings
@@ -46,10 +49,10 @@ class ModuleFeedback:
         self.beat_at = -math.inf
         self.place = RotorPosition(settings.velocity_limit)
         self.trouble = ModuleErrors(settings.node, settings.fresh if settings.relayed else WAIT)
-        self.current: tuple[float, float] | None = None  # A that makes torque, and when
+        self.current: tuple[float, float] | None = None  # torque-producing current in A, and its time
         self.restarts = 0
         self.restarted_at: float | None = None
-        self.trusts_estimates = True  # nobody has asked for idle since closed loop was asked for
+        self.trusts_estimates = True  # no request for idle since the last request for closed loop
         self.news: list[tuple[float, str]] = []
         names = ("Get_Encoder_Estimates", "Get_Encoder_Count", "Get_Iq")
         self._estimates, self._counts, self._iq = self._questions = [
@@ -57,7 +60,7 @@ class ModuleFeedback:
         ]
         self._told_silent: set[str] = set()
 
-    # What is known.
+    # Received state.
 
     @property
     def beat(self) -> Heartbeat | None:
@@ -66,51 +69,51 @@ class ModuleFeedback:
 
     @property
     def beats(self) -> int:
-        """How many heartbeats have come."""
+        """Number of heartbeats received."""
         return self._beats.heard
 
     @property
     def faulty(self) -> bool:
-        """Whether it tells of a fault."""
+        """Whether the newest heartbeat reports a fault."""
         return self.beat is not None and bool(self.beat.faults)
 
     @property
     def closed(self) -> bool:
-        """Whether it told of closed loop last."""
+        """Whether the newest heartbeat reports closed loop."""
         return self.beat is not None and self.beat.state == CLOSED_LOOP
 
     @property
     def missed(self) -> int:
-        """Heartbeats that were sent and did not come, by the life counter."""
+        """Number of heartbeats that were sent but not received, according to the life counter."""
         return self._beats.missed
 
     @property
     def restarted(self) -> bool:
-        """Whether it has restarted since it is listened to."""
+        """Whether the module has restarted since listening began."""
         return self.restarts > 0
 
     @property
     def silent_from(self) -> float:
-        """When it counts as silent, where no further heartbeat comes."""
+        """Time from which the module counts as silent if no further heartbeat arrives."""
         return self.beat_at + _LOST * self._settings.heartbeat + 1e-9
 
     def is_silent(self, now: float) -> bool:
-        """Whether no heartbeat has come for too long."""
+        """Whether no heartbeat has arrived for too long."""
         return now > self.silent_from
 
     def let_go(self) -> None:
-        """Idle is being asked for: from now on estimates say nothing."""
+        """Note that idle is being requested: from now on, estimates of the position are ignored."""
         self.trusts_estimates = False
         self.place.shut()
 
     def trust(self) -> None:
-        """Closed loop is being asked for: estimates count as soon as a heartbeat tells of it."""
+        """Note that closed loop is being requested: estimates count as soon as a heartbeat reports closed loop."""
         self.trusts_estimates = True
 
-    # What comes.
+    # Reception.
 
     def take(self, frame: CanFrame, at: float) -> None:
-        """Take a frame that was received at ``at``; what is not this module's, or no frame of data, is passed over."""
+        """Take a frame received at ``at``; frames of other modules, and frames that are not standard data frames, are ignored."""
         if frame.remote or frame.error or frame.extended or not 0 <= frame.can_id < 0x800:
             return
         node, command = split(frame.can_id)
@@ -141,7 +144,7 @@ class ModuleFeedback:
             self.place.shut()
 
     def _look_at_life(self, before: Heartbeats, silence: float, at: float) -> None:
-        """Tell of what the life counter says was missed, and find out whether the module has restarted."""
+        """Report heartbeats that are missing according to the life counter, and detect a restart of the module."""
         life, last = self._beats.last, before.last
         assert life is not None
         assert last is not None
@@ -161,11 +164,11 @@ class ModuleFeedback:
         self.restarted_at = at
 
     def _goes_on(self, before: int | None, now: int | None, silence: float) -> bool:
-        if before is None or now is None or self._settings.relayed:  # a relay's count is not the module's
+        if before is None or now is None or self._settings.relayed:  # the relay counts, not the module
             return False
         passed = silence / self._settings.heartbeat
         off = ((now - before) - passed + 128) % 256 - 128
-        # heartbeats that nobody took in time come in one go, with a count that has only fallen behind
+        # Heartbeats that were read late arrive together: their counter is only behind the elapsed time.
         behind = now >= _YOUNG and 1 <= now - before <= passed
         return behind or abs(off) <= _SLACK + 0.1 * passed
 
@@ -196,21 +199,21 @@ class ModuleFeedback:
             self._iq.take(at)
             self.current = (values[1], at)
 
-    # What is asked for.
+    # Requests.
 
     def ask(self, now: float) -> list[Outgoing]:
-        """Return the requests that are due; none to a module that is not heard at all: what it answers cannot be told then."""
+        """Return the requests that are due; none while the module is silent, since its answers could not be received then."""
         if self.is_silent(now):
             return []
         fault = self.trouble.ask(now) if self.faulty else None
         due = [fault]
-        if not self._settings.relayed:  # else it tells all of that by itself
+        if not self._settings.relayed:  # a relay sends all of these unasked
             due = [self._ask_estimates(now), self._ask_counts(now), self._ask_current(now), fault]
         self._look_for_silent(now)
         return [each for each in due if each is not None]
 
     def _ask_estimates(self, now: float) -> Outgoing | None:
-        """Those that a module does not send by itself, while they count."""
+        """Request the estimates if they count and the module does not send them unasked."""
         if not (self.closed and self.trusts_estimates):
             return None
         late = self._estimates.answered_at is None or now - self._estimates.answered_at > self._allowed
@@ -232,7 +235,7 @@ class ModuleFeedback:
         )
 
     def _look_for_silent(self, now: float) -> None:
-        """Tell once of each message that this firmware does not answer."""
+        """Report once each message that this firmware does not answer."""
         silent = [each.name for each in self._questions if each.silent]
         silent += [GET_ERROR.name] if self.trouble.unanswered else []
         for name in silent:
@@ -241,5 +244,5 @@ class ModuleFeedback:
                 self.tell(now, f"{name} is not answered by this firmware")
 
     def tell(self, at: float, text: str) -> None:
-        """Note what a person should know, with its time."""
+        """Add an event for the user, with its time."""
         self.news = [*self.news, (at, text)][-_NEWS:]

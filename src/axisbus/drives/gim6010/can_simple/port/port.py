@@ -1,15 +1,16 @@
-"""A module that speaks CAN Simple as a ``cia402.port.Port``: frames in and out on one side, a CiA 402 drive on the other.
+"""A module with CAN Simple as a ``cia402.port.Port``: CAN frames on one side, a CiA 402 drive on the other.
 
 Theory of operation
 -------------------
-In each cycle ``receive`` takes what has come, ``read`` lets the stage look at it and shows a drive, ``write`` makes frames of what
-motion asks for, and ``take_frames`` hands them over. There is no clock, thread or bus in it: the time is that of ``read``.
+In each cycle ``receive`` takes the frames that have arrived. ``read`` updates the power stage and returns the state of the drive.
+``write`` turns the outputs of the motion code into frames, and ``take_frames`` returns them. The module has no clock, thread or
+bus: the time is the one given to ``read``.
 
-- Nothing is sent but questions until a controlword asks for something. Closed loop is asked for by one way alone, ``Act.START``,
-  and no position is sent before a heartbeat has told of it.
-- Every frame that is sent is one after which the module holds, or goes on as it was told to, when nothing follows: a master that
-  dies leaves it so. ``stop_frames`` are what is then to be sent by whoever notices.
-- What cannot be done here is said: a message that a firmware does not answer, heartbeats that were missed, a restart (``news``).
+- Until a controlword requests something, only requests for values are sent. Closed loop is requested in one place only,
+  ``ModulePowerAction.START``. No position is sent before a heartbeat has reported closed loop.
+- After each frame, the module holds or completes its last command if no further frame follows. This is the state in which a master
+  that dies leaves it. A program that notices this sends ``stop_frames``.
+- Problems are reported in ``news``: a message that the firmware does not answer, missing heartbeats, a restart.
 """
 
 from __future__ import annotations
@@ -30,12 +31,12 @@ from axisbus.drives.gim6010.can_simple.port.objects import Address, ModuleObject
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN as TURN
 
-_HEARTBEATS = 3.5  # periods that a state counts
-_WHOLE_FAULT = 2.0  # s that what tells of a fault may wait for the module's own answers
+_HEARTBEATS = 3.5  # periods of the heartbeat for which a state is valid
+_WHOLE_FAULT = 2.0  # s for which requests about a fault may wait for the module's error words
 
 
 class ModulePort:
-    """One module; holds all that was heard of it and asked of it."""
+    """One module: everything received from it and requested of it."""
 
     def __init__(self, settings: ModuleSettings) -> None:
         self.settings = settings
@@ -55,51 +56,52 @@ class ModulePort:
         )
         self.capabilities = _capabilities(settings)
 
-    # -- the wire ------------------------------------------------------------------------------------------------------------------
+    # -- CAN frames ----------------------------------------------------------------------------------------------------------------
 
     def receive(self, frame: CanFrame, time: float) -> None:
-        """Take a frame of the bus, of whatever node, that was received at ``time`` (s of the clock of ``read``)."""
+        """Take a frame of any node on the bus, received at ``time`` (s, the clock of ``read``)."""
         self._hearing.take(frame, time)
 
     def take_frames(self) -> list[Outgoing]:
-        """Return the frames to be sent now, in this order, and forget them: orders first, questions behind."""
+        """Return the frames to be sent now, in this order, and clear them: commands first, then requests for values."""
         frames = [*self._drive.frames, *self._asked]
         self._drive.frames.clear()
         self._asked.clear()
         return frames
 
     def forget(self) -> None:
-        """What was taken last has not reached the module: all that leads it is to be given anew."""
+        """Note that the frames taken last did not reach the module: all commands must be sent again."""
         self._drive.forget()
 
     def stop_frames(self) -> list[Outgoing]:
-        """Return what brings the module to rest when the scan has died: velocity 0 on its own ramp.
+        """Return the frames that stop the module when the scan has died: velocity 0 on the module's own ramp.
 
-        None where this program does not lead it: an idle module needs none, and another's is not ours to stop.
+        The list is empty if this program does not control the module: an idle module needs no frame, and another master's module
+        must not be stopped.
         """
         return self._drive.stop_frames()
 
     @property
     def news(self) -> list[tuple[float, str]]:
-        """What a person should be told of this module, with its times (s), oldest first; the last 64."""
+        """Events of this module for the user, with their times (s), oldest first; the last 64."""
         return self._hearing.news
 
     @property
     def nmt(self) -> NmtState:
-        """What a node would say by its heartbeat; one that has restarted waits to be configured."""
+        """NMT state that a CANopen node would report by heartbeat; a restarted module is pre-operational until it is configured."""
         if self._hearing.beat is None:
             return NmtState.UNKNOWN
         return NmtState.PRE_OPERATIONAL if self._is_new else NmtState.OPERATIONAL
 
     @property
     def missed(self) -> int:
-        """Heartbeats that its life counter says were sent and did not come."""
+        """Number of heartbeats that were sent but not received, according to the life counter."""
         return self._hearing.missed
 
     # -- the drive -----------------------------------------------------------------------------------------------------------------
 
     def read(self, now: float) -> Inputs:
-        """Return what is known of the drive at ``now`` (s), and let the questions that are due go out."""
+        """Return the state of the drive as known at ``now`` (s), and queue the requests for values that are due."""
         self._now, hearing, drive = now, self._hearing, self._drive
         drive.look(now)
         self._note_fault(now)
@@ -123,7 +125,7 @@ class ModulePort:
         )
 
     def write(self, outputs: Outputs) -> None:
-        """Take what motion asks for in this cycle; the frames are there for ``take_frames``."""
+        """Take the outputs of the motion code for this cycle; ``take_frames`` then returns the frames."""
         drive = self._drive
         drive.targets.take(outputs)
         self._waiting = [each for each in self._waiting if each[0].id not in outputs.cancel]
@@ -135,11 +137,11 @@ class ModulePort:
         elif outputs.controlword is not None:
             drive.obey(outputs.controlword)
 
-    # -- what is shown -------------------------------------------------------------------------------------------------------------
+    # -- reported values -----------------------------------------------------------------------------------------------------------
 
     @property
     def _is_new(self) -> bool:
-        """Whether it counts anew: it has restarted, or its position is another one than it was."""
+        """Whether positions have a new zero: the module has restarted, or its position is not continuous with the earlier one."""
         return self._hearing.restarted or self._hearing.place.lost
 
     @property
@@ -164,7 +166,7 @@ class ModulePort:
         return Sample(self._drive.profile.permille(current), at)
 
     def _note_fault(self, now: float) -> None:
-        """Tell a code that has changed as an emergency message tells it (CiA 301 7.2.7)."""
+        """Report a changed error code as an emergency message does (CiA 301 7.2.7)."""
         words = self._hearing.trouble
         if words.code == self._told_code:
             return
@@ -175,7 +177,7 @@ class ModulePort:
     # -- objects -------------------------------------------------------------------------------------------------------------------
 
     def _answers(self, now: float) -> tuple[SdoReply, ...]:
-        """Answer what was asked for; what tells of a fault waits until the module has told all of it that it will."""
+        """Answer the pending SDO requests; requests about a fault wait until the module has reported all its error words."""
         ready = [each for each in self._waiting if self._can_tell(*each, now)]
         self._waiting = [each for each in self._waiting if each not in ready]
         return tuple(self._answer(request) for request, _ in ready)
@@ -185,7 +187,7 @@ class ModulePort:
         return not of_fault or self._hearing.trouble.told or now - asked >= _WHOLE_FAULT
 
     def _answer(self, request: SdoRequest) -> SdoReply:
-        """Read or write; of a module that is silent nothing is known, though what is an order goes out all the same."""
+        """Read or write an object; if the module is silent, the reply is a time-out, but commands are sent all the same."""
         value, code = None, None
         if request.value is None:
             value, code = self.objects.read(request.index, request.subindex)
@@ -217,7 +219,7 @@ def _value(sample: Callable[[], Sample | None]) -> Read:
 
 
 def _capabilities(settings: ModuleSettings) -> Capabilities:
-    """Return how values travel: in every cycle, sent or asked for, as those of a synchronous PDO; the state with each heartbeat."""
+    """Return how values are transferred: all as if by a synchronous PDO in each cycle; the state is updated by each heartbeat."""
     torque = ValueTransport.NONE if settings.torque is None else ValueTransport.SYNC_PDO
     inputs = dict.fromkeys(("statusword", "mode", "position", "velocity"), ValueTransport.SYNC_PDO)
     outputs = dict.fromkeys(

@@ -1,11 +1,11 @@
-"""What leads the motor in closed loop: a place, a velocity or a torque, given so that the module holds when nothing follows.
+"""Set-points of a module in closed loop: position, velocity or torque, sent so that the module holds if no further frame follows.
 
 Theory of operation
 -------------------
-The module keeps three things that a frame of another kind may leave behind: control and input mode, the trapezoid's limits, and the
-last input. So each way of leading sends what it needs anew, the mode first where it is another one, and feeds nothing forward.
-A change of mode in motion is followed at once, in the same batch of frames, by the place at which the motor can come to rest: the
-module plans from the velocity that it has.
+The module stores three things that an earlier frame of another kind may have set: control and input mode, the limits of the
+trapezoid, and the last input. Therefore each command sends all that it needs; if the mode changes, the mode is sent first. The
+feed-forward values are always 0. If the mode changes in motion, the position at which the motor can come to rest follows at once,
+in the same batch of frames: the module plans its trajectory from its present velocity.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from axisbus.drives.gim6010.can_simple.port.command_frames import TORQUE, TRAPEZ
 from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 
-MOVES = 0.01  # turns/s: less is noise of a standing rotor
-_STANDS = 0.06  # s at less than that
+MOVES = 0.01  # turns/s: less is noise of a rotor at standstill
+_STANDS = 0.06  # s below that velocity, for standstill
 _DELAY = 0.01  # s until a frame takes effect
-_SPARE = 1.02  # of a braking distance, which a trapezoid that comes to its end early would have to go back
-_REPEAT = 0.05  # s after which a velocity or torque that has not changed is given again
+_SPARE = 1.02  # factor on a braking distance: with a distance too short, the trapezoid would overshoot and move back
+_REPEAT = 0.05  # s after which an unchanged velocity or torque is sent again
 _NEAR = 1e-3  # turns
 _SLOWEST = 1e-3  # turns/s, of a trapezoid
 
 
 class ModuleSetPoints:
-    """Holds what the module was given last, and the frames that are to go out; ``now`` is that of the cycle, in s."""
+    """The last set-points sent, and the frames to be sent; ``now`` is the time of the cycle, in s."""
 
     def __init__(self, settings: ModuleSettings, orders: Orders, hearing: ModuleFeedback) -> None:
         self.frames: list[Outgoing] = []
@@ -36,18 +36,18 @@ class ModuleSetPoints:
         self._orders = orders
         self._place = hearing.place
         self._mode: tuple[int, int] | None = None
-        self.goal: float | None = None  # turns: of a trajectory that was given
+        self.goal: float | None = None  # turns: end of the trajectory that was commanded
         self.goal_at = -math.inf
-        self._rates = (0.0, 0.0)  # of it: up and down
+        self._rates = (0.0, 0.0)  # its acceleration and deceleration, turns/s²
         self._input: float | None = None  # velocity or torque
         self._given_at = -math.inf
         self._slow_since: float | None = None
 
-    # What is seen.
+    # Observed motion.
 
     @property
     def velocity(self) -> float | None:
-        """The rotor's velocity in turns/s; None where no fresh estimate tells it."""
+        """Velocity of the rotor in turns/s; None if no recent estimate is known."""
         stamp = self._place.velocity_stamp
         return (
             self._place.velocity if stamp is not None and self.now - stamp <= self._settings.fresh else None
@@ -55,37 +55,37 @@ class ModuleSetPoints:
 
     @property
     def moves(self) -> bool:
-        """Whether the rotor turns; where nobody knows, it does."""
+        """Whether the rotor turns; True also if the velocity is unknown."""
         velocity = self.velocity
         return velocity is None or abs(velocity) > MOVES
 
     @property
     def stands(self) -> bool:
-        """Whether it has stood for a while, by what was heard over that time."""
+        """Whether the rotor has been at standstill for ``_STANDS``, by the estimates received over that time."""
         stamp = self._place.velocity_stamp
         return self._slow_since is not None and stamp is not None and stamp - self._slow_since >= _STANDS
 
     @property
     def is_braked(self) -> bool:
-        """Whether it was braked by velocity 0, on a line where its mode is not changed back under power."""
+        """Whether the module was braked by velocity 0 on a serial line, where its mode is not changed back under power."""
         return self._settings.relayed and self._mode == VELOCITY
 
     def look(self, now: float) -> None:
-        """A cycle begins."""
+        """Begin a cycle at time ``now``."""
         self.now = now
         if self.moves:
             self._slow_since = None
         elif self._slow_since is None:
             self._slow_since = self._place.velocity_stamp
 
-    # What is given.
+    # Commands.
 
     def forget(self) -> None:
-        """The module lets go, or is another's: what it was given counts no longer."""
+        """Discard the last set-points: the module is switching to idle, or another master controls it."""
         self._mode, self.goal, self._input = None, None, None
 
     def use(self, mode: tuple[int, int]) -> bool:
-        """Set control and input mode; return whether they were others before."""
+        """Set control and input mode; return whether they have changed."""
         if self._mode == mode:
             return False
         self.frames.append(self._orders.mode(mode))
@@ -93,7 +93,7 @@ class ModuleSetPoints:
         return True
 
     def go(self, turns: float, speed: float, up: float, down: float) -> None:
-        """Go to a place along a trapezoid: ``speed`` in turns/s, ``up`` and ``down`` in turns/s², all above 0."""
+        """Move to a position along a trapezoid: ``speed`` in turns/s, ``up`` and ``down`` in turns/s², all above 0."""
         self.use(TRAPEZOID)
         speed = max(min(speed, self._settings.velocity_limit), _SLOWEST)
         self.frames += [*self._orders.profile(speed, up, down), self._orders.position(turns)]
@@ -101,7 +101,7 @@ class ModuleSetPoints:
         self._given_at = self.now
 
     def follow(self, mode: tuple[int, int], turns: float, *, first: bool) -> None:
-        """Give the next place of a stream, which the module comes up with in ``mode``; ``first``: none was given before it."""
+        """Send the next position of a stream, for the module to approach in ``mode``; ``first``: none was sent before it."""
         self.use(mode)
         if first and mode == TRAPEZOID:
             rate = self._settings.acceleration
@@ -111,11 +111,11 @@ class ModuleSetPoints:
         self._rates = (self._settings.acceleration,) * 2
 
     def turn(self, velocity: float) -> None:
-        """Go on at a velocity, in turns/s."""
+        """Command a velocity in turns/s."""
         self._give(VELOCITY, velocity)
 
     def push(self, torque: float) -> None:
-        """Push with a torque, in N·m."""
+        """Command a torque in N·m."""
         self._give(TORQUE, torque)
 
     def _give(self, mode: tuple[int, int], value: float) -> None:
@@ -128,9 +128,9 @@ class ModuleSetPoints:
         self._input, self._given_at = value, self.now
 
     def rest(self, down: float) -> None:
-        """Come to rest by a trajectory that brakes with ``down`` (turns/s², above 0), and hold there.
+        """Brake to standstill along a trajectory with deceleration ``down`` (turns/s², above 0), and hold there.
 
-        Where nobody knows how fast the rotor is, by velocity 0 on the module's own ramp.
+        If position or velocity is unknown, command velocity 0 on the module's own ramp.
         """
         here, velocity = self._place.turns, self.velocity
         if here is None or velocity is None:
@@ -146,11 +146,11 @@ class ModuleSetPoints:
             and self.goal is not None
             and (self.goal - end) * way < 0.0 < (self.goal - here) * way
         ):
-            return  # it brakes already, to a place before that
+            return  # it already brakes, to a position before that one
         self.go(end, 1.1 * speed, down, down)
 
     def _way_to_rest(self, here: float, velocity: float, down: float) -> tuple[float, float]:
-        """Return the signed way, and the speed from which it is braked: one that may have grown since it was measured."""
+        """Return the signed braking distance and the initial speed, which may have increased since the last measurement."""
         stamp = self._place.velocity_stamp or self.now
         delay = self.now - stamp + _DELAY
         ahead = 0.0 if self.goal is None else self.goal - here
@@ -161,10 +161,10 @@ class ModuleSetPoints:
         way = speed * delay + _SPARE * speed * speed / (2.0 * down)
         return math.copysign(way, velocity or ahead), speed
 
-    # What keeps the module's own watch over its master quiet.
+    # Keeping the module's watchdog for its master from expiring.
 
     def feed(self) -> None:
-        """Give an input that changes nothing, where the module lets go without any and none was given for a while."""
+        """Repeat an input without effect, if the module's break timeout is on and no input was sent for a quarter of it."""
         timeout = self._settings.break_timeout
         if not timeout or self.now - self._given_at < timeout / 4.0:
             return
@@ -173,5 +173,5 @@ class ModuleSetPoints:
         elif self._mode in (None, VELOCITY):
             self.frames.append(self._orders.velocity(self._input or 0.0))
         else:
-            self.frames.append(self._orders.torque(0.0))  # what is fed forward: nothing
+            self.frames.append(self._orders.torque(0.0))  # feed-forward 0
         self._given_at = self.now

@@ -1,4 +1,4 @@
-"""What a port must be told of its module, because no message of CAN Simple tells it; all of it on the rotor's side of the gear."""
+"""Settings of a module that the port needs and that no CAN Simple message reports; all at the rotor side of the gear."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from axisbus.errors import ArgumentError, LimitError
 HEARTBEAT, HEARTBEAT_BY_LINE = (
     0.1,
     0.35,
-)  # s: as from the factory (manual v2.2, 4.1.5), and as a relay's are counted on
-_FRESH, _FRESH_BY_LINE = 0.1, 1.0  # the line: an answer that is lost costs half a second
+)  # s: the factory setting (manual v2.2, 4.1.5), and the period expected of a relay
+_FRESH, _FRESH_BY_LINE = 0.1, 1.0  # s; on the serial line a lost answer costs half a second
 _MAY_BE_ZERO = frozenset({"break_timeout"})
 
 
 @dataclass(frozen=True, slots=True)
 class TorqueSettings:
-    """What makes a torque of an axis one of the rotor.
+    """Conversion of an axis's torque to the rotor's torque.
 
-    ``constant`` in N·m/A is what the module has as ``torque_constant`` (the manual contradicts itself: none is taken for granted),
-    ``rated`` in N·m is what 1000 ‰ are, at the rotor: that of the output divided by the gear ratio. ``ramp`` in N·m/s is what the
-    module has as ``torque_ramp_rate``.
+    ``constant`` in N·m/A is the module's ``torque_constant``; it has no default, because the manual contradicts itself. ``rated``
+    in N·m is the rotor torque that corresponds to 1000 ‰: the rated output torque divided by the gear ratio. ``ramp`` in N·m/s is
+    the module's ``torque_ramp_rate``.
 
     Raises:
         ArgumentError: a value is not above 0.
@@ -39,20 +39,21 @@ class TorqueSettings:
 
 @dataclass(frozen=True, slots=True)
 class ModuleSettings:
-    """One module: its node ID (0 to 63), its limits, and its own ramps; nothing of it has a default that moves or stops anything.
+    """One module: its node ID (0 to 63), its limits and its own ramps; no setting that moves or stops the motor has a default.
 
-    ``velocity_limit`` (turns/s) and ``current_limit`` (A, at most 50) are sent with Set_Limits. ``velocity_ramp`` (turns/s²) is
-    what the module has as ``vel_ramp_rate``: a quick stop brakes with it, and no message sets it. ``acceleration`` (turns/s²) is
-    that of the trapezoid which follows the targets of a stream, where ``filter_bandwidth`` (rad/s, the module's own
-    ``input_filter_bandwidth``) is not told. ``period`` (s) is that of the scan, ``heartbeat`` (s) that of the module.
-    ``break_timeout`` (s) is what was read back from it: 0 where it is off, or was not read. ``torque`` None: there are no torques.
-    ``quick_stop_holds``: after a quick stop the module keeps its power and holds. ``remote``: the bus carries remote frames.
-    ``relayed``: it is on a serial line, of which its registers are asked one after the other (``modbus.can_emulation``): it tells
-    all by itself, slower and not as surely as on a bus, and is given its modes in idle alone.
+    ``velocity_limit`` (turns/s) and ``current_limit`` (A, at most 50) are sent with Set_Limits. ``velocity_ramp`` (turns/s²) is the
+    module's ``vel_ramp_rate``: a quick stop brakes with it, and no message sets it. ``acceleration`` (turns/s²) limits the
+    trapezoid that follows streamed targets if ``filter_bandwidth`` (rad/s, the module's ``input_filter_bandwidth``) is not given.
+    ``period`` (s) is the scan period, ``heartbeat`` (s) the period of the module's heartbeat. ``break_timeout`` (s) is the value
+    read back from the module: 0 if it is off or was not read. If ``torque`` is None, torques are not available. If
+    ``quick_stop_holds``, the module keeps its power after a quick stop and holds the position. ``remote``: the bus carries remote
+    frames. ``relayed``: the module is on a serial line and a relay reads its registers one after the other
+    (``modbus.can_emulation``). The relay sends all values unasked, more slowly and less reliably than a bus, and the modes are set
+    only in idle.
 
     Raises:
-        ArgumentError: the node ID is none, or a value is not above 0.
-        LimitError: more current than the module bears.
+        ArgumentError: the node ID is invalid, or a value is not above 0.
+        LimitError: the current is above the module's maximum.
     """
 
     node: int
@@ -71,7 +72,7 @@ class ModuleSettings:
 
     @property
     def fresh(self) -> float:
-        """Seconds that what it has told counts, where it tells it all the time."""
+        """Age in seconds up to which a cyclically sent value is valid."""
         return _FRESH_BY_LINE if self.relayed else _FRESH
 
     def __post_init__(self) -> None:

@@ -1,15 +1,20 @@
-"""The power stage of CiA 402 over a module that knows idle and closed loop alone: what is shown, and what a controlword asks for.
+"""CiA 402 power state machine for a module that has only idle and closed loop: the reported state, and the effect of controlwords.
 
 Theory of operation
 -------------------
-Of the module there are two states that count, and its heartbeat tells which it is in, ten times a second. All that CiA 402 has
-below *operation enabled* is kept here, in ``_asked``, by the standard's own transitions. ``Power`` says how closed loop stands:
+The module has two states that matter here, idle and closed loop. Its heartbeat reports the state ten times a second. The CiA 402
+states below *operation enabled* exist only here, in ``_asked``, and follow the transitions of the standard. ``Power`` is the status
+of closed loop:
 
-- OFF: idle. COMING: it was asked for; *switched on* is shown until a heartbeat received since tells of it, and an estimate of the
-  position came after that. ON: it is ours, and *operation enabled* or *quick stop active*. GOING: idle was asked for; what the
-  module was in is shown until a heartbeat received since tells of idle. FOUND: closed loop was not asked for by this program.
-- Where a module falls out of closed loop by itself, the way up begins anew: nothing here asks for closed loop a second time, unless
-  a controlword leads through all of *ready to switch on* and *switched on* again.
+- OFF: the module is idle.
+- COMING: closed loop was requested. *Switched on* is reported until a later heartbeat reports closed loop and, after the request,
+  an estimate of the position has arrived.
+- ON: this program has requested closed loop and sees it. The state is *operation enabled* or *quick stop active*.
+- GOING: idle was requested. The previous state is reported until a later heartbeat reports idle.
+- FOUND: the module is in closed loop without a request by this program.
+
+If the module leaves closed loop on its own, the power-up sequence starts from the beginning. Closed loop is requested again only
+after controlwords have passed through *ready to switch on* and *switched on* again.
 """
 
 from __future__ import annotations
@@ -29,12 +34,12 @@ _NEXT: dict[tuple[PowerState | None, cw.PowerCommand], PowerState] = {
     if each.command is not None and each.command is not _C.FAULT_RESET
 }
 _BEFORE_POWER = (_S.READY_TO_SWITCH_ON, _S.SWITCHED_ON)
-_AGAIN = 0.1  # s after which idle is asked for again
-_RETRY = 0.3  # s after which closed loop is: it must not be asked of a module that is in it, which would let go for a moment
+_AGAIN = 0.1  # s after which the request for idle is repeated
+_RETRY = 0.3  # s after which that for closed loop is: a module already in closed loop would remove power for a moment
 
 
 class Power(Enum):
-    """How closed loop stands."""
+    """Status of closed loop."""
 
     OFF = "idle"
     COMING = "asked for"
@@ -44,7 +49,7 @@ class Power(Enum):
 
 
 class ModulePowerAction(Enum):
-    """What the module is to be told in this cycle."""
+    """Request to send to the module in this cycle."""
 
     NOTHING = "nothing"
     START = "closed loop"
@@ -55,7 +60,7 @@ class ModulePowerAction(Enum):
 
 
 def after(state: PowerState, word: int) -> PowerState:
-    """Return the state to which a controlword leads, one transition at a time (CiA 402-2 7.2)."""
+    """Return the state that a controlword causes, one transition at a time (CiA 402-2 7.2)."""
     command = _command(word)
     if command is _C.QUICK_STOP and state in _BEFORE_POWER:
         command = _C.DISABLE_VOLTAGE  # transitions 7 and 10
@@ -75,20 +80,20 @@ def _command(word: int) -> cw.PowerCommand:
 
 
 class ModulePowerStage:
-    """Holds what was asked for, and when."""
+    """The requested power state of one module, and the times of the requests."""
 
     def __init__(self, hearing: ModuleFeedback) -> None:
         self._hearing = hearing
         self.power = Power.OFF
         self._asked = _S.SWITCH_ON_DISABLED
-        self._leaving = _S.SWITCHED_ON  # what is shown while it goes
-        self._since = self._sent = 0.0  # when closed loop or idle was asked for, first and last
+        self._leaving = _S.SWITCHED_ON  # the state that is reported in GOING
+        self._since = self._sent = 0.0  # times of the first and the last request for closed loop or idle
         self._word = 0
-        self.refused = 0  # times that closed loop was asked for in vain, in a row
+        self.refused = 0  # consecutive requests for closed loop without effect
 
     @property
     def shown(self) -> PowerState:
-        """The state as 6041h has it; only once a heartbeat was heard."""
+        """The state as in 6041h; valid only after a heartbeat was received."""
         hearing = self._hearing
         if hearing.faulty:
             return _S.FAULT_REACTION_ACTIVE if hearing.closed else _S.FAULT
@@ -109,11 +114,11 @@ class ModulePowerStage:
 
     @property
     def is_on(self) -> bool:
-        """Whether closed loop is ours, and seen."""
+        """Whether this program has requested closed loop and a heartbeat reports it."""
         return self.power is Power.ON
 
     def look(self) -> None:
-        """Take what was heard by now."""
+        """Update the state from the frames received so far."""
         hearing = self._hearing
         heard = hearing.beat_at > self._since
         closed = hearing.closed
@@ -139,14 +144,14 @@ class ModulePowerStage:
         return stamp is not None and stamp > self._since
 
     def obey(self, word: int, now: float) -> ModulePowerAction:
-        """Take the controlword of this cycle, and return what the module is to be told for it."""
+        """Take the controlword of this cycle and return the request that it causes."""
         before, self._word = self._word, word
         if self._hearing.faulty:
             return self._in_fault(word & ~before & cw.FAULT_RESET, now)
         return _OBEY[self.power](self, word, now)
 
     def lose(self, now: float) -> None:
-        """The module was told to let go by other means than a controlword."""
+        """Note that the module was switched to idle by other means than a controlword."""
         if self.power is not Power.OFF:
             self._leaving, self._asked = self.shown, _S.SWITCH_ON_DISABLED
             self.power, self._since, self._sent = Power.GOING, now, now

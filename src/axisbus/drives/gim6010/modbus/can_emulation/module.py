@@ -1,17 +1,19 @@
-"""One module behind a relay: orders are carried out before anything is asked, questions are answered, and it is looked at in turn.
+"""One module behind a relay: carries out commands first, then answers requests, then polls the module's registers in turn.
 
 Theory of operation
 -------------------
-Nothing of it runs by itself: ``work`` does one piece, of a few exchanges on the line, and returns what the module tells by that.
+There is no thread: ``work`` does one step of a few exchanges on the line, and returns the messages that the module would have sent.
 
-- **What stops comes first**, and ends all that waits. It is written whether it is answered or not: whoever wants it repeats it.
-- **Values are read back.** One that the line lost is written again; one that the module holds otherwise is an error, since whoever
-  gave it would take it for taken.
-- **Modes are set in idle alone**: they are two registers, and nobody knows what a module does between the write of one and of the
-  other. An order that would change them under power is an error; but for the brake, whose every step brakes or leaves it as it is.
-- **Closed loop is asked for once, in idle**: asked of a module that is in it, it would let go for a moment.
-- What was not surely carried out ends all that waits behind it, but for what stops it.
-- In idle no register tells where the rotor is: its encoder's count is read by its endpoint.
+- **Stops have priority** and cancel all other waiting commands. A stop is written whether or not the module answers; the sender
+  repeats it.
+- **Values are read back.** A value that was lost on the line is written again. If the module stores another value, this is an
+  error:
+  the sender would otherwise believe that its value is in effect.
+- **Modes are set only in idle.** They are two registers, and the behaviour of a module between the two writes is unknown. A command
+  that would change the modes under power is an error. The brake is the exception: each of its steps brakes, or changes nothing.
+- **Closed loop is requested once, and only in idle**: a module already in closed loop would remove power for a moment.
+- If a command may not have been carried out, all waiting commands except stops are discarded.
+- In idle no register contains the position of the rotor: the encoder's count is read by its endpoint.
 """
 
 from __future__ import annotations
@@ -46,18 +48,18 @@ COUNT = "axis0.encoder.count_in_cpr"
 _VOLTAGE = message_named("Get_Bus_Voltage_Current")
 _AXIS_FLAG = 1 << next(bit for bit, (_, category) in ERROR_FLAGS.items() if category == "axis")
 _WORDS = {category: name for name, category in ERROR_FLAGS.values()}
-_ACTS = 3  # times that what clears is written, where no answer comes
-_REST = 1.0  # s after which a module is asked again that has not answered so many times: the line is needed for the others
+_ACTS = 3  # attempts to write an action such as clearing errors, if no answer comes
+_REST = 1.0  # s of pause after ``_PATIENCE`` missing answers: the other modules need the line
 _PATIENCE = 3
 _LIVES = 256
-_MOST = 100  # orders that wait: more are of a line that carries nothing
+_MOST = 100  # waiting commands; more only arise if the line does not work
 
 
 class RelayedModule:
-    """Holds what was told to a module and not carried out yet, and how far it was looked at."""
+    """Commands and requests to a module that are not carried out yet, and the progress of polling it."""
 
     def __init__(self, wire: Wire, node: int, listed: EndpointList, made_for: Firmware) -> None:
-        """``node`` 1 to 63; ``listed`` and ``made_for``: its list of endpoints, which is shown to fit before it is used."""
+        """``node`` 1 to 63; ``listed`` and ``made_for``: its list of endpoints, which is verified before it is used."""
         self.node = node
         self._wire = wire
         self._module = ModbusModule(wire, node)
@@ -71,10 +73,10 @@ class RelayedModule:
         self._resting_until = 0.0
         self._silences = 0
 
-    # What is told to it.
+    # Messages to the module.
 
     def hear(self, told: DecodedMessage | MessageRequest) -> None:
-        """Take a message to the module."""
+        """Take a message addressed to the module."""
         question = self._question(told)
         if question is not None:
             if len(self._questions) < _MOST:
@@ -85,7 +87,7 @@ class RelayedModule:
     def _take(self, wanted: RegisterCommand | None) -> None:
         if wanted is None:
             return
-        if wanted.kind is RegisterCommandKind.STOP:  # whatever waits is of before
+        if wanted.kind is RegisterCommandKind.STOP:  # waiting commands are older
             waiting = [
                 each for each in self._orders if each.kind is RegisterCommandKind.STOP and each != wanted
             ]
@@ -96,27 +98,27 @@ class RelayedModule:
 
     @property
     def is_stopped(self) -> bool:
-        """Whether something that stops it waits to be carried out."""
+        """Whether a stop waits to be carried out."""
         return any(each.kind is RegisterCommandKind.STOP for each in self._orders)
 
     @property
     def has_orders(self) -> bool:
-        """Whether any order waits."""
+        """Whether a command waits to be carried out."""
         return bool(self._orders)
 
     @property
     def is_due(self) -> bool:
-        """Whether there is something to be done for it now."""
+        """Whether ``work`` has something to do now."""
         return bool(self._orders) or self._wire.now() >= self._resting_until
 
-    # What is done for it.
+    # Work on the line.
 
     def work(self) -> list[Told]:
-        """Do one piece, and return what it tells; blocks for a few exchanges, and longer where it does not answer.
+        """Do one step and return the resulting messages; blocks for a few exchanges, and longer if the module does not answer.
 
         Raises:
-            AdapterError: the line is gone. ArgumentError: its list of endpoints does not fit. NodeError: it refuses what is asked.
-            DriveError: it holds another value than was written, or its modes would be changed under power.
+            AdapterError: the line is gone. ArgumentError: its list of endpoints does not fit. NodeError: it rejects a request.
+            DriveError: it stores another value than was written, or its modes would be changed under power.
         """
         if self._orders:
             self._attempt(self._orders.popleft())
@@ -135,7 +137,7 @@ class RelayedModule:
             return []
 
     def _attempt(self, wanted: RegisterCommand) -> None:
-        """Carry an order out; where it was lost, all that is built on it is forgotten: what stops it goes out all the same."""
+        """Carry out a command; if it fails, discard all waiting commands except stops."""
         try:
             _CARRIED_OUT[wanted.kind](self, wanted.writes)
         except AxisbusError as error:
@@ -145,7 +147,7 @@ class RelayedModule:
             if not isinstance(error, NodeTimeout):
                 raise
 
-    # Orders.
+    # Commands.
 
     def _stop(self, writes: Writes) -> None:
         self._resting_until = 0.0
@@ -181,10 +183,10 @@ class RelayedModule:
             for name, value in writes:
                 self._module.dialogue.write(requests.write(named(name), value))
 
-    # Questions.
+    # Requests.
 
     def _question(self, told: DecodedMessage | MessageRequest) -> Callable[[], Told | None] | None:
-        """Return what answers a message; None where it is none that is answered."""
+        """Return the function that answers a message, or None if the message has no answer."""
         found = told.message
         if isinstance(told, MessageRequest):
             return self._answer_voltage if found.name == _VOLTAGE.name else _nothing
@@ -205,7 +207,7 @@ class RelayedModule:
         return status_frames.error_word(self.node, int(self._module.read(_WORDS[ErrorType(which).category])))
 
     def _answer_endpoint(self, found: Message, told: DecodedMessage) -> Told | None:
-        """Read an endpoint; over the line nothing is written by its number, and none is read whose list is not shown to fit."""
+        """Read an endpoint. Never write one by its number; read no endpoint of a list that is not verified."""
         number, writes = int(told.values["Endpoint_ID"]), bool(told.values["opcode"])
         known = number in (*VERSION_ENDPOINTS.values(), SERIAL_ENDPOINT)
         if writes or not (known or self._is_for_reading(number)):
@@ -220,10 +222,10 @@ class RelayedModule:
             each.id == number and each.readable for each in self._parameters.listed.endpoints.values()
         )
 
-    # What it tells by itself.
+    # Cyclic messages.
 
     def _look_on(self) -> list[Told]:
-        """Go on looking at it, from one thing that it tells to the next."""
+        """Continue polling: return the next message of the module."""
         told = next(self._looking, None)
         if told is None:
             self._looking = self._look()
@@ -261,7 +263,7 @@ class RelayedModule:
 
 
 def _nothing() -> None:
-    """Answer nothing: what it is about is told all the time, or not at all."""
+    """Send no answer: the value is sent cyclically, or not available."""
 
 
 _CARRIED_OUT: dict[RegisterCommandKind, Callable[[RelayedModule, Writes], None]] = {
