@@ -1,4 +1,4 @@
-"""Everything about a stand-in that can be made to misbehave, as dials that may be turned while it runs."""
+"""Fault settings of a simulated drive: each makes it misbehave in one way and can be changed while the drive runs."""
 
 from __future__ import annotations
 
@@ -9,52 +9,52 @@ NEVER = float("inf")
 
 @dataclass(slots=True)
 class DriveFaults:
-    """Misbehaviour of one axis. Every field may be changed at any time; the defaults are a drive that behaves.
+    """Misbehaviour of one axis. Every field may be changed at any time; with the defaults the drive behaves correctly.
 
     Power stage and controlword:
-        transition_delay: extra seconds per transition number (``NEVER``: that transition is not made)
-        ignore_halt, ignore_quick_stop, ignore_disable_voltage: the drive does not hear that command
-        statusword_frozen: 6041h keeps the value it has
-        no_voltage, local_control: bits 4 and 9 of the statusword are low, and the drive refuses to switch on (4) or to hear
+        transition_delay: extra seconds per transition number (``NEVER``: that transition does not occur)
+        ignore_halt, ignore_quick_stop, ignore_disable_voltage: the drive ignores that command
+        statusword_frozen: 6041h keeps its present value
+        no_voltage, local_control: bits 4 and 9 of the statusword are low, and the drive refuses to switch on (4) or ignores
             the controlword (9)
-        fault_persists: the cause of a fault stays, a reset does nothing
-        fault_on_enable: error code with which the drive falls into fault when it is enabled (0: none)
+        fault_persists: the cause of a fault persists, a fault reset has no effect
+        fault_on_enable: error code of a fault that occurs when the drive is enabled (0: none)
 
     Modes and set-points:
         modes_refused: modes that 6061h does not follow, although 6502h may claim them
         mode_delay: seconds until 6061h follows 6060h
-        acknowledge_delay: seconds from the edge of bit 4 to bit 12 (``NEVER``: no set-point is taken)
+        acknowledge_delay: seconds from the edge of bit 4 to bit 12 (``NEVER``: no set-point is accepted)
         acknowledge_stays: bit 12 never falls
-        acknowledge_never: set-points are taken, and bit 12 never rises
-        acknowledge_duration: seconds after which bit 12 falls although bit 4 still stands (``NEVER``: it waits for bit 4)
-        mode_clears_acknowledge: seconds for which a write of 6060h keeps bit 12 low, whatever happens to set-points
+        acknowledge_never: set-points are accepted, but bit 12 never rises
+        acknowledge_duration: seconds after which bit 12 falls although bit 4 is still set (``NEVER``: it waits for bit 4)
+        mode_clears_acknowledge: seconds for which a write to 6060h keeps bit 12 low, independent of set-points
         mode_pulses_acknowledge: the same, high
-        ignore_setpoint_during_halt: an edge of bit 4 that comes under halt is not heard
-        target_reached_late: seconds for which bit 10 stays set after a new set-point was taken
+        ignore_setpoint_during_halt: an edge of bit 4 during halt is ignored
+        target_reached_late: seconds for which bit 10 stays set after a new set-point was accepted
         target_reached_never: bit 10 does not rise in the profile modes
-        target_reached_always: bit 10 is set, whatever the axis does
-        spontaneous_mode: the mode in which the drive is by itself, whatever 6060h says (None: it obeys)
-        resumes_on_enable: on *enable operation* it goes on with what it was at before: in pp to its last set-point, in pv at its
+        target_reached_always: bit 10 is always set
+        spontaneous_mode: mode that the drive uses regardless of 6060h (None: it follows 6060h)
+        resumes_on_enable: on *enable operation* the drive resumes its last motion: in pp to its last set-point, in pv at its
             last velocity until 60FFh is changed
-        halt_in_cyclic_modes: halt is heard in csp, csv and cst (CiA 402 leaves it open)
+        halt_in_cyclic_modes: halt works in csp, csv and cst (CiA 402 leaves it open)
         homing_fails: homing ends with bit 13
-        interpolation_delay: seconds from bit 4 in ip until it interpolates (``NEVER``: it does not)
+        interpolation_delay: seconds from bit 4 in ip until interpolation starts (``NEVER``: it does not)
 
     Touch probe:
-        probe_bits_stay: what 60B9h shows of an edge stays when the touch probe is switched off, and when it is armed anew
-        probe_deaf: 60B8h is taken, and arms nothing
+        probe_bits_stay: the edge bits of 60B9h stay set when the touch probe is switched off, and when it is armed again
+        probe_deaf: 60B8h is accepted, but arms nothing
 
     Machine:
         blocked: the rotor is held mechanically
-        sticks: ‰ of the rated torque that a standing rotor takes before it moves (beside its friction)
+        sticks: breakaway torque of a rotor at standstill, in ‰ of the rated torque (in addition to its friction)
         drift_velocity: increments/s by which the drive moves its motor away from the demand while energised (not in torque modes)
-        creep_shown: 6062h shows that, too
-        demand_frozen: 6062h keeps the value it has
+        creep_shown: 6062h shows that motion, too
+        demand_frozen: 6062h keeps its present value
         demand_is_actual: 6062h shows the actual position instead of the demand
         demand_is_target: 6062h shows 607Ah instead of the demand
         feedback_delay: seconds by which position, velocity and torque are published late
-        encoder_frozen: the position keeps the value it has, and the velocity is 0
-        encoder_jump: increments added once to the measured position, then set back to 0 by the drive
+        encoder_frozen: the position keeps its present value, and the velocity is 0
+        encoder_jump: increments added once to the measured position; the drive then sets this field back to 0
     """
 
     transition_delay: dict[int, float] = field(default_factory=dict)
@@ -101,15 +101,15 @@ class DriveFaults:
 class LssDials:
     """Misbehaviour of one node's LSS slave.
 
-    absent: the node has no LSS (it is deaf for it)
+    absent: the node has no LSS (it ignores LSS requests)
     delay: seconds from a request to its answer
-    jitter: up to so many seconds more, at random
+    jitter: random additional delay, at most so many seconds
     loss: probability with which each request and each answer is lost
-    lost_requests, lost_answers: the next so many are lost (they count down)
-    store_time: seconds more until the answer to *store configuration*
+    lost_requests, lost_answers: number of next requests or answers that are lost (they count down)
+    store_time: additional seconds until the answer to *store configuration*
     refused_rates: bit rates (bit/s) that the node does not support
     node_id_error, bit_rate_error, store_error: error code of the answer (0: none; 1 to *store* is "not supported")
-    specific_error: the maker's own code beside an error code of 255
+    specific_error: the manufacturer's error code that accompanies an error code of 255
     answers_on: fast scan is answered in *configuration*, too, against CiA 305
     """
 
@@ -132,13 +132,13 @@ class LssDials:
 class ProgramDials:
     """Misbehaviour of one node's boot loader.
 
-    control_refused: abort code by what is written to 1F51h (0 stop, 1 start, 2 reset, 3 clear)
-    data_refused: abort code with which a whole program is refused (0: it is taken)
-    clear_time, flash_time: seconds for which 1F57h says "in progress" after clearing and after the data
-    flash_error: number of the error that 1F57h says after the data (0: none)
-    deaf: the node answers no SDO while its memory is at work
-    stop_restarts: stopping the program restarts the node into its loader
-    restart_delay: seconds from the order to start (or such a stop) to the restart of the node
+    control_refused: abort code by the value written to 1F51h (0 stop, 1 start, 2 reset, 3 clear)
+    data_refused: abort code with which a whole program is rejected (0: it is accepted)
+    clear_time, flash_time: seconds for which 1F57h reports "in progress" after clearing and after the data
+    flash_error: error number that 1F57h reports after the data (0: none)
+    deaf: the node answers no SDO while it clears or writes its memory
+    stop_restarts: stopping the program restarts the node into its boot loader
+    restart_delay: seconds from the start command (or such a stop) to the restart of the node
     """
 
     control_refused: dict[int, int] = field(default_factory=dict)
@@ -155,29 +155,29 @@ class ProgramDials:
 class NodeFaults:
     """Misbehaviour of one node's communication.
 
-    dead: the node is silent and deaf, as with a cut cable (its motors go on as told until its own watchdog notices)
-    sdo_delay: seconds from a request to its answer (longer than the client waits: an answer that comes too late)
-    sdo_silent: SDO requests are not answered, and not carried out
-    sdo_lost: numbers of the SDO frames that get lost, both directions counted together from 1 in ``sdo_frames``
-    sdo_frames: how many SDO frames have passed; may be set back
-    sdo_block: whether the node knows block transfers
-    sdo_block_size: segments that it takes without confirming, 1 to 127
-    sdo_checksum: whether it can do the checksum of a block transfer
+    dead: the node neither sends nor receives, as with a cut cable (its motors keep moving until its own watchdog expires)
+    sdo_delay: seconds from a request to its answer (longer than the client's time-out: an answer that arrives too late)
+    sdo_silent: SDO requests are not answered, and not executed
+    sdo_lost: numbers of the SDO frames that get lost; both directions are counted together from 1 in ``sdo_frames``
+    sdo_frames: number of SDO frames so far; may be reset
+    sdo_block: whether the node supports block transfers
+    sdo_block_size: segments that it accepts without confirmation, 1 to 127
+    sdo_checksum: whether it supports the checksum of a block transfer
     sdo_aborts: abort code by (index, subindex), for reading and writing
     sdo_write_aborts: the same, for writing only
-    heartbeat_stops: no more heartbeats; the node goes on otherwise
+    heartbeat_stops: no more heartbeats; the node otherwise works
     emcy_short: emergency messages have 2 bytes instead of 8
-    rpdos_in_order: what came in RPDOs is taken entry by entry, RPDO by RPDO as they are numbered, so that a controlword acts with
-        what is there at that moment; without it, every controlword finds the values that came with it
-    fixed_mapping: abort code with which a write to a PDO mapping is refused (0: it may be changed)
-    event_timer_ignored: 18xxh:05 is accepted and not obeyed
-    rtr: TPDOs may be asked for by remote frames, and take the transmission types 252 and 253
+    rpdos_in_order: entries of RPDOs are applied one by one, RPDO by RPDO in the order of their numbers, so that a controlword acts
+        on the values present at that moment; otherwise every controlword acts on the values that arrived with it
+    fixed_mapping: abort code with which a write to a PDO mapping is rejected (0: it may be changed)
+    event_timer_ignored: 18xxh:05 is accepted, but has no effect
+    rtr: TPDOs may be requested by remote frames, and accept the transmission types 252 and 253
     tpdos_stop: numbers (from 1) of TPDOs that are no longer sent
     reboot_time: seconds of silence on a reset before boot-up
     reboot_on_store: storing parameters (1010h) restarts the node
     start_error: error code with which the node leaves *operational* as soon as it is started (0: it stays there)
-    lss: those of its LSS slave
-    program: those of its boot loader, where it has one
+    lss: fault settings of its LSS slave
+    program: fault settings of its boot loader, if it has one
     """
 
     dead: bool = False
@@ -204,12 +204,12 @@ class NodeFaults:
     program: ProgramDials = field(default_factory=ProgramDials)
 
     def sdo_loses(self) -> bool:
-        """Count one SDO frame and say whether it gets lost."""
+        """Count one SDO frame and return whether it gets lost."""
         self.sdo_frames += 1
         return self.sdo_frames in self.sdo_lost
 
     def refusal(self, index: int, subindex: int, *, writing: bool) -> int | None:
-        """Return the abort code with which an SDO request is refused, None where it is not."""
+        """Return the abort code with which an SDO request is rejected, or None if it is accepted."""
         code = self.sdo_aborts.get((index, subindex))
         if code is None and writing:
             code = self.sdo_write_aborts.get((index, subindex))
@@ -218,13 +218,13 @@ class NodeFaults:
 
 @dataclass(slots=True)
 class CycleDials:
-    """What can go wrong on the bus as a whole; may be turned at any time.
+    """Faults of the bus as a whole; may be changed at any time.
 
     read, write, commit, sync, heartbeat, wait: an exception that the call of this name raises
-    send_blocks: seconds of virtual time that the next ``commit`` takes, as a full send queue does
+    send_blocks: seconds of virtual time that the next ``commit`` takes, as with a full send queue
     wait_late: seconds by which ``wait_until`` returns too late
     sync_lost: SYNC does not reach the nodes
-    heartbeat_lost: our heartbeat does not reach the nodes
+    heartbeat_lost: the master's heartbeat does not reach the nodes
     """
 
     read: Exception | None = None

@@ -1,11 +1,11 @@
-"""Moves and velocities with a limited jerk: a trapezoid or a ramp, of which the axis is always at the mean of the last while.
+"""Moves and velocities with limited jerk: the moving average of a trapezoid or ramp.
 
 Theory of operation
 -------------------
-Over a time of (acceleration + deceleration) / jerk the mean of a trapezoid changes its acceleration by no more than the jerk in a
-second: within that time the trapezoid's own changes by the sum of both at most. It begins and ends as the trapezoid does, later by
-that time. Positions are pieces of parabolas, so that Simpson's rule between their joints is no approximation. A new target goes on
-with the trapezoid and with its past; from anywhere else the past is a straight line, which leads to where the axis is.
+Averaged over a time of (acceleration + deceleration) / jerk, the trapezoid changes its acceleration by no more than the jerk per
+second: within that time the trapezoid's acceleration changes by at most the sum of both. The average begins with the trapezoid and
+ends later by that time. Positions are piecewise parabolas, so that Simpson's rule between their transitions is exact. A new target
+continues with the trapezoid and its past. In all other cases the past is a straight line that ends at the position of the axis.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ _SAME = 1e-6  # increments, increments/s
 
 
 class SoftProfile:
-    """A move under way; holds the time that has passed in it, and the trapezoid before it as long as that counts."""
+    """An active move; holds its elapsed time, and the previous trapezoid as long as the average includes it."""
 
     __slots__ = ("_before", "_line", "_raw", "_time", "done", "seconds")
 
     def __init__(
         self, raw: Profile, seconds: float, line: tuple[float, float], before: SoftProfile | None = None
     ) -> None:
-        """``seconds`` (> 0): over which the mean is taken; ``line``: where the trapezoid begins, and how fast."""
+        """``seconds`` (> 0): averaging time; ``line``: position and velocity at which the trapezoid begins."""
         self._raw = raw
         self.seconds = seconds
         self._line = line
@@ -37,11 +37,11 @@ class SoftProfile:
 
     @property
     def ahead(self) -> tuple[float, float]:
-        """Position and velocity of the trapezoid now."""
+        """Present position and velocity of the trapezoid."""
         return self._at(self._time)
 
     def is_at(self, position: float, velocity: float) -> bool:
-        """Whether the axis is where this move has led it."""
+        """Whether the axis is at the position and velocity of this move."""
         here, speed = self._mean()
         return abs(here - position) <= _SAME and abs(speed - velocity) <= _SAME
 
@@ -65,7 +65,7 @@ class SoftProfile:
         return total / self.seconds, (self._at(end)[0] - self._at(begin)[0]) / self.seconds
 
     def _joints(self) -> list[float]:
-        """The times at which the trapezoid, or what was before it, changes its acceleration."""
+        """Return the times at which the trapezoid, or the one before it, changes its acceleration."""
         own = [*self._raw.joints, self._raw.duration, 0.0]
         if self._before is None:
             return own
@@ -81,7 +81,7 @@ class SoftProfile:
 
 
 class SoftVelocity:
-    """A ramp to a velocity under way; holds what the ramp was in the last steps, of which the axis has the mean."""
+    """An active ramp to a velocity; holds the ramp's velocities of the last steps, whose mean is the velocity of the axis."""
 
     __slots__ = ("_ramp", "_seconds")
 
@@ -92,7 +92,7 @@ class SoftVelocity:
     def step(
         self, target: float, acceleration: float, deceleration: float, jerk: float, dt: float
     ) -> tuple[float, float]:
-        """Return the velocity ``dt`` seconds later, and the way there; ``jerk`` 0: the velocity is that of the ramp at once."""
+        """Return the velocity ``dt`` seconds later, and the distance until then; ``jerk`` 0: the ramp without averaging."""
         before = self.velocity
         self._stretch((acceleration + deceleration) / jerk if jerk > 0.0 else 0.0, dt)
         ahead, way = ramp_velocity(self._ramp[-1], target, acceleration, deceleration, dt)
@@ -103,11 +103,11 @@ class SoftVelocity:
 
     @property
     def velocity(self) -> float:
-        """The mean, which the axis has."""
+        """The mean: the velocity of the axis."""
         return sum(self._ramp) / len(self._ramp)
 
     def _stretch(self, seconds: float, dt: float) -> None:
-        """Take the mean over another time: from the velocity that there is."""
+        """Change the averaging time; the average restarts from the present velocity."""
         if seconds != self._seconds:
             self._seconds = seconds
             self._ramp = deque([self.velocity] * max(1, math.ceil(seconds / dt)))

@@ -1,19 +1,19 @@
-"""The protocols that a GIM6010-8 speaks before it is switched to CANopen, told from CANopen by listening alone.
+"""Protocols of a GIM6010-8 before it is switched to CANopen, distinguished from CANopen by listening only.
 
 Theory of operation
 -------------------
 CAN Simple has 11-bit identifiers, node << 5 | command; its heartbeat is command 1 with 8 bytes, by default every 100 ms (manual
-v2.2, 4.1.2). That of node 4 is then 081h, as an EMCY of CANopen node 1 is, and that of node 12 is 181h, as its first TPDO. So one
-frame proves nothing. What is needed is ``ENOUGH`` of one identifier, all of 8 bytes, with a state byte that there is, flags where
-the manual has them, at a period that a heartbeat may have; and then, by where the identifier lies:
+v2.2, 4.1.2). The heartbeat of node 4 is therefore 081h, like an EMCY of CANopen node 1, and that of node 12 is 181h, like its first
+TPDO. So a single frame proves nothing. Required are ``ENOUGH`` frames of one identifier, all with 8 bytes, a valid state byte,
+flags only at the manual's positions, and a possible heartbeat period. In addition, depending on the identifier:
 
-- where CiA 301 lets no device send (``_RESERVED``): no more, and with a life counter not even the period;
-- elsewhere, with the life counter of firmware 0.5.12 and later: no error control (heartbeat, boot-up, guarding) of the CANopen node
-  that the identifier would belong to;
-- elsewhere, without it: no error control, NMT or SYNC on the whole bus, and the module's position frames (command 9) beside it; or
-  an EMCY of that node would be one that says "no error" again and again.
+- if CiA 301 allows no device to send it (``_RESERVED``): nothing; with a life counter, not even the period;
+- otherwise, with the life counter of firmware 0.5.12 and later: no error control (heartbeat, boot-up, guarding) of the CANopen node
+  to which the identifier would belong;
+- otherwise, without a life counter: no error control, NMT or SYNC on the whole bus, and the module's position frames (command 9);
+  or as EMCY of that node, the frames would repeat "no error" again and again.
 
-Its newest firmware may speak a third protocol, of 29-bit identifiers: priority (3 bits), type (8), destination (8), source (8),
+Its newest firmware may use a third protocol with 29-bit identifiers: priority (3 bits), type (8), destination (8), source (8),
 sequence (2). Its heartbeat is type 48h, with a life counter in the upper three bits of its first byte.
 """
 
@@ -37,12 +37,12 @@ from axisbus.drives.gim6010.can_simple.states import STATES
 from axisbus.wording import counted
 
 ENOUGH = 4  # frames that make a heartbeat
-BIT_RATE = 500_000  # of the factory
-_KEPT = 16  # of the last ones, which are judged
-_PERIOD = (0.005, 2.5)  # seconds that a heartbeat may be configured to
-_JITTER = 0.35  # of the period, by which a frame may come early or late
-_LOST = 3  # periods from one frame to the next, where some were lost on the way
-_MOST = 256  # identifiers that are watched
+BIT_RATE = 500_000  # factory setting
+_KEPT = 16  # last frames that are stored and evaluated
+_PERIOD = (0.005, 2.5)  # s: possible periods of a heartbeat
+_JITTER = 0.35  # share of the period by which a frame may be early or late
+_LOST = 3  # periods from one frame to the next at most, if some were lost
+_MOST = 256  # identifiers that are stored
 
 _LENGTH = 8
 _COMMAND_BITS = 5
@@ -56,14 +56,14 @@ _LEGACY_FLAGS = 0x89  # of firmware 0.5.11 and earlier, in the last byte
 
 
 class Protocol(Enum):
-    """A protocol of the module that is not CANopen."""
+    """A protocol of the module other than CANopen."""
 
     CAN_SIMPLE = "CAN Simple"
     EXTENDED = "the 29-bit protocol of newer firmware"
 
 
 class Speaker(NamedTuple):
-    """A module that was heard; ``period`` of its heartbeat in seconds (None: not told by its frames), ``state`` of ``STATES``."""
+    """A module that was heard; ``period`` of its heartbeat in seconds (None: unknown), ``state`` of ``STATES``."""
 
     protocol: Protocol
     node: int
@@ -86,7 +86,7 @@ class Speaker(NamedTuple):
 
     @property
     def words(self) -> str:
-        """Which module, where, how often, and how it is: ``node 1 (021h every 100 ms: idle)``."""
+        """Module, identifier, period and state: ``node 1 (021h every 100 ms: idle)``."""
         width = 3 if self.protocol is Protocol.CAN_SIMPLE else 8
         often = "" if self.period is None else f" every {self.period * 1000:.0f} ms"
         how = "" if self.state is None else f": {STATES[self.state]}"
@@ -96,19 +96,19 @@ class Speaker(NamedTuple):
 
 @dataclass(slots=True)
 class ProtocolListener:
-    """Tells who speaks another protocol; holds state: the last heartbeats by identifier, and the signs of CANopen so far."""
+    """Recognises modules with another protocol; holds the last heartbeats by identifier, and the signs of CANopen so far."""
 
-    frames: int = 0  # sound ones
+    frames: int = 0  # without error frames
     _heard: dict[tuple[int, bool], deque[tuple[float, bytes]]] = field(default_factory=dict)
     _positions: dict[int, deque[bytes]] = field(default_factory=dict)
     _other: set[tuple[int, bool]] = field(
         default_factory=set
-    )  # identifiers that are certainly no heartbeat's
+    )  # identifiers that certainly belong to no heartbeat
     _canopen: set[int] = field(default_factory=set)  # nodes with error control
     _service: bool = False  # NMT or SYNC was heard
 
     def note(self, frame: CanFrame) -> None:
-        """Take a frame, in the order of time."""
+        """Take a frame; frames must come in order of time."""
         if frame.error:
             return
         self.frames += 1
@@ -119,12 +119,12 @@ class ProtocolListener:
 
     @property
     def speakers(self) -> list[Speaker]:
-        """Who speaks another protocol, by protocol and node."""
+        """Modules with another protocol, by protocol and node."""
         found = [speaker for key in self._heard if (speaker := self._judge(*key)) is not None]
         return sorted(found, key=lambda each: (each.protocol is Protocol.EXTENDED, each.node))
 
     def speaker(self, frame: CanFrame) -> Speaker | None:
-        """Return who sends a frame, where that is known to be a module of another protocol."""
+        """Return the sender of a frame, if it is known to be a module with another protocol."""
         if frame.error or frame.remote:
             return None
         if frame.extended:
@@ -148,7 +148,7 @@ class ProtocolListener:
             self._positions.setdefault(node, deque(maxlen=_KEPT)).append(frame.data)
 
     def _signs(self, frame: CanFrame) -> None:
-        """Note what only CANopen sends: error control (or a request for it), NMT commands, SYNC."""
+        """Note frames that only CANopen sends: error control (or a request for it), NMT commands, SYNC."""
         function, node = frame.can_id & 0x780, frame.can_id & 0x7F
         if function == cob.HEARTBEAT and node and (frame.remote or len(frame.data) == 1):
             self._canopen.add(node)
@@ -166,7 +166,7 @@ class ProtocolListener:
             self._heard.pop(key, None)
             self._other.add(key)
         elif not frame.extended and not (_life(frame.data) or _legacy(frame.data)):
-            self._heard.pop(key, None)  # what comes after it must prove itself anew
+            self._heard.pop(key, None)  # later frames start a new proof
         elif key in self._heard or len(self._heard) < _MOST:
             self._heard.setdefault(key, deque(maxlen=_KEPT)).append((frame.time, frame.data))
 
@@ -190,11 +190,11 @@ class ProtocolListener:
         return Speaker(Protocol.CAN_SIMPLE, node, can_id, pace.period, newest[4], error)
 
     def _alone(self, can_id: int, data: Sequence[bytes], *, lives: bool) -> bool:
-        """Whether nothing heard speaks for a CANopen device behind an identifier that one may have."""
+        """Whether no received frame indicates a CANopen device behind an identifier that such a device may have."""
         if self._supervised(can_id):
             return False
         if lives or (can_id & 0x780 == cob.EMCY and not any(any(each[:4]) for each in data)):
-            return True  # nobody sends "no error" (an EMCY of zeros) again and again
+            return True  # no device sends "no error" (an EMCY of zeros) again and again
         positions = self._positions.get(can_id >> _COMMAND_BITS, ())
         return (
             not self._canopen
@@ -208,7 +208,7 @@ class ProtocolListener:
 
 
 def recognise(frames: Iterable[CanFrame]) -> list[Speaker]:
-    """Return who of a bus speaks another protocol of the module than CANopen; ``frames`` in the order of time, in seconds."""
+    """Return the modules with a protocol other than CANopen; ``frames`` in order of time, in seconds."""
     listening = ProtocolListener()
     for frame in frames:
         listening.note(frame)
@@ -227,7 +227,7 @@ REMEDIES = {
 
 
 def told(speakers: Sequence[Speaker]) -> list[str]:
-    """Return what was heard and what to do, for each protocol a line and its remedy; empty where there is nobody."""
+    """Return the modules heard and the remedy, a line each per protocol; empty if there are none."""
     lines = []
     for protocol, remedy in REMEDIES.items():
         found = [each for each in speakers if each.protocol is protocol]
@@ -236,7 +236,7 @@ def told(speakers: Sequence[Speaker]) -> list[str]:
 
 
 def heard(speakers: Sequence[Speaker]) -> list[str]:
-    """Return who speaks what, a line for each protocol; empty where there is nobody."""
+    """Return the modules heard, a line per protocol; empty if there are none."""
     lines = []
     for protocol in Protocol:
         found = [each for each in speakers if each.protocol is protocol]
@@ -247,7 +247,7 @@ def heard(speakers: Sequence[Speaker]) -> list[str]:
 
 
 def heartbeat_words(speaker: Speaker, data: bytes) -> str:
-    """Return what a heartbeat says: ``idle, no axis error``; of other frames nothing."""
+    """Return the contents of a heartbeat as text, ``idle, no axis error``; of other frames nothing."""
     if speaker.protocol is Protocol.EXTENDED:
         return f"life {data[0] >> 5}" if len(data) == _LENGTH else ""
     if len(data) != _LENGTH or data[4] not in STATES:
@@ -257,12 +257,12 @@ def heartbeat_words(speaker: Speaker, data: bytes) -> str:
 
 
 def simple_node(can_id: int) -> int:
-    """Return the node that an identifier of 11 bits belongs to in CAN Simple."""
+    """Return the CAN Simple node of an 11-bit identifier."""
     return can_id >> _COMMAND_BITS
 
 
 def command(can_id: int) -> str:
-    """Return the name of CAN Simple's command in an identifier."""
+    """Return the name of the CAN Simple command of an identifier."""
     number = split(can_id).command
     return BY_COMMAND[number].name if number in BY_COMMAND else f"command {number:02X}h"
 
@@ -273,11 +273,11 @@ def error_words(error: int) -> str:
     return f"0x{error:08X}" + (f" ({', '.join(names)})" if names else "")
 
 
-# -- what one frame, or several, must look like --------------------------------------------------------------------------------
+# -- checks of one frame, or several -------------------------------------------------------------------------------------------
 
 
 class _Pace(NamedTuple):
-    """How frames follow one another: the usual time between two in seconds (None: not told), and whether they keep to it."""
+    """Timing of frames: the median time between two in seconds (None: unknown), and whether they are periodic."""
 
     period: float | None
     kept: bool
@@ -285,7 +285,7 @@ class _Pace(NamedTuple):
 
     @property
     def plausible(self) -> bool:
-        """Whether nothing speaks against a heartbeat: they keep a period that one may have, or have no times at all."""
+        """Whether a heartbeat is possible: the frames have a possible period, or no times at all."""
         return self.kept or not self.timed
 
 
@@ -308,23 +308,23 @@ def _kept(periods: float) -> bool:
 
 
 def _life(data: bytes) -> bool:
-    """Whether it looks like a heartbeat of firmware 0.5.12 and later, its counter aside."""
+    """Whether the data look like a heartbeat of firmware 0.5.12 and later, apart from its counter."""
     return data[4] in STATES and not data[5] & ~_FLAGS and not data[6]
 
 
 def _legacy(data: bytes) -> bool:
-    """Whether it looks like a heartbeat of firmware 0.5.11 and earlier."""
+    """Whether the data look like a heartbeat of firmware 0.5.11 and earlier."""
     return data[4] in STATES and data[5] < 2 and data[6] < 2 and not data[7] & ~_LEGACY_FLAGS
 
 
 def _counts(values: Sequence[int], modulo: int) -> bool:
-    """Whether they count up, one for each frame, those that were lost included."""
+    """Whether the values count up by one per frame, lost frames included."""
     steps = [(after - before) % modulo for before, after in pairwise(values)]
     return all(1 <= step <= _LOST for step in steps) and median(steps) == 1
 
 
 def _floats(data: bytes) -> bool:
-    """Whether it is two numbers of a size that turns and turns per second have."""
+    """Whether the data are two floats of a size possible for turns and turns per second."""
     return all(value == 0.0 or 1e-9 < abs(value) < 1e6 for value in struct.unpack("<ff", data))
 
 

@@ -1,13 +1,13 @@
-"""What a module's controller makes of its inputs, by control mode and input mode (manual 3.1.7): it leads or pushes the motor.
+"""Controller of a simulated module: motion from inputs, by control mode and input mode (manual 3.1.7).
 
 Theory of operation
 -------------------
-An input mode makes a set-point of the input; the position loop makes of that a velocity (feed-forward plus ``pos_gain`` times the
-error), which is limited by ``vel_limit`` and by what the current limit lets the motor accelerate. The motor follows the integral of
-this velocity. So nothing jumps, whatever comes in: on entering closed loop, and with each change of mode, all begins where the
-motor is and as fast as it is. The velocity loop is the motor model's own; of its gains only whether there are any is seen. Torque
-and MIT push the motor by their formula. Units are those of the firmware: turns, turns/s, N·m, all of the rotor; MIT's gains act on
-rotor turns and give torque at the output.
+An input mode derives a set-point from the input. The position loop derives a velocity from it (feed-forward plus ``pos_gain`` times
+the error), limited by ``vel_limit`` and by the acceleration that the current limit permits. The motor follows the integral of this
+velocity. No input causes a jump: on entering closed loop, and with each change of mode, everything starts from the present position
+and velocity of the motor. The velocity loop is that of the motor model; its gains only matter in being 0 or not. In torque and MIT
+modes the motor gets the torque of their formula. Units are the firmware's: turns, turns/s, N·m, all at the rotor; MIT's gains act
+on rotor turns and give torque at the output.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from axisbus.sim.can_simple.shaft import Shaft
 from axisbus.sim.ramp import Profile, plan_move, slope
 
 _PIECE = 0.001  # s of one pass of the loop
-_MIT_PIECE = 0.00025  # s: a stiff spring swings faster
+_MIT_PIECE = 0.00025  # s: a stiff spring oscillates faster
 _CONTROLLER = "axis0.controller.config."
 _TRAJECTORY = "axis0.traj_traj.config."
 _AT_PLACE = 1e-5  # turns
 _AT_REST = 1e-3  # turns/s
-_OVERSPEED = 1.2  # of vel_limit
-_DISARMS_AFTER = 0.3  # s at full speed, after which a module that runs away gives up
+_OVERSPEED = 1.2  # ratio to vel_limit
+_DISARMS_AFTER = 0.3  # s at full speed, after which a runaway module disarms
 _MOST = 1e9
 _INPUT_MODES = frozenset(InputMode)
 _WELL = AxisError(0), MotorError(0), ControllerError(0)
 
 
 class Controller:
-    """Holds inputs, set-points and the profile that is under way."""
+    """Inputs, set-points and the active profile."""
 
     def __init__(self, shaft: Shaft, parameters: Parameters, dials: ModuleDials) -> None:
         self._shaft = shaft
@@ -46,18 +46,18 @@ class Controller:
         self.trajectory_done = True
         self._running = False
         self._demand = 0.0
-        self._velocity = 0.0  # of the demand
+        self._velocity = 0.0  # velocity of the demand
         self._setpoint = self._rate = 0.0
         self._profile: Profile | None = None
-        self._since_input: float | None = None  # seconds; None: none came since the start
+        self._since_input: float | None = None  # seconds; None: no input since the start
         self._running_away: float | None = None  # seconds at full speed
 
-    # What comes in.
+    # Inputs.
 
     def take(
         self, *, pos: float | None = None, vel: float | None = None, torque: float | None = None
     ) -> None:
-        """Take inputs; what is not given stays."""
+        """Take inputs; those not given stay unchanged."""
         self.input_vel = self.input_vel if vel is None else vel
         self.input_torque = self.input_torque if torque is None else torque
         self._since_input = 0.0
@@ -68,12 +68,12 @@ class Controller:
             self._plan()
 
     def start(self) -> None:
-        """Closed loop begins."""
+        """Enter closed loop."""
         self._running = True
         self.mode_changed()
 
     def mode_changed(self) -> None:
-        """Begin anew from where the motor is; a position is held until another comes."""
+        """Restart from the motor's position; a position is held until a new one arrives."""
         shaft = self._shaft
         self._demand, self._velocity = shaft.seize(), shaft.speed
         self._setpoint = self.input_pos = shaft.turns - shaft.origin
@@ -83,7 +83,7 @@ class Controller:
         self.torque_setpoint = 0.0
 
     def stop(self) -> None:
-        """Closed loop ends."""
+        """Leave closed loop."""
         self._running = False
         self._profile, self.trajectory_done = None, True
         self._running_away = None
@@ -92,7 +92,7 @@ class Controller:
     # Time.
 
     def step(self, dt: float, limit: float) -> tuple[AxisError, MotorError, ControllerError]:
-        """Let ``dt`` s pass with at most ``limit`` N·m; return what has gone wrong."""
+        """Advance by ``dt`` s with at most ``limit`` N·m; return the errors that occurred."""
         size = _MIT_PIECE if self._input_mode == InputMode.MIT else _PIECE
         pieces = max(1, math.ceil(dt / size - 1e-9))
         for _ in range(pieces):
@@ -130,7 +130,7 @@ class Controller:
         elif mode == ControlMode.POSITION:
             self._position(h, limit)
         else:
-            self._push(0.0, h, limit)  # voltage control: no input of CAN Simple is a voltage
+            self._push(0.0, h, limit)  # voltage control: CAN Simple has no voltage input
 
     # Position.
 
@@ -150,7 +150,7 @@ class Controller:
         self._lead(before - self._demand, (self._setpoint - before) / h, h, limit)
 
     def _filter(self, h: float) -> None:
-        """A critically damped filter of second order, whose velocity is limited."""
+        """Apply a critically damped second-order filter with limited velocity."""
         bandwidth = min(self._limit("input_filter_bandwidth"), 0.25 / h)
         away = self.input_pos - self._setpoint
         if abs(away) < _AT_PLACE and abs(self._rate) < _AT_REST:
@@ -162,7 +162,7 @@ class Controller:
         self._setpoint += self._rate * h
 
     def _plan(self) -> None:
-        """Plan a trapezoid from the set-point; with a limit of 0 there is none, and the target is never reached."""
+        """Plan a trapezoid from the set-point; if one of its limits is 0, there is none, and the target is never reached."""
         fastest = min(_positive(self._parameters[_TRAJECTORY + "vel_limit"]), self._fastest())
         speeding = _positive(self._parameters[_TRAJECTORY + "accel_limit"])
         braking = _positive(self._parameters[_TRAJECTORY + "decel_limit"])
@@ -171,7 +171,7 @@ class Controller:
             self._profile = plan_move(self._setpoint, self._rate, self.input_pos, fastest, speeding, braking)
 
     def _lead(self, error: float, rate: float, h: float, limit: float) -> None:
-        """The position loop."""
+        """Apply the position loop."""
         reach = self._reach(limit)
         gain = min(self._limit("pos_gain"), 0.5 / h)
         correction = min(gain * abs(error), math.sqrt(reach * abs(error)))
@@ -201,7 +201,7 @@ class Controller:
         self._track(h, limit)
 
     def _track(self, h: float, limit: float) -> None:
-        """Let the motor follow; where it is held or too weak, the demand waits for it. Without a velocity loop it has no force."""
+        """Move the motor; if it is blocked or too weak, the demand waits for it. Without velocity loop it has no torque."""
         shaft = self._shaft
         if not self._has_loop:
             self._push(0.0, h, limit)
@@ -238,7 +238,7 @@ class Controller:
         self._shaft.push(self.torque_setpoint, h)
         self._demand, self._velocity = self._shaft.turns - self._shaft.origin, self._shaft.speed
 
-    # What owners saw when set-points paused.
+    # Runaway, which owners saw when set-points paused.
 
     def _runs_away(self) -> bool:
         after = self._dials.runaway_after
@@ -264,7 +264,7 @@ class Controller:
 
     @property
     def gear(self) -> float:
-        """Turns of the rotor for one of the output shaft."""
+        """Turns of the rotor per turn of the output shaft."""
         return _positive(self._parameters["axis0.motor.config.gear_ratio"]) or 8.0
 
     @property
@@ -290,5 +290,5 @@ class Controller:
 
 
 def _positive(value: float) -> float:
-    """Return a limit or gain as the loop uses it: what is negative or no number is 0."""
+    """Return a limit or gain as the loop uses it: negative values and NaN count as 0."""
     return min(value, _MOST) if value > 0.0 else 0.0

@@ -1,11 +1,12 @@
-"""A module on the wire: it speaks the protocol that it was saved with, restarts when told to, and keeps its motor through all that.
+"""A simulated module on the wire: it uses the stored protocol, restarts on command, and keeps its motor through all restarts.
 
 Theory of operation
 -------------------
-``on_frame`` takes what came, ``step`` lets time pass, ``take_frames`` returns what is to be sent, as of every stand-in. By
-``can.config.protocol`` it is a CAN Simple module, or the CANopen stand-in of its EDS on the same motor, or it only beats in the
-29-bit protocol. A change takes effect with the restart that saving brings. ``usb_read``, ``usb_write`` and ``usb_call`` are the
-other way in: the maker's tool on the USB port, which works whatever the bus speaks. In CANopen node ID 0 is none: it is silent.
+As in every simulated node, ``on_frame`` takes a received frame, ``step`` advances the time, and ``take_frames`` returns the frames
+to be sent. Depending on ``can.config.protocol`` it is a CAN Simple module, or the simulated CANopen node of its EDS on the same
+motor, or it only sends heartbeats in the 29-bit protocol. A new protocol takes effect with the restart that follows saving.
+``usb_read``, ``usb_write`` and ``usb_call`` are the USB port of the maker's tool, which works with every protocol. Node ID 0 is
+invalid in CANopen: the module is then silent.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ _PROTOCOL = "can.config.protocol"
 
 
 class Module:
-    """One GIM6010-8; holds its motor, its parameters, and who speaks for it."""
+    """One GIM6010-8; holds its motor, its parameters and its protocol servers."""
 
     def __init__(
         self,
@@ -48,10 +49,10 @@ class Module:
         serial: int = 0x3936_3232_3334,
         **parameters: Value,
     ) -> None:
-        """Make a module that runs already; ``parameters`` by the last part of their path, as ``break_timeout=500`` (saved).
+        """Make a running module; ``parameters`` by the last part of their path, for example ``break_timeout=500`` (saved).
 
-        ``eds`` is of the CANopen stand-in that it becomes; without, it is silent in CANopen. A firmware from 0.6.8 on begins in the
-        29-bit protocol unless ``protocol`` says otherwise.
+        ``eds`` is for the simulated CANopen node; without it, the module is silent in CANopen. Firmware from 0.6.8 on starts in the
+        29-bit protocol unless ``protocol`` is given.
         """
         if firmware >= EXTENDED:
             parameters.setdefault("protocol", Protocol.EXTENDED)
@@ -67,46 +68,46 @@ class Module:
         self._beacon = Beacon()
         self._eds = eds
         self._params = params
-        self.device: Device | None = None  # while it speaks CANopen
+        self.device: Device | None = None  # while it uses CANopen
         self._slave: Slave | None = None
         self.restarts = 0
         self._silent_for = 0.0
         self._now: float | None = None
         self._begin()
 
-    # The plant, for whoever looks at it.
+    # True state of the plant.
 
     @property
     def position(self) -> float:
-        """Where the motor truly is, in rotor turns from where it stood when it was made."""
+        """True position of the motor, in rotor turns from its initial position."""
         return self.shaft.turns
 
     @property
     def energised(self) -> bool:
-        """Whether there truly is power on the motor."""
+        """Whether there is really power on the motor."""
         if self.device is not None:
             return self.device.drive.power.effort.value != 0
         return self.axis.energised
 
     @property
     def is_awake(self) -> bool:
-        """Whether it has power and no restart is under way."""
+        """Whether it has supply voltage and is not restarting."""
         return self._silent_for <= 0.0 and not self.dials.dead
 
     @property
     def node_id(self) -> int:
-        """The node ID that holds now."""
+        """The node ID in effect."""
         return self.parameters.node_id
 
     @property
     def protocol(self) -> int:
-        """The protocol that is spoken now."""
+        """The protocol in effect."""
         return self._spoken
 
     # The wire.
 
     def on_frame(self, can_id: int, data: bytes, now: float, *, remote: bool = False) -> None:
-        """Take a frame that came at ``now``; nothing that comes raises."""
+        """Take a frame received at ``now``; never raises."""
         if can_id > _STANDARD or not self._hears:
             return
         if self._slave is not None:
@@ -115,7 +116,7 @@ class Module:
             self._talk.on_frame(can_id, data, remote=remote)
 
     def step(self, now: float) -> None:
-        """Let time pass until ``now``, in s of any steady clock."""
+        """Advance to ``now``, in s of any steady clock."""
         left = 0.0 if self._now is None else max(0.0, now - self._now)
         at = now - left
         while True:
@@ -127,17 +128,17 @@ class Module:
         self._now = now
 
     def serve(self, now: float) -> None:
-        """Answer what is due, without time passing."""
+        """Send the answers that are due, without advancing the time."""
         if self._slave is not None and self._hears:
             self._slave.serve(now)
 
     @property
     def next_answer(self) -> float | None:
-        """When an answer is due that waits; None: there is none."""
+        """Time at which the next pending answer is due; None if none is pending."""
         return self._slave.next_answer if self._slave is not None and self._hears else None
 
     def take_frames(self) -> list[Frame]:
-        """Return the frames to be sent, as (identifier, data), and forget them; one above 7FFh has 29 bits."""
+        """Return the frames to be sent as (identifier, data) and clear them; identifiers above 7FFh have 29 bits."""
         sources: list[list[Frame]] = [self._talk.frames, self._beacon.frames]
         frames = [frame for source in sources for frame in source]
         for source in sources:
@@ -152,26 +153,26 @@ class Module:
         """Read a parameter by its path in the USB tree.
 
         Raises:
-            KeyError: there is none of this name.
+            KeyError: no parameter has this path.
         """
         return self.endpoints.read(path)
 
     def usb_write(self, path: str, value: Value) -> None:
-        """Write a parameter by its path in the USB tree; raises as ``usb_read``."""
+        """Write a parameter by its path in the USB tree; raises the same error as ``usb_read``."""
         self.endpoints.write(path, value)
 
     def usb_call(self, path: str, argument: Value = 0) -> None:
-        """Call a function by its path in the USB tree: ``save_configuration``, ``reboot``; raises as ``usb_read``."""
+        """Call a function by its path in the USB tree: ``save_configuration``, ``reboot``; raises the same error as ``usb_read``."""
         self.endpoints.write(path, argument)
 
     def json(self) -> list[dict[str, Any]]:
-        """Return the list of endpoints of this firmware, as ``json.dumps`` takes it."""
+        """Return the list of endpoints of this firmware, in a form that ``json.dumps`` accepts."""
         return self.endpoints.as_json()
 
     # Restarts.
 
     def restart(self) -> None:
-        """Power-up, with what was saved; silent for ``restart_time``, then idle. The motor coasts."""
+        """Power up with the saved parameters; silent for ``restart_time``, then idle. The motor coasts."""
         self.restarts += 1
         self.parameters.load()
         self._silent_for = self.dials.restart_time
@@ -188,7 +189,7 @@ class Module:
         self._speak(int(self.parameters[_PROTOCOL]))
 
     def _zero(self) -> float:
-        """The user's zero within a turn, and what owners saw of restarts."""
+        """Return the user's zero within a turn, including the deviation after restarts that owners saw."""
         branch = self.dials.branch if self.restarts % 2 else 0.0
         offset = self.parameters["axis0.encoder.config.index_offset"]
         used = self.parameters["axis0.encoder.config.use_index_offset"]
@@ -238,7 +239,7 @@ class Module:
 
     @property
     def _speaks(self) -> bool:
-        """Whether it is on the bus at all."""
+        """Whether it is connected to the bus at all."""
         line = self.dials.line_bitrate
         return self._wired and line in (None, self._bitrate) and not self.dials.dead
 
@@ -246,10 +247,10 @@ class Module:
     def _hears(self) -> bool:
         return self._speaks and self._silent_for <= 0.0
 
-    # What commands and endpoints want of it.
+    # Actions of commands and endpoints.
 
     def _save(self) -> None:
-        """Saving restarts (manual 3.1.6); a module with power on its motor does not save."""
+        """Save and restart (manual 3.1.6); a module with power on its motor does not save."""
         if not self.energised:
             self.parameters.save()
             self.restart()
@@ -264,7 +265,7 @@ class Module:
         self.restart()
 
     def _request(self, state: Value) -> None:
-        if self.device is None:  # in CANopen the power is the controlword's
+        if self.device is None:  # in CANopen the controlword switches the power
             self.axis.request(int(state))
 
     def _mode_written(self) -> None:

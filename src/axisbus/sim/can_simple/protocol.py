@@ -1,10 +1,9 @@
-"""CAN Simple as frames in and frames out: what a module makes of a command, what it answers, and what it sends by itself.
+"""CAN Simple server of a simulated module: executes commands, answers requests, and sends periodic messages.
 
 Theory of operation
 -------------------
-A request is answered when it comes as a remote frame, or as a data frame of 8 bytes; Get_Error wants its type byte in 8 bytes. A
-command shorter than its fields, one that comes as a remote frame, and one that nobody knows are passed over: nothing raises.
-Periods of 0 are off.
+A request is a remote frame or a data frame of 8 bytes; Get_Error needs its type byte in 8 bytes. A command that is shorter than its
+fields, that arrives as a remote frame, or that is unknown is ignored: nothing raises. A period of 0 switches a message off.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ from axisbus.sim.can_simple.parameters import Parameters
 
 Frame = tuple[int, bytes]
 _READ, _WRITE = 0, 1
-_PER_MILLE = 0.001  # of the two feed-forwards of Set_Input_Pos
+_PER_MILLE = 0.001  # unit of the two feed-forward values of Set_Input_Pos
 _LARGEST = 3.4028234663852886e38  # of float32
 _CAN = "axis0.config.can."
 _CONTROLLER = "axis0.controller.config."
@@ -50,7 +49,7 @@ _SETTINGS: dict[Command, tuple[str, tuple[str, ...]]] = {
     Command.SET_POS_GAIN: ("<f", (_CONTROLLER + "pos_gain",)),
     Command.SET_VEL_GAINS: ("<ff", (_CONTROLLER + "vel_gain", _CONTROLLER + "vel_integrator_gain")),
 }
-# Messages that come by themselves: the parameter of their period, the command, and the type of Get_Error.
+# Periodic messages: the parameter of their period, the command, and the type of Get_Error.
 _PERIODIC: tuple[tuple[str, Command, ErrorType | None], ...] = (
     ("heartbeat_rate_ms", Command.HEARTBEAT, None),
     ("encoder_rate_ms", Command.GET_ENCODER_ESTIMATES, None),
@@ -65,7 +64,7 @@ _PERIODIC: tuple[tuple[str, Command, ErrorType | None], ...] = (
 
 @dataclass(frozen=True)
 class PendingCommands:
-    """What a command may want of the module as a whole."""
+    """Actions of commands on the module as a whole."""
 
     reboot: Callable[[], None]
     save: Callable[[], None]
@@ -73,7 +72,7 @@ class PendingCommands:
 
 
 class CanSimpleServer:
-    """Holds the frames to be sent, the life counter, and when each periodic message is due."""
+    """Frames to be sent, the life counter, and the due time of each periodic message."""
 
     def __init__(
         self,
@@ -100,7 +99,7 @@ class CanSimpleServer:
             Command.GET_TORQUES: self._torques,
             Command.GET_POWERS: lambda: _floats(axis.electrical_power, axis.mechanical_power),
         }
-        # With the bytes that a command needs.
+        # With the number of bytes that a command needs.
         self._commands: dict[int, tuple[int, Callable[[bytes], None]]] = {
             Command.ESTOP: (0, lambda _: axis.estop()),
             Command.GET_ERROR: (8, self._get_error),
@@ -124,18 +123,18 @@ class CanSimpleServer:
 
     @property
     def bus_current(self) -> float:
-        """A from the supply."""
+        """Supply current in A."""
         voltage = self._dials.bus_voltage
         return self._axis.electrical_power / voltage if voltage > 0.0 else 0.0
 
     def restart(self) -> None:
-        """Power-up: nothing is owed, and the periods begin anew."""
+        """Power up: no frame is pending, and all periods restart."""
         self.frames.clear()
         self._due.clear()
         self._life = 0
 
     def on_frame(self, can_id: int, data: bytes, *, remote: bool) -> None:
-        """Take a frame of 11 bits; one that is not for this module, or means nothing, is passed over."""
+        """Take a frame with an 11-bit identifier; frames for other nodes and invalid frames are ignored."""
         node_id, command = divmod(can_id, COMMANDS_PER_NODE)
         if node_id != self._parameters.node_id:
             return
@@ -149,7 +148,7 @@ class CanSimpleServer:
             act(data)
 
     def step(self, now: float) -> None:
-        """Send what is due by its period."""
+        """Send the periodic messages that are due."""
         for name, command, kind in _PERIODIC:
             period = self._parameters[_CAN + name] / 1000.0
             if period <= 0.0 or now < self._due.get(name, now) - 1e-9:
@@ -218,7 +217,7 @@ class CanSimpleServer:
                 self._send(self._dials.endpoint_answer, struct.pack("<BHx", _READ, number) + value)
 
     def _tx_sdo(self, data: bytes) -> None:
-        """By the manual this is RxSdo with opcode 1; what else comes on 0x05 is another module's answer."""
+        """Treat it as RxSdo with opcode 1, by the manual; other data under 0x05 are another module's answer."""
         if data[0] == _WRITE:
             self._rx_sdo(data)
 
@@ -267,7 +266,7 @@ class CanSimpleServer:
     def _set_linear_count(self, data: bytes) -> None:
         self._axis.shaft.set_linear_count(struct.unpack_from("<i", data)[0])
 
-    # MIT: its values are those of the output shaft.
+    # MIT: its values are at the output shaft.
 
     def _mit(self, data: bytes) -> None:
         controller, ranges = self._axis.controller, self._ranges()

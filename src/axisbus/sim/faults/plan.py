@@ -1,4 +1,4 @@
-"""Planned faults on the devices that they are for: dials are turned when a fault begins, and turned back when it is over."""
+"""Planned faults of simulated devices: their settings are changed when a fault begins, and restored when it ends."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from axisbus.sim.faults.fault_timing import Cue, Moment, Turn
 
 @dataclass(frozen=True, slots=True)
 class Dial:
-    """One dial and what it is turned to; ``of_axis``: of the axis, else of its node; ``part``: ``lss``, ``program`` or empty."""
+    """A fault setting and its value; ``of_axis``: of the axis, else of its node; ``part``: ``lss``, ``program`` or empty."""
 
     name: str
     value: Any
@@ -24,10 +24,10 @@ class Dial:
 
 @dataclass(frozen=True, slots=True)
 class PlannedFault:
-    """What goes wrong, by the name that its user has given it; ``said`` is how it is told.
+    """A fault by its user-defined name; ``said`` is its description in reports.
 
-    ``axis`` counts from 1. ``code``: the drive falls into fault with it (603Fh), and with the maker's bits ``maker_bits`` (0: it
-    does not); ``restart``: the node restarts, as after a dip of its supply.
+    ``axis`` counts from 1. ``code``: the drive goes into fault with this code (603Fh) and the manufacturer's bits ``maker_bits``
+    (0: no fault). ``restart``: the node restarts, as after a short loss of its supply.
     """
 
     name: str
@@ -42,7 +42,7 @@ class PlannedFault:
 
 
 class Plan:
-    """Faults under way; holds their cues, and what each dial was before."""
+    """All planned faults, with their timing and the original value of each setting."""
 
     def __init__(self, faults: Sequence[PlannedFault], devices: Mapping[int, Device]) -> None:
         """``devices`` by their node-ID."""
@@ -54,9 +54,9 @@ class Plan:
         }
 
     def step(self, now: float, values: Any) -> list[str]:
-        """Turn what is to be turned at ``now`` (seconds since the drives began); return what is to be told of it.
+        """Begin and end the faults due at ``now`` (seconds since the drives started); return a report line for each.
 
-        For one who holds the lock of the devices. ``values`` are what the conditions look at.
+        The caller must hold the lock of the devices. ``values`` are the values that the conditions test.
         """
         told = []
         for fault, cue in self._cues:

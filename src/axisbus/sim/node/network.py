@@ -1,11 +1,11 @@
-"""Stand-ins in real time on a CAN bus, by default python-can's virtual one: one network and one timer thread for all.
+"""Simulated nodes in real time on a CAN bus, by default python-can's virtual bus: one network and one timer thread for all.
 
 Theory of operation
 -------------------
-The timer thread steps every device about each ``period`` seconds of the monotonic clock and sends what is due; between two steps it
-wakes for SDO answers whose time has come, so that a delay of 2 ms is one of 2 ms. The receive thread
-of ``canopen`` hands frames to the slaves and sends their answers. One lock keeps the two apart; nothing sleeps under it. When the
-process was held up for longer than ``_CATCH_UP``, the plants stand still for the rest instead of catching up in one jump.
+The timer thread steps every device about each ``period`` seconds of the monotonic clock and sends the frames that are due. Between
+two steps it wakes for each SDO answer that is due, so that a configured delay of 2 ms takes 2 ms. The receive thread of ``canopen``
+passes frames to the slaves and sends their answers. One lock separates the two threads; neither sleeps while it holds the lock. If
+the process was delayed by more than ``_CATCH_UP``, the simulated time does not advance for the excess, instead of jumping.
 """
 
 from __future__ import annotations
@@ -28,31 +28,31 @@ _CATCH_UP = 0.1  # s
 
 
 class Guest(Protocol):
-    """A stand-in beside the CANopen ones, of another protocol: frames in, frames out. Times are seconds of a steady clock."""
+    """A simulated node of another protocol on the same bus: frames in, frames out. Times are seconds of a steady clock."""
 
     @property
     def node_id(self) -> int:
-        """Two with the same one do not hear each other: on a wire their frames would collide."""
+        """Node ID; two guests with the same node ID do not receive each other's frames, which would collide on a real wire."""
 
     @property
     def next_answer(self) -> float | None:
-        """When an answer that waits is due."""
+        """Time at which the next pending answer is due; None if none is pending."""
 
     def on_frame(self, can_id: int, data: bytes, now: float, *, remote: bool = False) -> None:
-        """Take a frame of 11 bits; whatever it is, nothing is raised."""
+        """Take a frame with an 11-bit identifier; never raises."""
 
     def step(self, now: float) -> None:
-        """Let time pass."""
+        """Advance the simulation to ``now``."""
 
     def serve(self, now: float) -> None:
-        """Answer what is due."""
+        """Send the answers that are due."""
 
     def take_frames(self) -> list[tuple[int, bytes]]:
-        """Return what is to be sent; identifiers above 7FFh have 29 bits."""
+        """Return the frames to be sent and clear them; identifiers above 7FFh have 29 bits."""
 
 
 class _Listener(can.Listener):
-    """Hands every frame to the stand-ins."""
+    """Passes every frame to the simulated nodes."""
 
     def __init__(self, stand_ins: StandIns) -> None:
         self._stand_ins = stand_ins
@@ -66,9 +66,9 @@ class _Listener(can.Listener):
 
 
 class StandIns:
-    """Drives that answer on a channel while the ``with`` block runs; holds the thread that moves them.
+    """Simulated nodes on a channel while the ``with`` block runs; holds the timer thread.
 
-    Devices, drives and dials may be read and turned from any thread; take ``lock`` where several values must fit together.
+    Devices, drives and fault settings may be read and changed from any thread; hold ``lock`` if several values must be consistent.
     """
 
     def __init__(
@@ -82,10 +82,10 @@ class StandIns:
         guests: Sequence[Guest] = (),
         period: float = 0.002,
     ) -> None:
-        """Prepare; nothing is opened before ``start`` (or ``with``). ``bitrate`` is for adapters that want one.
+        """Prepare the nodes; the channel is opened by ``start`` (or ``with``). ``bitrate`` is for adapters that need it.
 
-        ``bus``: one that is open already. ``guests``: stand-ins of other protocols, which hear the devices, and they them.
-        ``period`` is the step of the timer thread in s (1 to 5 ms are sensible).
+        ``bus``: a bus that is open already. ``guests``: simulated nodes of other protocols; they and the devices receive each
+        other's frames. ``period`` is the step of the timer thread in s (1 to 5 ms are sensible).
         """
         self.lock = threading.RLock()
         self.devices = list(devices)
@@ -98,7 +98,7 @@ class StandIns:
         self._period = period
         self._stop = False
         self._wake = threading.Event()
-        self._alarm = 0.0  # when the timer thread means to wake, by the monotonic clock
+        self._alarm = 0.0  # time at which the timer thread wakes, by the monotonic clock
         self._thread = threading.Thread(target=self._run, name=f"stand-ins on {channel}", daemon=True)
         self._lost = 0.0
         self._last = 0.0
@@ -116,7 +116,7 @@ class StandIns:
             self._raise_error()
 
     def start(self) -> None:
-        """Open the channel and power all nodes on; returns at once, boot-up messages follow.
+        """Open the channel and power up all nodes; returns at once, the boot-up messages follow.
 
         Raises:
             AdapterError: the channel cannot be opened.
@@ -137,22 +137,22 @@ class StandIns:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop the drives' time and leave the bus; blocks for up to a second.
+        """Stop the simulation and close the bus; blocks for up to 5 s.
 
         Raises:
-            AdapterError: sending had failed meanwhile.
+            AdapterError: the simulation had failed before.
         """
         self._shut()
         self._raise_error()
 
     def behind(self) -> bool:
-        """Return whether the drives have not yet taken all that was sent to them, or are late in what they do by themselves."""
-        waiting = getattr(self.network.bus, "queue", None)  # that of python-can's virtual bus
+        """Return whether frames to the nodes are still unread, or the timer thread is late."""
+        waiting = getattr(self.network.bus, "queue", None)  # python-can's virtual bus has one
         overdue = time.monotonic() - self._alarm > self._period
         return overdue or (waiting is not None and not waiting.empty())
 
     def receive(self, can_id: int, data: bytes, *, remote: bool = False) -> None:
-        """Take a frame from the bus (the receive thread calls this)."""
+        """Take a frame from the bus (called by the receive thread)."""
         try:
             with self.lock:
                 now = self._now()
@@ -164,7 +164,7 @@ class StandIns:
                 self._send()
                 if self._next_answer() < self._alarm:
                     self._wake.set()
-        except Exception as error:  # noqa: BLE001 - a thread has nobody to raise to: close() hands it on
+        except Exception as error:  # noqa: BLE001  - a thread has no caller: close() raises it
             self._fail(error)
 
     def _run(self) -> None:
@@ -183,7 +183,7 @@ class StandIns:
             self._fail(error)
 
     def _advance(self, stepping: bool) -> None:
-        """Step all devices, or only answer what is due."""
+        """Step all devices, or only send the answers that are due."""
         now = self._now()
         for node in self.nodes:
             if stepping:
@@ -198,12 +198,12 @@ class StandIns:
         self._send()
 
     def _next_answer(self) -> float:
-        """Return when the next SDO answer is due, by the monotonic clock."""
+        """Return the time of the next pending answer, by the monotonic clock."""
         due = [node.slave.next_answer for node in self.nodes] + [guest.next_answer for guest in self.guests]
         return min((time for time in due if time is not None), default=math.inf) + self._lost
 
     def _now(self) -> float:
-        """Return the plants' time: the monotonic clock without what was lost."""
+        """Return the simulated time: the monotonic clock minus the delays that were skipped."""
         now = time.monotonic()
         late = now - self._last - _CATCH_UP
         if late > 0.0:
@@ -225,7 +225,7 @@ class StandIns:
                 self._hand_over(guest, can_id, data)
 
     def _hand_over(self, sender: Guest, can_id: int, data: bytes) -> None:
-        """What a guest sends reaches its neighbours, whose answers go with what they send next."""
+        """Pass a guest's frame to the other nodes; their answers are sent with their next frames."""
         now = self._now()
         for node in self.nodes:
             if node.slave.listens_to(can_id):
@@ -235,7 +235,7 @@ class StandIns:
                 guest.on_frame(can_id, data, now)
 
     def _hand_over_sync(self, producer: StandInNode, can_id: int, data: bytes) -> None:
-        """A stand-in's SYNC reaches its neighbours on this channel, which the adapter does not give back to us."""
+        """Pass a node's SYNC to the other nodes on this channel: the adapter does not return it to this process."""
         for node in self.nodes:
             if node is not producer and node.slave.sync.cob_id == can_id:
                 node.slave.on_frame(can_id, data, self._now())

@@ -2,14 +2,15 @@
 
 Theory of operation
 -------------------
-Each value travels as a number of steps over a range that the firmware has: fixed up to 0.5.14, from 0.6.0 on five parameters
-(``mit_max_*``), which change what the same bytes mean. So ranges are an argument, and a frame that was packed by others than the
-module's is wrong by their ratio. The firmware wraps what lies beyond: a position just above the range would be one at its other
-end. Here every value is brought to its range before, and what was changed is told.
+Each value is transmitted as a number of steps over a range of the firmware. The ranges are fixed up to 0.5.14; from 0.6.0 on they
+are five parameters (``mit_max_*``), which change the meaning of the same bytes. Therefore ranges are an argument: a frame packed
+with other ranges than the module's is wrong by their ratio. The firmware wraps values beyond the range: a position just above the
+range becomes a position at its other end. Therefore every value is limited to its range before, and the result lists the changes.
 
-Eight bytes of 0, what a forgotten buffer holds, mean full negative torque. They are never made: with both gains at 0, position and
-velocity have no effect (torque = kp · position error + kd · velocity error + torque), so that in their only case the velocity is
-sent one step higher. Nothing on the wire means exactly 0 either: the neutral frame holds half a step of torque (0.012 N·m of 50).
+Eight bytes of 0, the contents of a forgotten buffer, mean full negative torque. They are never made: they only arise with both
+gains at 0, when position and velocity have no effect (torque = kp · position error + kd · velocity error + torque), so that the
+velocity is sent one step higher. No bytes mean exactly 0 either: the neutral frame contains half a step of torque (0.012 N·m of
+50).
 """
 
 from __future__ import annotations
@@ -34,13 +35,13 @@ def _finite(value: object) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class MitRanges:
-    """What the ends of the wire's values mean: ± rad, ± rad/s and ± N·m at the output; gains from 0, as the firmware has them.
+    """Ranges of the transmitted values: ± rad, ± rad/s and ± N·m at the output; gains from 0, in the firmware's units.
 
-    The defaults are the manual's. From firmware 0.6.0 on they are parameters of the module (``mit_max_*``): read them, and give
-    them here.
+    The defaults are the manual's. From firmware 0.6.0 on they are parameters of the module (``mit_max_*``): read them and pass them
+    here.
 
     Raises:
-        ArgumentError: one is not finite and above 0.
+        ArgumentError: a range is not between 1e-6 and 1e6.
     """
 
     position: float = 12.5
@@ -61,12 +62,13 @@ MANUAL = MitRanges()
 
 @dataclass(frozen=True, slots=True)
 class MitCommand:
-    """What an axis is to do: position (rad) and velocity (rad/s) of the output, torque (N·m) at the output, and the two gains.
+    """Command of an axis: position (rad) and velocity (rad/s) of the output, torque (N·m) at the output, and the two gains.
 
-    ``kp`` and ``kd`` are the firmware's own (0 to 500 and 0 to 5 by the manual); ``output_stiffness`` says what they come to.
+    ``kp`` and ``kd`` are in the firmware's units (0 to 500 and 0 to 5 by the manual); ``output_stiffness`` and ``output_damping``
+    convert them.
 
     Raises:
-        ArgumentError: a value is no finite number.
+        ArgumentError: a value is not a finite number.
     """
 
     position: float
@@ -84,7 +86,7 @@ class MitCommand:
 
 @dataclass(frozen=True, slots=True)
 class Changed:
-    """One value that was not sent as it was asked for: ``sent`` instead of ``asked``, in the value's unit."""
+    """One value that was changed before sending: ``sent`` instead of ``asked``, in the value's unit."""
 
     name: str
     asked: float
@@ -96,7 +98,7 @@ class Changed:
 
 @dataclass(frozen=True, slots=True)
 class Packed:
-    """A frame, and what it does not say as it was asked: values beyond their range, and the step that keeps it from all zeros."""
+    """A frame and the changes to its command: values limited to their range, and the step that keeps it from being all zeros."""
 
     frame: Outgoing
     clipped: tuple[Changed, ...] = ()
@@ -107,8 +109,8 @@ class Packed:
 class MitFeedback:
     """A module's answer: position (rad), velocity (rad/s) and torque (N·m) at the output.
 
-    ``at_end`` names the values at an end of their range. Positions beyond it may also wrap without such a sign: where the output
-    can turn farther than the range (two turns either way by the manual), take the position from the encoder's messages.
+    ``at_end`` names the values at an end of their range. Positions beyond the range may also wrap without this sign: if the output
+    can turn farther than the range (two turns either way by the manual), use the position from the encoder's messages.
     """
 
     node: int
@@ -119,10 +121,10 @@ class MitFeedback:
 
 
 def pack(node: int, command: MitCommand, ranges: MitRanges = MANUAL) -> Packed:
-    """Return the frame for ``node`` (0 to 63), with each value brought to its range and rounded to its nearest step.
+    """Return the frame for ``node`` (0 to 63), with each value limited to its range and rounded to the nearest step.
 
     Raises:
-        ArgumentError: the node is none.
+        ArgumentError: the node ID is invalid.
     """
     steps = {field.name: 0 for field in MIT_CONTROL.sent}
     clipped = []
@@ -138,13 +140,13 @@ def pack(node: int, command: MitCommand, ranges: MitRanges = MANUAL) -> Packed:
 
 
 def unpack(node: int, data: bytes, ranges: MitRanges = MANUAL) -> MitCommand | Unexpected:
-    """Return the command that a frame to ``node`` holds, each value at its step, or what is wrong with the frame."""
+    """Return the command contained in a frame to ``node``, each value at its step, or the reason why the frame is invalid."""
     values = _values(node, data, ranges, from_module=False)
     return values if isinstance(values, Unexpected) else MitCommand(**values)
 
 
 def read(node: int, data: bytes, ranges: MitRanges = MANUAL) -> MitFeedback | Unexpected:
-    """Return the answer of ``node`` (six bytes, or padded to eight), or what is wrong with it: another node, too few bytes."""
+    """Return the answer of ``node`` (six or eight bytes), or the reason why it is invalid: another node, too few bytes."""
     values = _values(node, data, ranges, from_module=True)
     if isinstance(values, Unexpected):
         return values
@@ -153,23 +155,23 @@ def read(node: int, data: bytes, ranges: MitRanges = MANUAL) -> MitFeedback | Un
 
 
 def output_stiffness(kp: float, gear: float) -> float:
-    """Return the stiffness at the output, in N·m/rad, of a gain of MIT control; ``gear`` is in turns of the rotor per output turn.
+    """Return the stiffness at the output, in N·m/rad, for a gain of MIT control; ``gear`` is in turns of the rotor per output turn.
 
-    The firmware takes the gains for turns of the rotor and does not convert them (read in code of the same maker, not measured on
+    The firmware applies the gains to turns of the rotor and does not convert them (seen in code of the same maker, not measured on
     this module): at 8:1 a gain of 1 is 1.273 N·m/rad.
     """
     return kp * gear / math.tau
 
 
 def output_damping(kd: float, gear: float) -> float:
-    """Return the damping at the output, in N·m per rad/s, of a gain of MIT control; as ``output_stiffness``."""
+    """Return the damping at the output, in N·m per rad/s, for a gain of MIT control; see ``output_stiffness``."""
     return kd * gear / math.tau
 
 
 def _spans(
     table: tuple[MessageField, ...], ranges: MitRanges
 ) -> Iterator[tuple[MessageField, str, float, float]]:
-    """The fields that have a range, each with the name of its value and both ends."""
+    """Yield the fields that have a range, each with the name of its value and both ends."""
     for field in table:
         name = field.name.lower()
         if hasattr(ranges, name):

@@ -1,10 +1,11 @@
-"""What every dialogue has in common that moves one module: it listens first, is followed by the heartbeat, and always lets go.
+"""Base of all procedures that move one module directly: listen first, monitor the heartbeat, always remove the power at the end.
 
 Theory of operation
 -------------------
-It begins only where one module beats under its node ID, idle and without a fault. Whatever ends it afterwards (an interrupt, the
-bus, what its own way finds wrong), the power is taken away, idle first and then ESTOP, and how the module was left is said. An
-interrupt is a wish that the next step heeds, so that a signal handler may tell it.
+A procedure begins only if exactly one module sends heartbeats under its node ID, is idle and has no fault. Whatever ends the
+procedure afterwards (an interrupt, a bus error, a check of the procedure), it removes the power, first with idle and then with
+ESTOP, and reports the final state of the module. An interrupt is stored and executed in the next step, so that a signal handler may
+request it.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ LISTEN = 1.5  # s before it begins
 
 
 class ModuleMotionStage(Enum):
-    """How far it is."""
+    """Stage of a procedure."""
 
     LISTENING = "listening"
     LED = "led"
@@ -32,16 +33,16 @@ class ModuleMotionStage(Enum):
 
 
 class ModuleMotionProcedure(ABC):
-    """One module that is led; ``news`` are lines for people, ``why`` says why it did not come to its own end.
+    """A procedure that moves one module; ``news`` are lines for the user, ``why`` is the reason if it ended early.
 
-    ``left`` is how the module stands, and ``confirmed`` whether there is surely no power on its motor.
+    ``left`` is the final state of the module, and ``confirmed`` whether it is certain that there is no power on its motor.
     """
 
     def __init__(self, node: int) -> None:
         """``node`` 0 to 63.
 
         Raises:
-            ArgumentError: it is none.
+            ArgumentError: the node ID is invalid.
         """
         self.node = node
         self.stage = ModuleMotionStage.LISTENING
@@ -52,46 +53,46 @@ class ModuleMotionProcedure(ABC):
         self._letting_go = PowerOff(self._pulse)
         self._wishes: deque[str] = deque()
         self._since: float | None = None
-        self._begun = 0.0  # when it was asked for
-        self._to_brake = False  # before its power is taken away
+        self._begun = 0.0  # time of the first frame
+        self._to_brake = False  # before the power is removed
 
-    # What it does in its own way.
+    # For subclasses.
 
     @abstractmethod
     def _begin(self) -> Outgoing:
-        """Return the first frame that moves it, or makes ready for that."""
+        """Return the first frame that moves the module, or prepares that."""
 
     @abstractmethod
     def _lead(self, now: float) -> Outgoing | None:
-        """Go on; called after ``_begin`` until it has ended."""
+        """Continue; called after ``_begin`` until the procedure has ended."""
 
     @abstractmethod
     def _hear(self, command: int, frame: CanFrame) -> None:
-        """Take another frame of the module than its heartbeat."""
+        """Take a frame of the module other than its heartbeat."""
 
     @abstractmethod
     def _follow(self, time: float) -> None:
-        """Take a heartbeat that came after the beginning."""
+        """Take a heartbeat received after the beginning."""
 
-    def _brake(self, now: float) -> Outgoing | None:  # noqa: ARG002  # what has set ``_to_brake`` does it
-        """Brake it on its way out; ``_to_brake`` ends that."""
+    def _brake(self, now: float) -> Outgoing | None:  # noqa: ARG002  # subclasses that set ``_to_brake`` override it
+        """Brake before the power is removed; setting ``_to_brake`` to False ends the braking."""
         self._to_brake = False
         return None
 
-    # What a dialogue is asked.
+    # For callers.
 
     @property
     def done(self) -> bool:
-        """Whether it is over."""
+        """Whether the procedure is over."""
         return self.stage is ModuleMotionStage.DONE
 
     @property
     def parting(self) -> tuple[Outgoing, ...]:
-        """What takes the power away, for whoever cannot go on with it."""
+        """Frames that remove the power, for a caller that cannot continue."""
         return (idle(self.node),)
 
     def note(self, frame: CanFrame) -> None:
-        """Take a frame that was heard."""
+        """Take a received frame."""
         if self._pulse.take(frame):
             if self.stage is ModuleMotionStage.LED and frame.time > self._begun:
                 self._follow(frame.time)
@@ -99,15 +100,15 @@ class ModuleMotionProcedure(ABC):
             self._hear(split(frame.can_id).command, frame)
 
     def trouble(self, words: str) -> None:
-        """Hear that a request was not acknowledged, or not sent."""
+        """Note that a request was not acknowledged, or not sent."""
         self._end(f"the bus: {words}")
 
     def interrupt(self, why: str) -> None:
-        """Have it ended with the next step, from any thread or signal handler; a second time goes on to ESTOP at once."""
+        """End the procedure with the next step, from any thread or signal handler; a second call skips to ESTOP."""
         self._wishes.append(why)
 
     def step(self, now: float) -> Outgoing | None:
-        """Let time pass, and return what is to be sent now."""
+        """Advance to ``now``, and return the frame to be sent now."""
         while self._wishes:
             self._heed(self._wishes.popleft())
         if self.stage is ModuleMotionStage.LISTENING:
@@ -118,10 +119,10 @@ class ModuleMotionProcedure(ABC):
             return None
         return self._brake(now) if self._to_brake else self._let_go(now)
 
-    # How it ends.
+    # Ending.
 
     def _end(self, why: str) -> None:
-        """End it for this reason; where nothing was asked for there is nothing to end."""
+        """End the procedure for this reason; before the first frame, it ends without sending anything."""
         if self.stage is ModuleMotionStage.DONE:
             return
         self.why = self.why or why

@@ -1,8 +1,8 @@
-"""What listening tells of a bus: modules of each protocol, CANopen nodes, and identifiers that belong to none of them.
+"""Snapshot of a bus by listening: modules of each protocol, CANopen nodes, and identifiers that belong to none of them.
 
-Theory of operation. ``factory.Listening`` decides who speaks CAN Simple, ``extended`` who the 29-bit protocol; error control (700h
-plus node) shows a CANopen node. All other identifiers are kept with the number of their frames. What belongs to nobody known is
-foreign: nothing is sent on it, and where there is such traffic nobody silent is asked, unless a person wants it.
+Theory of operation. ``ProtocolListener`` recognises CAN Simple, ``Heartbeat29`` the 29-bit protocol; error control (700h plus node)
+indicates a CANopen node. All other identifiers are stored with the number of their frames. An identifier that belongs to no known
+node is foreign: nothing is sent on it. If there is foreign traffic, silent node IDs get no requests unless the user asks for that.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from axisbus.drives.gim6010.discovery.duplicate_node_ids import count_senders
 from axisbus.drives.gim6010.discovery.protocol_29bit import Heartbeat29, addresses
 from axisbus.drives.gim6010.factory_protocols import Protocol, ProtocolListener, Speaker
 
-_KEPT = 64  # heartbeats of a node that are looked at
-_DOUBTFUL = 8  # frames that look like heartbeats, where their identifier has another owner
+_KEPT = 64  # heartbeats of a node that are evaluated
+_DOUBTFUL = 8  # frames that look like heartbeats, on an identifier of another node
 _LENGTH = 8
-_MOST = 512  # identifiers that are kept
+_MOST = 512  # identifiers that are stored
 _BUS_WIDE = frozenset({cob.NMT, cob.SYNC, cob.TIME, cob.LSS_TX, cob.LSS_RX})
 
 
 @dataclass(frozen=True, slots=True)
 class UnknownIdentifier:
-    """An identifier that belongs to nobody known: frames heard on it, and what it would be in CANopen and CAN Simple."""
+    """An identifier of no known node: the number of its frames, and its meaning in CANopen and CAN Simple."""
 
     can_id: int
     extended: bool
@@ -39,7 +39,7 @@ class UnknownIdentifier:
 
     @property
     def words(self) -> str:
-        """What it is: ``2A5h (12 frames; as CANopen: the TPDO2 of CANopen node 37; as CAN Simple: node 21, command 05h)``."""
+        """As text: ``2A5h (heard 12 x; as CANopen it were ...; as CAN Simple command 05h of node 21)``."""
         if self.extended:
             return f"{self.can_id:08X}h, of 29 bits (heard {self.frames} x)"
         node, command = split(self.can_id)
@@ -50,23 +50,23 @@ class UnknownIdentifier:
 
 @dataclass(slots=True)
 class BusSnapshot:
-    """Follows a bus; holds state: who was recognised, the last heartbeats by node, and how often each identifier was heard."""
+    """Follows a bus: the modules recognised, the last heartbeats by node, and the number of frames of each identifier."""
 
     listening: ProtocolListener = field(default_factory=ProtocolListener)
     wide: Heartbeat29 = field(default_factory=Heartbeat29)
     beats: dict[int, Heartbeats] = field(default_factory=dict)
-    states: dict[int, int] = field(default_factory=dict)  # of CANopen nodes: the byte of their error control
+    states: dict[int, int] = field(default_factory=dict)  # byte of error control, by CANopen node
     heard: Counter[tuple[int, bool]] = field(default_factory=Counter)
-    proven: set[int] = field(default_factory=set)  # nodes of CAN Simple that were asked and answered
-    answering: set[int] = field(default_factory=set)  # CANopen nodes that were asked and answered
-    _proven: dict[int, Speaker] = field(default_factory=dict)  # who was recognised once stays so
+    proven: set[int] = field(default_factory=set)  # CAN Simple nodes that answered a request
+    answering: set[int] = field(default_factory=set)  # CANopen nodes that answered a request
+    _proven: dict[int, Speaker] = field(default_factory=dict)  # a module once recognised stays recognised
     _anew: dict[int, ProtocolListener] = field(
         default_factory=dict
-    )  # since a module restarted, which breaks its count
+    )  # listeners begun after a module's restart, which interrupts its count
     _raw: dict[int, deque[tuple[float, bytes]]] = field(default_factory=dict)
 
     def note(self, frame: CanFrame) -> None:
-        """Take a frame, in the order of time; nothing that comes raises."""
+        """Take a frame; frames must come in order of time. Never raises."""
         for each in (self.listening, *self._anew.values()):
             each.note(frame)
         self.wide.note(frame)
@@ -85,7 +85,7 @@ class BusSnapshot:
 
     @property
     def speakers(self) -> dict[int, Speaker]:
-        """Modules whose heartbeats prove that they speak CAN Simple, by node ID."""
+        """Modules whose heartbeats prove CAN Simple, by node ID."""
         for listening in (self.listening, *self._anew.values()):
             for each in listening.speakers:
                 if each.protocol is Protocol.CAN_SIMPLE:
@@ -94,7 +94,7 @@ class BusSnapshot:
 
     @property
     def unproven(self) -> bool:
-        """Whether something looks like heartbeats of CAN Simple, and more of them may prove it."""
+        """Whether frames look like heartbeats of CAN Simple, so that more of them may prove it."""
         owned = canopen_identifiers(sorted(self.canopen))
         return any(
             node not in self.simple
@@ -105,7 +105,7 @@ class BusSnapshot:
 
     @property
     def simple(self) -> set[int]:
-        """All node IDs at which CAN Simple is spoken."""
+        """All node IDs with CAN Simple."""
         return {*self.speakers, *self.twins, *self.proven}
 
     @property
@@ -115,7 +115,7 @@ class BusSnapshot:
 
     @property
     def twins(self) -> dict[int, int]:
-        """Node IDs of CAN Simple at which several modules beat, with how many; those of an identifier that CANopen may have not."""
+        """Node IDs of CAN Simple that several modules share, with the number of modules; only for identifiers not used by CANopen."""
         found = {
             node: count_senders(list(beats)) for node, beats in self._raw.items() if self._beats_alone(node)
         }
@@ -123,7 +123,7 @@ class BusSnapshot:
 
     @property
     def doubtful(self) -> dict[int, int]:
-        """Node IDs of CAN Simple whose heartbeats seem to come on an identifier of a known CANopen node, with how many came."""
+        """Node IDs of CAN Simple whose heartbeats may arrive on an identifier of a known CANopen node, with their number."""
         return {
             node: len(beats)
             for node, beats in self._raw.items()
@@ -131,7 +131,7 @@ class BusSnapshot:
         }
 
     def foreign(self) -> list[UnknownIdentifier]:
-        """Return the identifiers that belong to nobody known, lowest first."""
+        """Return the identifiers that belong to no known node, lowest first."""
         known = self._known()
         extended = {address for identifier in self.wide.modules for address in addresses(identifier)}
         return sorted(

@@ -1,4 +1,4 @@
-"""What is told of each module that was found: values out of what it has said, no words for people but those of the standards."""
+"""Results of the discovery for each module: values derived from its answers; the only texts are terms of the standards."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SEVERAL = "several modules have this node ID: what is told is of any of them; c
 
 
 class ProtocolsFound(Enum):
-    """The protocol that a module speaks."""
+    """Protocol of a module."""
 
     CAN_SIMPLE = "CAN Simple"
     CANOPEN = "CANopen"
@@ -31,20 +31,20 @@ class ProtocolsFound(Enum):
 
 @dataclass(frozen=True, slots=True)
 class DiscoveredModule:
-    """One module, or several of one node ID (``several``).
+    """One module, or several that share a node ID (``several``).
 
-    ``node`` is None where its frames do not say it, and ``addresses`` then what it may be. ``firmware`` is empty where nobody told
-    it; ``state`` is None where it was not told; ``enabled`` says whether there is power on the motor, None where that is not known.
-    ``voltage`` in V. ``errors`` are sentences; ``words`` the error words by category. ``notes`` is what a person has to know.
+    ``node`` is None if the frames do not identify the node; ``addresses`` then contains the possible node IDs. ``firmware`` is
+    empty if unknown; ``state`` is None if unknown. ``enabled`` is whether there is power on the motor, None if unknown. ``voltage``
+    in V. ``errors`` are sentences; ``words`` the error words by category. ``notes`` are remarks for the user.
     """
 
     protocol: ProtocolsFound
     node: int | None
     addresses: tuple[int, ...] = ()
     several: bool = False
-    ours: bool = True  # a module of this make, as far as can be known
+    ours: bool = True  # a module of this product family, as far as known
     device: str = ""
-    heartbeat: str = ""  # its layout, or why there is none
+    heartbeat: str = ""  # its layout, or the reason why there is none
     firmware: str = ""
     serial: int | None = None
     state: str | None = None
@@ -52,7 +52,7 @@ class DiscoveredModule:
     voltage: float | None = None
     words: tuple[tuple[str, int], ...] = ()
     errors: tuple[str, ...] = ()
-    endpoints: bool | None = None  # whether it answers them; None: not asked
+    endpoints: bool | None = None  # whether it answers endpoint requests; None: not tried
     notes: tuple[str, ...] = ()
 
     @property
@@ -79,7 +79,7 @@ class DiscoveredModule:
 
 
 def findings(finder: Finder) -> tuple[DiscoveredModule, ...]:
-    """Return what was found so far: CAN Simple by node, then CANopen, then the 29-bit protocol."""
+    """Return the modules found so far: CAN Simple by node ID, then CANopen, then the 29-bit protocol."""
     picture = finder.picture
     simple = [_simple(finder, node) for node in sorted(picture.simple) if finder.only.has(node)]
     nodes = [_canopen(finder, node) for node in sorted(picture.canopen) if finder.only.has(node)]
@@ -126,7 +126,7 @@ def _layout(beats: Heartbeats | None) -> str:
 
 
 def _firmware(beats: Heartbeats | None) -> str:
-    """What the layout of the heartbeat tells of the version."""
+    """Return the firmware versions that the layout of the heartbeat allows."""
     layouts = frozenset() if beats is None else beats.layouts
     if not layouts or layouts == ALL:
         return ""
@@ -215,7 +215,7 @@ def _object_words(facts: CanopenFacts) -> list[tuple[str, int]]:
 
 
 def _canopen_errors(facts: CanopenFacts) -> list[str]:
-    """What its own objects say; the code alone where they are not there."""
+    """Return the errors in its own objects; without these, only the error code."""
     code = facts.objects.get(questions.ERROR_CODE, 0)
     found = faults.explain(code, facts.objects)
     if code and not found:

@@ -249,9 +249,7 @@ class MitLeader:
         if self._wanted is None:
             return self._damp(now)
         command, given = self._wanted
-        is_answered = (
-            self.answered_number == self._number
-        )  # until then the program may be waiting for the answer
+        is_answered = self.answered_number == self._number  # until then the program may be waiting for it
         if is_answered and now - max(given, self._first_answer) > self.settings.command_timeout:
             self._leave(f"the program gave no command for {now - max(given, self._first_answer):.3f} s")
             return []
@@ -305,7 +303,7 @@ class MitLeader:
             self._still = None
 
     def _against(self, now: float, *states: int) -> bool:
-        """Begin the shutdown if the module is lost, commanded by another master, has errors or is in none of ``states``; return whether."""
+        """Begin the shutdown if the module is lost, has errors, has another master or another state; return whether it did."""
         last = self._pulse.last
         why = self._others or self._pulse.lost(now)
         if not why and last is not None:

@@ -81,7 +81,7 @@ class ModbusClient:
         return True
 
     def shout(self, request: ModbusRequest) -> bool:
-        """Write at once, even if a late answer may still arrive: for frames that stop a motor. A reply that does not fit is no answer.
+        """Write at once, even if a late answer may still arrive: for stopping a motor. A reply that does not fit is no answer.
 
         Raises:
             AdapterError: the line is gone.

@@ -1,4 +1,4 @@
-"""A backup: the settings of one module, with whose they are; as text it is JSON that a person can read."""
+"""A backup: the settings of one module and its identity; as text it is JSON that a person can read."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _KEYS = {"kind", "version", "serial", "firmware", "values"}
 
 @dataclass(frozen=True, slots=True)
 class ParameterBackup:
-    """The values of a module by path, as they were in its RAM; ``serial`` is what the way of reading brought of its number."""
+    """Values of a module by path, as in its RAM; ``serial`` is its serial number as far as the interface reports it."""
 
     serial: int
     firmware: Firmware
@@ -27,7 +27,7 @@ class ParameterBackup:
 
     @property
     def name(self) -> str:
-        """The name of its file: whose it is, and of which firmware."""
+        """Name of its file, with serial number and firmware."""
         return f"gim6010-{self.serial:08X}-{self.firmware}.json"
 
     def text(self) -> str:
@@ -43,10 +43,10 @@ class ParameterBackup:
 
 
 def read(text: str, source: str) -> ParameterBackup:
-    """Return the backup that a text is; ``source`` (its file) is named in messages.
+    """Parse a backup; messages name ``source`` (its file).
 
     Raises:
-        ArgumentError: it is none, or of a later version.
+        ArgumentError: it is not a backup, or of another version.
     """
     try:
         found = json.loads(text)
@@ -72,7 +72,7 @@ def read(text: str, source: str) -> ParameterBackup:
 
 @dataclass(frozen=True, slots=True)
 class ParameterDifference:
-    """A parameter whose value is not the same in two places; None where it is not there at all."""
+    """A parameter with two different values; None if it is missing on one side."""
 
     path: str
     one: Value | None
@@ -80,7 +80,7 @@ class ParameterDifference:
 
     @property
     def words(self) -> str:
-        """Both values, and why it is protected where it is."""
+        """Both values, and the reason if it is protected."""
         both = " -> ".join(
             "not there" if each is None else values.show(each) for each in (self.one, self.other)
         )
@@ -89,7 +89,7 @@ class ParameterDifference:
 
 
 def differences(one: Mapping[str, Value], other: Mapping[str, Value]) -> list[ParameterDifference]:
-    """Return what differs between two sets of values, by path."""
+    """Return the differences between two sets of values, by path."""
     return [
         ParameterDifference(path, one.get(path), other.get(path))
         for path in sorted({*one, *other})
@@ -99,7 +99,7 @@ def differences(one: Mapping[str, Value], other: Mapping[str, Value]) -> list[Pa
 
 @dataclass(frozen=True, slots=True)
 class RestorePlan:
-    """What a restore would do: ``writes`` in their order, and what it leaves, each with the reason."""
+    """Actions of a restore: ``writes`` in their order, and the parameters that it leaves, each with the reason."""
 
     writes: tuple[tuple[str, Value], ...]
     left: tuple[tuple[str, str], ...]
@@ -111,7 +111,7 @@ def require_same(
     """Check that a backup is of this module and its firmware.
 
     Raises:
-        StateError: it is not, and that was not asked for.
+        StateError: it is not, and the user has not allowed that.
     """
     if backup.serial != module.serial and not other_module:
         raise StateError(
@@ -129,12 +129,12 @@ def require_same(
 def plan(
     backup: ParameterBackup, module: ModuleParameters, present: Mapping[str, Value], named: frozenset[str]
 ) -> RestorePlan:
-    """Return what is to be written so that a module has the backup's values; ``present`` are those that it has.
+    """Return the writes that give a module the backup's values; ``present`` are its present values.
 
-    What is protected is written only where ``named`` has it; what acts never.
+    Protected parameters are written only if they are in ``named``; functions are never called.
 
     Raises:
-        ArgumentError: ``named`` has what the backup has not, or what is never written.
+        ArgumentError: ``named`` contains a parameter that is not in the backup, or that is never written.
     """
     for path in named:
         if path not in backup.values:
@@ -143,7 +143,7 @@ def plan(
     writes, left = [], []
     for each in differences(present, {path: backup.values[path] for path in backup.values}):
         if each.other is None:
-            continue  # the module has it, and the backup does not say anything of it
+            continue  # the module has it, but the backup does not
         why = _why_not(each.path, module, named)
         if why:
             left.append((each.path, why))

@@ -1,11 +1,11 @@
-"""A trial of gains from the first look to its end, as a dialogue with one module; pure: frames and times in, requests out.
+"""A trial of gains with one module, from the first heartbeat to its end; pure: frames and times in, requests out.
 
 Theory of operation
 -------------------
-In idle the gains and the mode are set; a position is gone to by a trapezoid and a velocity come to by a ramp, never by direct
-control, in which modules ran away. Closed loop is asked for once and has to be seen in the heartbeat, with an estimate of the
-position after it; then the step is sent, measured, and taken back, measured too. The way out, whoever takes it, is velocity 0 on
-the module's own ramp until it stands (2 s at the most), then idle, then ESTOP (``leading.led``).
+The gains and the mode are set in idle. A position is reached by a trapezoid and a velocity by a ramp; direct control is never used,
+because modules ran away in it. Closed loop is requested once and must appear in the heartbeat, followed by an estimate of the
+position. Then the step is sent and measured, and taken back and measured, too. Every trial ends in the same way: velocity 0 on the
+module's own ramp until standstill (at most 2 s), then idle, then ESTOP (``ModuleMotionProcedure``).
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ _MODES = {
     Loop.POSITION: (3, 5),
     Loop.VELOCITY: (2, 2),
 }  # position by trapezoid, velocity by ramp (manual v2.2, 3.1.7)
-START_TIME = 2.0  # s for closed loop to be seen
-_SAMPLE = 0.005  # s between two questions for the estimate
+START_TIME = 2.0  # s until a heartbeat must show closed loop
+_SAMPLE = 0.005  # s between two requests for the estimate
 _DEAF = 0.25  # s without an estimate
-_AGAIN, BRAKE_TIME = 0.05, 2.0  # s between two frames that brake, and of braking
-_STANDS, _STILL = 0.05, 0.1  # turns/s, and for how many s
+_AGAIN, BRAKE_TIME = 0.05, 2.0  # s between two brake commands, and of braking at most
+_STANDS, _STILL = 0.05, 0.1  # standstill: turns/s, and s below it
 
 
 class TuningPhase(Enum):
-    """How far it is."""
+    """Phase of a trial."""
 
     PREPARING = "being made ready"
     STARTING = "waiting for closed loop"
@@ -64,7 +64,7 @@ _STATES = {
 
 
 class ModuleTuning(ModuleMotionProcedure):
-    """One trial; holds what was measured. ``there`` and ``back`` are the responses, None where they were not come to."""
+    """One trial with its measurements. ``there`` and ``back`` are the responses, None if the trial ended before them."""
 
     def __init__(self, trial: ModuleTrial, gains: Gains, *, remote: bool = True) -> None:
         """``remote``: whether the bus carries remote frames."""
@@ -72,7 +72,7 @@ class ModuleTuning(ModuleMotionProcedure):
         self.trial = trial
         self.there: Response | None = None
         self.back: Response | None = None
-        self.ended = False  # by itself
+        self.ended = False  # complete, not interrupted
         self._remote = remote
         self._phase = TuningPhase.PREPARING
         self._queue: deque[Outgoing] = deque(
@@ -86,7 +86,7 @@ class ModuleTuning(ModuleMotionProcedure):
         self._braking_since: float | None = None
         self._still: float | None = None
 
-    # What is heard.
+    # Reception.
 
     def _hear(self, command: int, frame: CanFrame) -> None:
         if command != _ESTIMATES.command or self.stage in (
@@ -97,7 +97,7 @@ class ModuleTuning(ModuleMotionProcedure):
         found = decode(frame.can_id, frame.data, from_module=True)
         last = self._pulse.last
         alive = last is not None and last.state == CLOSED_LOOP
-        if not isinstance(found, DecodedMessage) or not alive:  # it is dead until closed loop was seen
+        if not isinstance(found, DecodedMessage) or not alive:  # the estimate is invalid outside closed loop
             return
         position, velocity = (float(found.values[each]) for each in ("Pos_Estimate", "Vel_Estimate"))
         self._place = (frame.time, position, velocity)
@@ -108,7 +108,7 @@ class ModuleTuning(ModuleMotionProcedure):
             self._watch(position, velocity)
 
     def _follow(self, time: float) -> None:
-        """Nothing more: its last heartbeat is looked at in each step."""
+        """Nothing to do: each step evaluates the last heartbeat."""
 
     def _watch(self, position: float, velocity: float) -> None:
         if not math.isfinite(position + velocity):
@@ -120,7 +120,7 @@ class ModuleTuning(ModuleMotionProcedure):
         elif abs(velocity) > self.trial.fastest:
             self._end(f"it turns at {abs(velocity):.3g} turns/s, faster than it may")
 
-    # What is sent.
+    # Sending.
 
     def _begin(self) -> Outgoing:
         return self._queue.popleft()
@@ -137,7 +137,7 @@ class ModuleTuning(ModuleMotionProcedure):
         return self._move(now)
 
     def _against(self) -> str:
-        """Why it is not to be gone on: an error, or another state than it should be in."""
+        """Return the reason to end the trial: an error, or an unexpected state; otherwise an empty text."""
         last, errors = self._pulse.last, self._pulse.errors()
         if errors:
             return f"the module reports errors: {'; '.join(errors)}"
@@ -197,7 +197,7 @@ class ModuleTuning(ModuleMotionProcedure):
         return request(self.node, _ESTIMATES, remote=self._remote)
 
     def _brake(self, now: float) -> Outgoing | None:
-        """Velocity 0 on its own ramp, until it stands, or is off already, or the time is up."""
+        """Command velocity 0 on the module's own ramp, until standstill, power off or time-out."""
         self._braking_since = now if self._braking_since is None else self._braking_since
         place, last = self._place, self._pulse.last
         stands = place is not None and now - place[0] < _DEAF and abs(place[2]) <= _STANDS
@@ -217,7 +217,7 @@ class ModuleTuning(ModuleMotionProcedure):
     # Frames.
 
     def _ready(self) -> Iterator[Outgoing]:
-        """Yield what makes an idle module ready for closed loop: no input of before is left."""
+        """Yield the frames that prepare an idle module for closed loop; they overwrite all earlier inputs."""
         trial, node = self.trial, self.trial.node
         control, inputs = _MODES[trial.loop]
         if trial.loop is Loop.POSITION:
@@ -228,7 +228,7 @@ class ModuleTuning(ModuleMotionProcedure):
         yield encode(node, _MODE, {"Control_Mode": control, "Input_Mode": inputs})
 
     def _stopping(self) -> Iterator[Outgoing]:
-        """Yield what brakes it on its own ramp; the velocity first, or the one of before would hold for a moment."""
+        """Yield the frames that brake on the module's own ramp; velocity first, or the earlier one would apply for a moment."""
         control, inputs = _MODES[Loop.VELOCITY]
         yield encode(self.node, _VEL, {"Input_Vel": 0.0, "Torque_FF": 0.0})
         yield encode(self.node, _MODE, {"Control_Mode": control, "Input_Mode": inputs})

@@ -1,4 +1,4 @@
-"""The drive that a module is made to be: controlword and mode go in, frames come out, and the statusword shows what came of it."""
+"""CiA 402 drive over a module: controlword and mode in, frames out; the statusword shows the result."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _LETTING_GO = frozenset({Power.OFF, Power.FOUND})
 
 
 class ModuleDrive:
-    """Holds the stage, the mode that leads the motor in closed loop, the targets, and the frames that are to go out."""
+    """Power stage, the active mode in closed loop, the targets, and the frames to be sent."""
 
     def __init__(self, settings: ModuleSettings, hearing: ModuleFeedback) -> None:
         self.targets = Targets()
@@ -39,7 +39,7 @@ class ModuleDrive:
         self._now = 0.0
 
     def look(self, now: float) -> None:
-        """A cycle begins at ``now`` (s): take what was heard by then."""
+        """Begin a cycle at ``now`` (s): evaluate the frames received so far."""
         self._now = now
         self._stage.look()
         self._lead.look(now)
@@ -58,10 +58,10 @@ class ModuleDrive:
         stands = state is PowerState.QUICK_STOP_ACTIVE and self._lead.stands
         return word | (sw.TARGET_REACHED if stands else 0)
 
-    # What is asked for.
+    # Requests.
 
     def choose(self, mode: int) -> None:
-        """Take 6060h; a mode that there is not is left, as 6061h then shows."""
+        """Take 6060h; an unsupported mode is ignored, as 6061h then shows."""
         if mode == self.mode or mode not in self._kinds:
             return
         self.mode = mode
@@ -79,33 +79,33 @@ class ModuleDrive:
         self._flush()
 
     def estop(self) -> None:
-        """Take the power away with an error that stays: the last rung, where a node would leave operational."""
+        """Remove the power, with a latched error: last step of the stop sequence, where a node would leave operational."""
         self._drop()
         self._stage.lose(self._now)
         self.frames.append(self._orders.estop())
 
     def forget(self) -> None:
-        """The frames of this cycle are lost: mode, ramps and inputs are given anew, and so is a halt."""
+        """Note that the frames of this cycle were lost: mode, ramps, inputs and a halt are sent again."""
         self._lead.forget()
         self._halted = False
 
     def stop_frames(self) -> list[Outgoing]:
-        """Return what brings the module to rest without a next cycle; none where this program does not lead it."""
+        """Return the frames that stop the module without a further cycle; none if this program does not control it."""
         if self._stage.power is Power.COMING:
             return [self._orders.idle()]
         return self._orders.brake() if self._stage.is_on else []
 
-    # What is done for it.
+    # Execution.
 
     def _run(self, word: int, edge: int) -> None:
-        """A cycle in closed loop that is ours."""
+        """Execute a cycle in closed loop that this program has requested."""
         if self._stage.shown is PowerState.QUICK_STOP_ACTIVE or self._lead.is_braked:
             self._run_quick_stop()
             return
         if self._leads is None:
             self._begin()
         if self._leads is None:
-            return  # no mode was ever asked for: the module holds
+            return  # no mode was ever selected: the module holds
         halted, before = bool(word & cw.HALT), self._halted
         self._halted = halted
         if halted:
@@ -114,7 +114,7 @@ class ModuleDrive:
             self._leads.step(word, edge)
 
     def _run_quick_stop(self) -> None:
-        """Velocity 0 on the module's own ramp; at rest it holds its place, or lets go."""
+        """Command velocity 0 on the module's own ramp; at standstill hold the position, or remove the power."""
         if not self._lead.stands:
             self._lead.turn(0.0)
         elif self._settings.quick_stop_holds:
@@ -133,7 +133,7 @@ class ModuleDrive:
         pass
 
     def _start(self) -> None:
-        """Limits, inputs that move nothing, a mode that holds; then closed loop."""
+        """Send limits, inputs that cause no motion and a mode that holds; then request closed loop."""
         hearing = self._hearing
         hearing.trust()
         self._lead.forget()
@@ -148,10 +148,10 @@ class ModuleDrive:
             )
 
     def _take_over(self) -> None:
-        """It is in closed loop already: from now on it is led from here."""
+        """Take control of a module that is in closed loop already."""
         self._hearing.trust()
         self.frames.append(self._orders.limits())
-        if self._settings.relayed:  # which modes it has nobody has seen, and they are not changed under power
+        if self._settings.relayed:  # its modes are unknown, and they are not changed under power
             self._lead.turn(0.0)
         else:
             self._begin()

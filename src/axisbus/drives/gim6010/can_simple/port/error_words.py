@@ -1,4 +1,4 @@
-"""What a module's error words say: asked for one after the other when a heartbeat tells of a fault, as code and in sentences."""
+"""A module's error words: requested one after the other when a heartbeat reports a fault; as error code and as sentences."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from axisbus.drives.gim6010.can_simple.decoded_message import Unexpected
 from axisbus.drives.gim6010.can_simple.error_query import ErrorType
 
 WAIT = 0.05  # s
-_OBJECT = 0x2F00  # ours, in the maker's range: sub-index by category, low and high 32 bits
+_OBJECT = 0x2F00  # defined by axisbus, in the manufacturer-specific range: sub-index by category, low and high 32 bits
 AXIS = "axis"
-# Categories as 2F00h has them: first sub-index, and whether there are high bits behind it.
+# Categories of 2F00h: first sub-index, and whether the next sub-index contains high bits.
 _PLACES = {
     AXIS: (1, False),
     "motor": (2, True),
@@ -21,18 +21,18 @@ _PLACES = {
     "controller": (5, False),
     "system": (6, False),
 }
-_MISSING = 7  # sub-index: a bit for each category that was not answered, in this order
+_MISSING = 7  # sub-index: a bit for each category that was not answered, in the order of ``_PLACES``
 ADDRESSES = tuple((_OBJECT, subindex) for subindex in range(1, _MISSING + 1))
-# What the axis's word only sums up is told by the others.
+# The axis's word only summarises the others: it is the least specific.
 _ORDER = ("system", "motor", "encoder", "controller", AXIS)
 _GENERIC = 0x1000
 
 
 class ModuleErrors:
-    """Holds the error words of one fault: that of the axis by the heartbeat, the others as they are answered."""
+    """The error words of one fault: the axis's word from the heartbeat, the others from their answers."""
 
     def __init__(self, node: int, wait: float = WAIT) -> None:
-        """``wait`` (s) is for each answer, of which there may be none: owners got none."""
+        """``wait`` (s) is the time-out of each answer; owners reported modules that do not answer."""
         self._node = node
         self._wait = wait
         self.words: dict[str, int | None] = {}
@@ -41,31 +41,31 @@ class ModuleErrors:
         self._until = 0.0
 
     def begin(self, axis_error: int) -> None:
-        """A fault has appeared: ask for everything."""
+        """Begin a fault: request all error words."""
         self.words = {AXIS: axis_error}
         self._left, self._asked = list(ErrorType), None
 
     def note(self, axis_error: int) -> None:
-        """The axis's word as another heartbeat has it."""
+        """Store the axis's word of a further heartbeat."""
         self.words[AXIS] = axis_error
 
     def clear(self) -> None:
-        """The fault is gone."""
+        """End the fault."""
         self.words, self._left, self._asked = {}, [], None
 
     @property
     def told(self) -> bool:
-        """Whether all is known that will be."""
+        """Whether no further answer is expected."""
         return not self._left and self._asked is None
 
     @property
     def unanswered(self) -> bool:
-        """Whether all was asked for and nothing came: Get_Error is not answered by this firmware."""
+        """Whether all words were requested and none was answered: this firmware does not support Get_Error."""
         others = [word for name, word in self.words.items() if name != AXIS]
         return self.told and bool(others) and not any(word is not None for word in others)
 
     def ask(self, now: float) -> Outgoing | None:
-        """Return the next request where it is due."""
+        """Return the next request if it is due."""
         if self._asked is not None and now >= self._until:
             self.words[self._asked.category] = None
             self._asked = None
@@ -75,9 +75,9 @@ class ModuleErrors:
         return error_query.request(self._node, self._asked)
 
     def take(self, data: bytes) -> None:
-        """An answer to Get_Error, which does not name what it answers."""
+        """Take an answer to Get_Error, which does not name the requested word."""
         if self._asked is None:
-            return  # one that a period sends: nobody knows of what it is
+            return  # sent cyclically: its category is unknown
         word = error_query.read(self._node, data, self._asked)
         if not isinstance(word, Unexpected):
             self.words[self._asked.category] = word
@@ -94,19 +94,19 @@ class ModuleErrors:
 
     @property
     def code(self) -> int:
-        """603Fh: the code of the most particular bit that is known; 0 without a fault."""
+        """603Fh: the code of the most specific known bit; 0 without a fault."""
         if not self.words:
             return 0
         return _GENERIC if self._first is None else self._first.code or faults.SEE_BITS
 
     @property
     def register(self) -> int:
-        """1001h: bit 0, and the one that goes with the code."""
+        """1001h: bit 0, and the bit that belongs to the code."""
         bit = None if self._first is None else self._first.register_bit
         return 0 if not self.words else 1 if bit is None else 1 | 1 << bit
 
     def value(self, subindex: int) -> int | None:
-        """Return an entry of 2F00h; None where there is none."""
+        """Return an entry of 2F00h; None if it does not exist."""
         for category, (first, wide) in _PLACES.items():
             if subindex in (first, first + wide):
                 return (self.words.get(category) or 0) >> 32 * (subindex - first) & 0xFFFF_FFFF
@@ -122,7 +122,7 @@ class ModuleErrors:
 
 
 def explain(_code: int, details: Mapping[tuple[int, int], int]) -> list[str]:
-    """Return what 2F00h says, a sentence for each bit, and what is not known because nobody answered."""
+    """Return a sentence for each bit of 2F00h, and the names of the words that the module did not report."""
     texts = [text for category in _PLACES for text in faults.words(category, _word(category, details))]
     missing = details.get((_OBJECT, _MISSING), 0)
     unknown = [name for place, name in enumerate(_PLACES) if missing >> place & 1]

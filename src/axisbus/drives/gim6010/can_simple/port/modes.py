@@ -1,4 +1,4 @@
-"""The modes of operation over a module: what each gives it in a cycle, and what bits 10, 12 and 13 of the statusword are in it."""
+"""Modes of operation over a module: the set-points of each mode in a cycle, and bits 10, 12 and 13 of its statusword."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN as TURN
 
 _M = ModeOfOperation
-_CLOSE = 64  # counts to a goal, where the heartbeat does not say that a trajectory is done
-_LATER = 0.02  # s after a set-point from which on a heartbeat speaks of it
-_STANDS_BY = 1.0  # s in which a motor that is to be homed in place has to be seen to stand
-_IN_VELOCITY = 0.05  # of the velocity asked for
+_CLOSE = 64  # counts to the target, if the heartbeat does not report the end of a trajectory
+_LATER = 0.02  # s after a set-point, from which heartbeats refer to it
+_STANDS_BY = 1.0  # s in which a motor to be homed in place must come to standstill
+_IN_VELOCITY = 0.05  # share of the target velocity
 
 
 @dataclass(slots=True)
 class Targets:
-    """What was asked for last; ``stream`` is the target position of this very cycle."""
+    """The last targets; ``stream`` is the target position of the present cycle, or None."""
 
     position: int | None = None
     velocity: int = 0
@@ -34,7 +34,7 @@ class Targets:
     stream: int | None = None
 
     def take(self, outputs: Outputs) -> None:
-        """Take those of a cycle."""
+        """Take the targets of a cycle."""
         self.stream = outputs.target_position
         self.position = self.position if outputs.target_position is None else outputs.target_position
         self.velocity = self.velocity if outputs.target_velocity is None else outputs.target_velocity
@@ -43,7 +43,7 @@ class Targets:
 
 @dataclass(frozen=True, slots=True)
 class Means:
-    """All that a mode works with."""
+    """The objects that a mode uses."""
 
     settings: ModuleSettings
     hearing: ModuleFeedback
@@ -53,22 +53,22 @@ class Means:
 
 
 class ModuleMode(ABC):
-    """One mode, from its beginning to the next one's; ``begin`` finds the motor as it is, and ``halt`` leaves it at rest."""
+    """One mode, from its selection to the next one's; ``begin`` may find the motor moving, and ``halt`` brings it to standstill."""
 
     def __init__(self, means: Means) -> None:
         self._means = means
         self._lead, self._profile, self._targets = means.lead, means.profile, means.targets
 
     def begin(self) -> None:
-        """Come to rest, and hold."""
+        """Brake to standstill and hold."""
         self._lead.rest(self._profile.down)
 
     @abstractmethod
     def step(self, word: int, edge: int) -> None:
-        """Do what a cycle asks for; ``edge``: the bits of the controlword that have risen. Not called while halted."""
+        """Execute a cycle; ``edge``: the bits of the controlword that have risen. Not called under halt."""
 
-    def halt(self, word: int, edge: int, first: bool) -> None:  # noqa: ARG002  # most modes look at no bit then
-        """A cycle under halt; ``first``: the first one."""
+    def halt(self, word: int, edge: int, first: bool) -> None:  # noqa: ARG002  # most modes ignore the controlword then
+        """Execute a cycle under halt; ``first``: the first one."""
         if first:
             self._lead.rest(self._profile.down)
 
@@ -82,15 +82,15 @@ class ModuleMode(ABC):
 
 
 class Position(ModuleMode):
-    """Profile position: each rising edge of bit 4 gives the trapezoid a new goal; a halt forgets it."""
+    """Profile position: each rising edge of bit 4 gives the trapezoid a new target; a halt discards it."""
 
     def __init__(self, means: Means) -> None:
         super().__init__(means)
-        self._waiting: float | None = None  # turns: a goal that was taken under halt
+        self._waiting: float | None = None  # turns: a target that was accepted under halt
         self._acknowledged = False
 
     def step(self, word: int, edge: int) -> None:
-        """Take a set-point and go there; what was taken under halt goes once that is over."""
+        """Take a set-point and start the move; a set-point taken under halt starts when the halt is over."""
         self._take(word, edge)
         goal, self._waiting = self._waiting, None
         if goal is not None:
@@ -98,7 +98,7 @@ class Position(ModuleMode):
             self._lead.go(goal, profile.speed, profile.up, profile.down)
 
     def halt(self, word: int, edge: int, first: bool) -> None:
-        """Come to rest; a set-point is taken all the same."""
+        """Brake to standstill; a set-point is still accepted."""
         super().halt(word, edge, first)
         self._take(word, edge)
 
@@ -109,7 +109,7 @@ class Position(ModuleMode):
         self._acknowledged = self._acknowledged and bool(word & cw.NEW_SET_POINT)
 
     def bits(self, halted: bool) -> int:
-        """Bit 12: the set-point is taken. Bit 10: it is reached."""
+        """Bit 12: the set-point was accepted. Bit 10: it is reached."""
         reached = self._rests if halted or self._lead.goal is None else self._reached
         return reached | (sw.SET_POINT_ACKNOWLEDGE if self._acknowledged else 0)
 
@@ -131,19 +131,19 @@ class Position(ModuleMode):
 
 
 class Velocity(ModuleMode):
-    """Profile velocity: the ramps are made here, since the module's own one cannot be set, and never harder than that."""
+    """Profile velocity: the ramps are computed here, never steeper than the module's own ramp, which cannot be set."""
 
     def __init__(self, means: Means) -> None:
         super().__init__(means)
         self._ramped = 0.0  # turns/s
 
     def begin(self) -> None:
-        """Go on as fast as the rotor is, and ramp from there."""
+        """Continue at the rotor's velocity, and ramp from there."""
         self._ramped = self._lead.velocity or 0.0
         self._lead.turn(self._ramped)
 
     def step(self, word: int, edge: int) -> None:  # noqa: ARG002
-        """Give the next velocity of the ramp."""
+        """Send the next velocity of the ramp."""
         self._ramp(self._wanted)
 
     def halt(self, word: int, edge: int, first: bool) -> None:  # noqa: ARG002
@@ -156,7 +156,7 @@ class Velocity(ModuleMode):
         return max(-most, min(most, self._targets.velocity / TURN))
 
     def _ramp(self, wanted: float) -> None:
-        """Slower, also through rest, with the deceleration; faster with the acceleration, and not at all without one."""
+        """Slow down, also through 0, with the deceleration; speed up with the acceleration, and not at all if it is 0."""
         now, most = self._ramped, self._means.settings.velocity_ramp
         slows = abs(wanted) < abs(now) or wanted * now < 0.0
         rate = min(self._profile.down if slows else self._profile.up, most)
@@ -166,7 +166,7 @@ class Velocity(ModuleMode):
         self._lead.turn(self._ramped)
 
     def bits(self, halted: bool) -> int:
-        """Bit 12: it stands. Bit 10: the velocity is reached."""
+        """Bit 12: velocity 0. Bit 10: the velocity is reached."""
         velocity = self._lead.velocity
         if velocity is None:
             return 0
@@ -176,44 +176,44 @@ class Velocity(ModuleMode):
 
 
 class Torque(ModuleMode):
-    """Profile torque on the module's torque ramp; a halt brakes by velocity 0, since no torque is a brake."""
+    """Profile torque on the module's torque ramp; a halt brakes by velocity 0, since no torque can brake."""
 
     def __init__(self, means: Means) -> None:
         super().__init__(means)
         self._ramped = 0.0  # N·m
 
     def begin(self) -> None:
-        """Push with nothing."""
+        """Command torque 0."""
         self._ramped = 0.0
         self._lead.push(0.0)
 
     def step(self, word: int, edge: int) -> None:  # noqa: ARG002
-        """Give the next torque of the slope."""
+        """Send the next torque of the slope."""
         wanted = self._profile.torque(self._targets.torque)
         change = self._profile.slope * self._means.settings.period
         self._ramped = max(self._ramped - change, min(self._ramped + change, wanted))
         self._lead.push(self._ramped)
 
     def halt(self, word: int, edge: int, first: bool) -> None:  # noqa: ARG002
-        """Brake on the module's velocity ramp; the torque begins anew after it."""
+        """Brake on the module's velocity ramp; the torque starts from 0 afterwards."""
         self._ramped = 0.0
         self._lead.turn(0.0)
 
     def bits(self, halted: bool) -> int:
-        """Bit 10: the slope is at its end; halted, the motor stands."""
+        """Bit 10: the slope has ended; under halt: the motor is at standstill."""
         reached = self._ramped == self._profile.torque(self._targets.torque)
         return self._rests if halted else sw.TARGET_REACHED if reached else 0
 
 
 class ModuleCsp(ModuleMode):
-    """Cyclic synchronous position: the module comes up with each target, and stays at the last one where none follows."""
+    """Cyclic synchronous position: the module follows each target, and holds the last one if no other follows."""
 
     def __init__(self, means: Means) -> None:
         super().__init__(means)
         self._follows = self._given = False
 
     def step(self, word: int, edge: int) -> None:  # noqa: ARG002
-        """Give this cycle's target; a motor that a change of mode found moving must have come to rest before."""
+        """Send the target of this cycle; if the mode was changed in motion, only after the motor has come to standstill."""
         target = self._targets.stream
         self._follows = self._follows or self._lead.stands
         if target is None or not self._follows:
@@ -223,28 +223,28 @@ class ModuleCsp(ModuleMode):
         self._lead.follow(mode, self._means.hearing.place.turns_at(target), first=first)
 
     def halt(self, word: int, edge: int, first: bool) -> None:
-        """Come to rest by a trajectory."""
+        """Brake to standstill along a trajectory."""
         super().halt(word, edge, first)
         self._follows = self._given = False
 
     def bits(self, halted: bool) -> int:
-        """Bit 12: it follows."""
+        """Bit 12: the drive follows the command."""
         return sw.FOLLOWS_COMMAND if self._follows and not halted else 0
 
 
 class ModuleHoming(ModuleMode):
-    """Homing in place (methods 35 and 37): the present place gets the position of 607Ch; nothing moves, and the module is not told.
+    """Homing in place (methods 35 and 37): the present position becomes 607Ch; nothing moves and nothing is sent.
 
-    Set_Linear_Count would shift the estimate under a loop that holds it, which is a jump.
+    Set_Linear_Count would shift the estimate while the position loop holds it, which would cause a jump.
     """
 
     def __init__(self, means: Means) -> None:
         super().__init__(means)
         self._bits = 0
-        self._since: float | None = None  # when it was begun; None: it is over
+        self._since: float | None = None  # start time; None: not running
 
     def step(self, word: int, edge: int) -> None:  # noqa: ARG002
-        """Home at the rising edge of bit 4, as soon as the motor is seen to stand."""
+        """Home at the rising edge of bit 4, as soon as the motor is at standstill."""
         if edge & cw.HOMING_START:
             self._bits, self._since = 0, self._lead.now
         if self._since is None:
@@ -257,7 +257,7 @@ class ModuleHoming(ModuleMode):
             self._bits, self._since = sw.HOMING_ATTAINED, None
 
     def bits(self, halted: bool) -> int:  # noqa: ARG002
-        """Bit 12: home is known. Bit 13: it cannot be found so. Bit 10: it stands."""
+        """Bit 12: homing attained. Bit 13: homing error. Bit 10: standstill."""
         return self._bits | self._rests
 
 
@@ -274,10 +274,10 @@ _RELAYED = (_M.PROFILE_POSITION, _M.HOMING)
 
 
 def modes_of(settings: ModuleSettings) -> dict[int, type[ModuleMode]]:
-    """Return the modes that a module has by its settings: torques need what makes one of a current.
+    """Return the modes that a module supports with its settings: torque needs the torque settings.
 
-    On a serial line it has those alone that need one control and input mode from idle to idle: the two are registers of their own,
-    and nobody knows what a module does under power between the write of one and of the other.
+    On a serial line only modes remain that need a single control and input mode from idle to idle: the two are separate registers,
+    and the behaviour of a module under power between the two writes is unknown.
     """
     if settings.relayed:
         return {mode: MODES[mode] for mode in _RELAYED}

@@ -1,16 +1,18 @@
-"""Where a module's rotor is, in counts: by its estimates while it is in closed loop, by its encoder's counts otherwise.
+"""Position of a module's rotor in counts: from its estimates in closed loop, from its encoder's counts otherwise.
 
 Theory of operation
 -------------------
-Get_Encoder_Estimates (0x09) has the position over turns, and is dead until closed loop: 0, or whatever. Get_Encoder_Count (0x0A) is
-alive in every state, and of it only the place within one turn can be used: its count over turns does not convert (owners' reports).
-So in closed loop the place is the estimate, and in idle it goes on from there by what the count within the turn has changed, taken
-the way that is nearest to how fast the rotor was. Both are joined by their difference at standstill (``_phase``).
+Get_Encoder_Estimates (0x09) contains the position over turns, but is valid only in closed loop: otherwise it is 0 or arbitrary.
+Get_Encoder_Count (0x0A) is valid in every state, but only its position within one turn can be used: its count over turns does not
+convert (owners' reports). Therefore the position is the estimate in closed loop. In idle, it continues from there by the change of
+the count within the turn, and of the possible turns the one nearest to the expected motion is chosen. The offset between both
+(``_phase``) is measured at standstill.
 
-- Whoever asks for idle shuts the estimates out at once (``shut``): the module says 0 from then on, and its heartbeat says why only
-  later. Where it falls out of closed loop by itself, an estimate that no rotor can have reached since the last one is passed over.
-- The first estimate since the port is there says where the module is; until then the place is that within the turn. A later first
-  one must be where the counts have led: if not, the module counts anew (``lost``), and whoever was homed is not any more.
+- When idle is requested, estimates are ignored at once (``shut``): the module sends 0 from then on, and its heartbeat shows the
+  reason only later. If the module leaves closed loop on its own, an estimate that no rotor can have reached is ignored.
+- The first estimate of all determines the position of the module; before it, only the position within the turn is known. The first
+  estimate of a later closed loop must agree with the counts. If it does not, the module has a new zero (``lost``), and a homed axis
+  is no longer homed.
 """
 
 from __future__ import annotations
@@ -20,74 +22,76 @@ from axisbus.units import wrap
 
 _SAME = (
     TURN // 20
-)  # counts by which both ways of counting may differ: owners saw steps of 0.14 turns after restarts
+)  # counts by which estimate and count may differ: owners saw steps of 0.14 turns after restarts
 _NOISE = TURN // 10
 _RESTING = 0.05  # turns/s
-_TOGETHER = 0.02  # s between an estimate and a count that are compared
-_AGREE = 5  # estimates in a row that no rotor can have reached, and that agree with each other
+_TOGETHER = 0.02  # s at most between an estimate and a count for comparing them
+_AGREE = 5  # consecutive impossible estimates that agree with each other
 _RECENT = 0.1  # s
-_SPAN = 0.1  # s over which counts tell a speed: one of two that came close together, or late, would lead the place away for ever
+_SPAN = 0.1  # s for measuring a velocity by counts: with two close or late counts, the position error would be permanent
 
 
 class RotorPosition:
-    """Holds the place, how fast the rotor is, and how both ways of counting are joined; times in s, velocities in turns/s."""
+    """Position and velocity of the rotor, and the offset between estimates and counts; times in s, velocities in turns/s."""
 
     def __init__(self, fastest: float) -> None:
-        """``fastest``: the velocity limit."""
+        """``fastest``: the velocity limit, in turns/s."""
         self._reach = 2.0 * fastest * TURN  # counts per s that no rotor exceeds
         self.stamp = 0.0
         self.velocity = 0.0
-        self.velocity_stamp: float | None = None  # None: no estimate says it now
+        self.velocity_stamp: float | None = None  # None: no valid estimate now
         self.lost = False
         self._counts: int | None = None  # as the module counts, over turns
-        self._offset = 0  # from there to what is shown: it was homed
+        self._offset = 0  # added for the drive's position: set by homing
         self._phase: int | None = None
         self._live = self._joined = self._was_joined = False
         self._astray: int | None = None
         self._misses = 0
-        self._from: tuple[int, float] | None = None  # counts and time from which a speed is told in idle
+        self._from: tuple[int, float] | None = (
+            None  # counts and time: start of a velocity measurement in idle
+        )
 
     @property
     def shown(self) -> int | None:
-        """The position as a drive counts it (INTEGER32); None where nothing is known yet."""
+        """The position as a drive counts it (INTEGER32); None while unknown."""
         return None if self._counts is None else wrap(self._counts + self._offset)
 
     @property
     def joined(self) -> bool:
-        """Whether the place is that of an estimate, in this closed loop."""
+        """Whether the position is from an estimate of the present closed loop."""
         return self._live and self._joined
 
     @property
     def turns(self) -> float | None:
-        """The position as the module counts it, in turns; None before estimates say it."""
+        """The position as the module counts it, in turns; None before the first estimate."""
         return self._counts / TURN if self._joined and self._counts is not None else None
 
     def turns_at(self, shown: int) -> float:
-        """Return where the module has a position that is shown, in turns; of all that wrap to it, the nearest."""
+        """Convert a position of the drive into turns of the module; of all that wrap to it, the nearest."""
         assert self._counts is not None
         here = self._counts + self._offset
         return (self._counts + wrap(shown - here)) / TURN
 
     def home(self, position: int) -> None:
-        """Let the present place be ``position``."""
+        """Define the present position as ``position``."""
         if self._counts is not None:
             self._offset = position - self._counts
 
-    # What comes.
+    # Reception.
 
     def open(self) -> None:
-        """Closed loop was seen: estimates count from now on."""
+        """Note that closed loop was seen: estimates are valid from now on."""
         if not self._live:
             self._live, self._joined = True, False
             self._astray, self._misses = None, 0
 
     def shut(self) -> None:
-        """Closed loop is at its end, or about to be: estimates count no longer."""
+        """Note that closed loop has ended or is about to end: estimates are no longer valid."""
         self._live = self._joined = False
         self.velocity_stamp = None
 
     def take_estimate(self, turns: float, velocity: float, at: float) -> None:
-        """Take Get_Encoder_Estimates, where it counts."""
+        """Take Get_Encoder_Estimates, if estimates are valid."""
         if not self._live:
             return
         counts = round(turns * TURN)
@@ -113,7 +117,7 @@ class RotorPosition:
             self._go_on(in_turn, at)
 
     def _join(self, counts: int, at: float) -> None:
-        """The first estimate in this closed loop."""
+        """Take the first estimate of the present closed loop."""
         tracked = self._counts if self._phase is not None else None
         if self._was_joined and tracked is not None and abs(counts - tracked) > _SAME:
             self.lost = True
@@ -121,13 +125,13 @@ class RotorPosition:
             self._phase += tracked - counts
 
     def _can_be(self, counts: int, velocity: float, at: float) -> bool:
-        """Whether the rotor can be there; nothing but zeros, where it moved or was elsewhere, is a module that has let go."""
+        """Whether the rotor can be at this position. All zeros, after motion or at another position, are a module in idle."""
         assert self._counts is not None
         dead = not counts and not velocity and (abs(self._counts) > _NOISE or abs(self.velocity) > _RESTING)
         return not dead and abs(counts - self._counts) <= self._reach * (at - self.stamp) + _NOISE
 
     def _stray(self, counts: int) -> None:
-        """An estimate that cannot be; several that agree, and are not zeros, are a module that counts anew."""
+        """Take an impossible estimate; several that agree and are not zero mean that the module has a new zero."""
         agrees = self._astray is not None and counts and abs(counts - self._astray) <= _NOISE
         self._misses = self._misses + 1 if agrees else 1
         self._astray = counts
@@ -139,9 +143,10 @@ class RotorPosition:
             self._phase = in_turn - self._counts
 
     def _go_on(self, in_turn: int, at: float) -> None:
-        """By the count within the turn, the way that is nearest to how fast the rotor was.
+        """Advance the position by the count within the turn, to the position nearest to the expected motion.
 
-        Counts that two programs ask for come in pairs, and a busy computer takes some late: a speed is told over a longer time.
+        The velocity is measured over ``_SPAN``: counts requested by two programs arrive in pairs, and a busy computer reads some
+        late.
         """
         assert self._counts is not None
         assert self._phase is not None
