@@ -1,7 +1,7 @@
-"""The motion part of one axis: the demand that its motor follows, its limits, and the way between user and motor positions.
+"""Motion part of one axis: the demand that its motor follows, its limits, and the conversion between user and motor positions.
 
-Modes of operation work on this: they move the demand (``follow``, ``ramp_to``, ``brake``) or give a torque (``push``). Positions
-inside are the motor's own; ``to_motor`` and ``to_user`` apply polarity (607Eh) and the home offset.
+Modes of operation use it: they move the demand (``follow``, ``ramp_to``, ``brake``) or command a torque (``push``). Positions
+inside are motor positions; ``to_motor`` and ``to_user`` apply polarity (607Eh) and the home offset.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from axisbus.sim.power import Effort
 from axisbus.sim.ramp import ramp_velocity
 from axisbus.sim.settings import Settings
 
-_REST = 1.0  # increments/s: slower is standing
+_REST = 1.0  # increments/s: slower is standstill
 _NO_WINDOW = 0xFFFF_FFFF
 _WHOLE_COUNT = (-(2**31), 2**31 - 1)  # software limits of the whole INTEGER32 are no limits: the count wraps
 
 
 class Axis:
-    """Demand, targets as written by the master, and the motor; holds the motion state of one axis."""
+    """Motion state of one axis: the demand, the targets as written by the master, and the motor."""
 
     __slots__ = (
         "_following_timer",
@@ -59,12 +59,12 @@ class Axis:
         self.offset = 0.0
         self.position = self.motor.position  # the demand, and its velocity
         self.velocity = 0.0
-        self.drift = 0.0  # how far the motor is led away from the demand by a drive that creeps
+        self.drift = 0.0  # distance of the motor from the demand, by a drive that creeps
         self.torque_demand = 0.0
-        self.clamped = False  # the last target lay beyond a limit
+        self.clamped = False  # the last target was beyond a limit
         self.speed_limited = False
         self.following_exceeded = False
-        self.since_mode_write = math.inf  # seconds since 6060h was written, with whatever value
+        self.since_mode_write = math.inf  # seconds since 6060h was written, with any value
         self.forbidden = 0  # direction in which a limit switch forbids motion
         self._following_timer = 0.0
         self._versions = -1
@@ -73,7 +73,7 @@ class Axis:
     # Units and limits.
 
     def to_motor(self, target: int) -> float:
-        """Return the motor position of a user position (INTEGER32), the one nearest to the demand where counts have wrapped."""
+        """Return the motor position of a user position (INTEGER32): the one nearest to the demand, if counts have wrapped."""
         here = self._sign * self.position + self.offset
         base = round(here)
         return self._sign * (base + as_int32(target - base) - self.offset)
@@ -95,7 +95,7 @@ class Axis:
         return value / self.params.velocity_unit
 
     def refresh(self) -> None:
-        """Compute limits anew where parameters were written."""
+        """Compute the limits again if parameters were written."""
         if self.settings.changes != self._versions:
             self._refresh()
 
@@ -109,7 +109,7 @@ class Axis:
         self._speed_limit = self._motor_speed_limit()
 
     def _motor_speed_limit(self) -> float:
-        """6080h is in revolutions per minute of the motor; 0 limits nothing."""
+        """Return the limit of 6080h, which is in revolutions per minute of the motor; 0: no limit."""
         settings = self.settings
         if settings.max_motor_speed <= 0:
             return math.inf
@@ -125,25 +125,25 @@ class Axis:
 
     @property
     def profile_speed_limit(self) -> float:
-        """Limit of the profile modes, in increments/s (607Fh and 6080h; 0 limits nothing)."""
+        """Limit of the profile modes, in increments/s (607Fh and 6080h; 0: no limit)."""
         profile = self.settings.max_profile_velocity
         return min(self._speed_limit, self.speed(profile)) if profile > 0 else self._speed_limit
 
     @property
     def acceleration(self) -> float:
-        """Profile acceleration (6083h, 60C5h) in increments/s²; 0 where none was set."""
+        """Profile acceleration (6083h, 60C5h) in increments/s²; 0 if not set."""
         return self._acceleration(self.settings.profile_acceleration, self.settings.max_acceleration)
 
     @property
     def deceleration(self) -> float:
-        """Profile deceleration (6084h, else 6083h; 60C6h) in increments/s²; 0 where none was set."""
+        """Profile deceleration (6084h, else 6083h; 60C6h) in increments/s²; 0 if not set."""
         settings = self.settings
         value = settings.profile_deceleration or settings.profile_acceleration
         return self._acceleration(value, settings.max_deceleration or settings.max_acceleration)
 
     @property
     def profile_jerk(self) -> float:
-        """Profile jerk (60A4h:01, by the type of 6086h) in increments/s³; 0 where it is not limited."""
+        """Profile jerk (60A4h:01, by the type of 6086h) in increments/s³; 0 if not limited."""
         settings = self.settings
         return (
             settings.profile_jerk / self.params.acceleration_unit
@@ -155,7 +155,7 @@ class Axis:
         return (min(value, limit) if limit > 0 else value) / self.params.acceleration_unit
 
     def braking(self, effort: Effort) -> float:
-        """Return the deceleration of an effort; where nothing is set, what the motor can do. Braking never fails to brake."""
+        """Return the deceleration of an effort; if none is set, the motor's maximum: a brake command always brakes."""
         settings = self.settings
         if effort is Effort.QUICK and settings.quick_stop_deceleration > 0:
             return settings.quick_stop_deceleration / self.params.acceleration_unit
@@ -168,7 +168,7 @@ class Axis:
         return max(0.1 * self._torque_limit, spare) * self.params.rated_acceleration / 1000.0
 
     def torque_within(self, torque: float) -> float:
-        """Return a torque clamped to 6072h, 60E0h and 60E1h (0 limits nothing; some files give 60E1h a sign), and note it."""
+        """Limit a torque to 6072h, 60E0h and 60E1h (0: no limit; some EDS files give 60E1h a sign); set ``clamped``."""
         settings = self.settings
         high = min(self._torque_limit, settings.positive_torque_limit or math.inf)
         low = -min(self._torque_limit, abs(settings.negative_torque_limit) or math.inf)
@@ -176,7 +176,7 @@ class Axis:
         return min(max(torque, low), high)
 
     def position_within(self, position: float) -> float:
-        """Return a motor position clamped to the software limits (607Dh, on where low < high and not all of INTEGER32); note it."""
+        """Limit a motor position to 607Dh (active if low < high and not the whole INTEGER32); set ``clamped``."""
         settings = self.settings
         self.clamped = False
         if (
@@ -192,7 +192,7 @@ class Axis:
         return self._sign * (inside - self.offset)
 
     def velocity_within(self, velocity: float, limit: float) -> float:
-        """Return a velocity clamped to ``limit`` and to what the limit switches allow, and note it."""
+        """Limit a velocity to ``limit`` and by the limit switches; set ``clamped``."""
         self.clamped = abs(velocity) > limit
         velocity = min(max(velocity, -limit), limit)
         if self.forbidden and velocity * self.forbidden > 0.0:
@@ -204,11 +204,11 @@ class Axis:
 
     @property
     def standing(self) -> bool:
-        """Whether demand and motor are at rest."""
+        """Whether demand and motor are at standstill."""
         return self.velocity == 0.0 and -_REST <= self.motor.velocity <= _REST
 
     def seize(self) -> None:
-        """Take over from where the motor is and as fast as it is: nothing jumps."""
+        """Set the demand to the position and velocity of the motor, so that nothing jumps."""
         self.position = self.motor.seize()
         self.drift = 0.0
         self.velocity = self.motor.velocity
@@ -221,25 +221,25 @@ class Axis:
     ) -> None:
         """Move the demand to ``position`` within ``dt``; the motor tracks it.
 
-        ``ahead`` (increments/s) and ``push`` (‰) are added to what its controllers ask for (60B1h, 60B2h).
+        ``ahead`` (increments/s) and ``push`` (‰) are added to the outputs of its controllers (60B1h, 60B2h).
         """
         self.position = position
         self.velocity = velocity
         self.motor.track(position + self.drift, dt, self._torque_limit, ahead, push)
 
     def ramp_to(self, velocity: float, acceleration: float, deceleration: float, dt: float) -> None:
-        """Bring the demand's velocity towards ``velocity``."""
+        """Ramp the demand's velocity towards ``velocity``."""
         after, way = ramp_velocity(self.velocity, velocity, acceleration, deceleration, dt)
         self.follow(self.position + way, after, dt)
 
     def forget_error(self) -> None:
-        """In velocity modes, do not catch up what a motor at its torque limit has missed."""
+        """In velocity modes, do not catch up the distance that a motor at its torque limit has missed."""
         if self.motor.saturated:
             self.position = self.motor.rewind(self.velocity)
             self.drift = 0.0
 
     def brake(self, effort: Effort, dt: float) -> None:
-        """Bring the demand to rest and hold it there."""
+        """Bring the demand to standstill and hold it there."""
         if self.velocity == 0.0:
             self.motor.track(self.position + self.drift, dt, self._torque_limit)
             return
@@ -247,7 +247,7 @@ class Axis:
         self.ramp_to(0.0, rate, rate, dt)
 
     def push(self, torque: float, dt: float) -> None:
-        """Let a torque act (0: coast); the demand goes with the motor."""
+        """Apply a torque (0: coast); the demand follows the motor."""
         motor = self.motor
         motor.push(torque, dt)
         self.speed_limited = abs(motor.velocity) > self._speed_limit
@@ -258,7 +258,7 @@ class Axis:
         self.torque_demand = torque
 
     def following_fault(self, dt: float) -> bool:
-        """Supervise the following error (6065h, 6066h; a window of 0 or FFFFFFFFh is off); True when it has lasted too long."""
+        """Supervise the following error (6065h, 6066h; a window of 0 or FFFFFFFFh: off); return True if it has lasted too long."""
         window = self.settings.following_window
         if window == 0 or window == _NO_WINDOW or abs(self.position - self.motor.position) <= window:
             self._following_timer = 0.0
@@ -271,7 +271,7 @@ class Axis:
     # Switches.
 
     def watch_switches(self) -> None:
-        """Note in which direction a limit switch forbids motion."""
+        """Determine the direction in which a limit switch forbids motion."""
         low, high = self.params.limit_switches
         position = self.motor.position
         if high is not None and position >= high:

@@ -1,7 +1,7 @@
-"""The boot loader of a stand-in (CiA 302-3): it stops, clears, takes and starts the node's program, and says how that went.
+"""Boot loader of a simulated node (CiA 302-3): stops, clears, accepts and starts the node's program, and reports the result.
 
-A program of a stand-in begins with its date and time as 1F52h has them, two numbers of 32 bits; the rest may be anything. There is
-a loader only where the EDS has 1F50h:01 and 1F51h:01.
+A program of a simulated node begins with its date and time in the format of 1F52h, two 32-bit numbers; the rest is arbitrary. A
+node has a boot loader only if its EDS contains 1F50h:01 and 1F51h:01.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from collections.abc import Callable
 from axisbus.sim.dictionary import DEVICE_STATE, INVALID_VALUE, Dictionary, Refused
 from axisbus.sim.fault_injection import ProgramDials
 
-STOPPED, RUNNING, CLEARED = 0, 1, 3  # what 1F51h says
-_STOP, _START, _RESET, _CLEAR = 0, 1, 2, 3  # what is written to it
+STOPPED, RUNNING, CLEARED = 0, 1, 3  # values read from 1F51h
+_STOP, _START, _RESET, _CLEAR = 0, 1, 2, 3  # values written to 1F51h
 _BUSY = 1
 _NOTHING_VALID, _FAULTY, _NOT_CLEARED = 1, 3, 4  # errors of 1F57h
 _DATA, _CONTROL, _DATE, _TIME, _ID, _FLASH = 0x1F5001, 0x1F5101, 0x1F5201, 0x1F5202, 0x1F5601, 0x1F5701
@@ -20,21 +20,21 @@ _HEADER = 8
 
 
 def has_loader(dictionary: Dictionary) -> bool:
-    """Whether a node has the objects by which a program is loaded."""
+    """Whether a node has the objects for loading a program."""
     return _DATA in dictionary and _CONTROL in dictionary
 
 
 class ProgramLoader:
-    """Holds the program of a node (its bytes; None: cleared), what it is doing, and the timers of its memory."""
+    """Program of a node (its bytes; None: cleared), the loader's state, and the timers of its memory."""
 
     def __init__(self, dictionary: Dictionary, dials: ProgramDials, restart: Callable[[], None]) -> None:
-        """``restart`` restarts the node."""
+        """``restart``: function that restarts the node."""
         self._dials = dials
         self._restart = restart
         first = dictionary.get_int(0x1F52, 1), dictionary.get_int(0x1F52, 2)
         self.program: bytes | None = b"".join(number.to_bytes(4, "little") for number in first)
         self.state = RUNNING
-        self.orders: list[int] = []  # what was written to 1F51h and taken
+        self.orders: list[int] = []  # accepted writes to 1F51h
         self._stays = False  # the next restart ends in the loader, not in the program
         self._error = 0
         self._busy = 0.0
@@ -52,11 +52,11 @@ class ProgramLoader:
 
     @property
     def deaf(self) -> bool:
-        """Whether its work on the memory keeps the node from answering."""
+        """Whether the node does not answer, because the loader clears or writes the memory."""
         return self._dials.deaf and self._busy > 0.0
 
     def step(self, dt: float) -> None:
-        """Let ``dt`` seconds pass."""
+        """Advance by ``dt`` seconds."""
         self._busy = max(0.0, self._busy - dt)
         if self._until_restart is not None:
             self._until_restart -= dt
@@ -65,7 +65,7 @@ class ProgramLoader:
                 self._restart()
 
     def restarted(self) -> None:
-        """The node has restarted, by order or by itself: what is in the memory runs, if it is a program."""
+        """Note a restart of the node: the program in the memory runs, if it is valid."""
         self._busy, self._until_restart = 0.0, None
         stays, self._stays = self._stays, False
         runs = self.program is not None and not self._error
@@ -106,7 +106,7 @@ class ProgramLoader:
             self._until_restart = self._dials.restart_delay
 
     def _take(self, data: bytes) -> None:
-        """Take a program whole; what is wrong with it is said by 1F57h."""
+        """Accept a complete program; 1F57h reports its errors."""
         if self._dials.data_refused:
             raise Refused(self._dials.data_refused)
         if self.state == RUNNING or self._busy > 0.0:

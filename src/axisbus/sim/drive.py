@@ -1,14 +1,14 @@
-"""One axis of a stand-in drive: power stage, modes, supervision and motor, advanced by dt.
+"""One axis of a simulated drive: power stage, modes, supervision and motor, advanced by dt.
 
 Theory of operation
 -------------------
-``step(dt)`` is everything: hear the controlword, let the power stage go on, follow the mode of operation, move the motor,
-supervise, publish. Nothing else moves time. A port or the object dictionary writes ``controlword``, ``mode`` and the targets
-between steps; a controlword that comes through the dictionary is heard at once (``hear``), so that an edge shorter than a step is
-not lost.
+``step(dt)`` does everything: it evaluates the controlword, advances the power stage, follows the mode of operation, moves the
+motor, supervises, and publishes. Nothing else advances time. A port or the object dictionary writes ``controlword``, ``mode`` and
+the targets between steps. A controlword that arrives through the dictionary is evaluated at once (``hear``), so that an edge
+shorter than a step is not lost.
 
-What the power stage decides is an *effort* (run the mode, brake on a ramp, off). Only a change of the effort energises or frees the
-motor, makes modes take over or give up, and moves the brake.
+The power stage decides on an *effort* (run the mode, brake on a ramp, off). Only a change of the effort switches the motor on or
+off, makes modes begin or end, and moves the brake.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from axisbus.sim.statusword import compose
 from axisbus.sim.touch_probe import TouchProbe
 
 FOLLOWING_ERROR = 0x8611
-# What is looked at in every step has a name of its own: a look-up in an Enum costs more than a call.
+# Members that every step tests are module constants: a look-up in an Enum costs more than a call.
 _OFF, _RUN, _ENABLED = Effort.OFF, Effort.RUN, Stage.ENABLED
 _HALT_EFFORT = (Effort.OFF, Effort.SLOW, Effort.QUICK, Effort.LIMIT, Effort.LIMIT)
 
@@ -38,10 +38,10 @@ _HALT_EFFORT = (Effort.OFF, Effort.SLOW, Effort.QUICK, Effort.LIMIT, Effort.LIMI
 class Drive:
     """A CiA 402 drive with its motor; holds all of its state.
 
-    Written from outside: ``controlword``, ``mode`` (6060h), ``target_position``, ``target_velocity``, ``target_torque``,
-    ``velocity_offset``, ``torque_offset``, ``warning`` and the ``dials``; the signals of ``touch_probe``. To be read:
-    ``statusword``, ``mode_display``, ``position``, ``position_demand`` (increments), ``velocity`` (velocity increments), ``torque``
-    (‰ of rated), ``error_code``. All are as the objects hold them.
+    To be written: ``controlword``, ``mode`` (6060h), ``target_position``, ``target_velocity``, ``target_torque``,
+    ``velocity_offset``, ``torque_offset``, ``warning`` and the fault settings ``dials``; the signals of ``touch_probe``. To be
+    read: ``statusword``, ``mode_display``, ``position``, ``position_demand`` (increments), ``velocity`` (velocity increments),
+    ``torque`` (‰ of rated), ``error_code``. All have the format of their objects.
     """
 
     axis: Axis
@@ -70,9 +70,9 @@ class Drive:
         modes: frozenset[int] = IMPLEMENTED,
         seed: int = 0,
     ) -> None:
-        """Make the drive of ``axis`` (from 0) of a node; the first axis makes dictionary and error history, further ones share.
+        """Make the drive of ``axis`` (from 0) of a node; further axes use dictionary and error history of the first one.
 
-        ``modes`` are those that it really has, whatever 6502h says; ``seed`` is for the noise of the encoder.
+        ``modes`` are the modes that it really has, regardless of 6502h; ``seed`` is for the noise of the encoder.
         """
         self.axis_number = axis
         self.params = params or MotorParams()
@@ -99,7 +99,7 @@ class Drive:
         self._publish()
 
     def _begin(self) -> None:
-        """The state after power-up."""
+        """Set the state after power-up."""
         brake = (self.params.brake_opens, self.params.brake_closes) if self.params.brake else (0.0, 0.0)
         self.power = PowerStage(self.settings, self.dials, brake=brake)
         self._all_modes = make_modes()
@@ -115,7 +115,7 @@ class Drive:
         self.position = self.position_demand = self.velocity = self.torque = 0
 
     def restart(self) -> None:
-        """Power-up again: all state is lost except where the motor stands (and what the dictionary keeps)."""
+        """Power up again: all state is lost except the motor's position and the dictionary's stored values."""
         self._begin()
         self.touch_probe.restart()
         self.axis.offset = 0.0
@@ -128,7 +128,7 @@ class Drive:
         self._publish()
 
     def start_enabled(self, mode: int = 0) -> None:
-        """Be found enabled: operation enabled in ``mode``, as another master left it."""
+        """Start in operation enabled in ``mode``, as another master left it."""
         self.controlword = self._word = 0x000F
         self.power.start_enabled(self.controlword)
         self.mode = self.mode_display = mode
@@ -136,7 +136,7 @@ class Drive:
         self._apply_effort()
         self._publish()
 
-    # The targets belong to the motion part.
+    # The targets are stored in the motion part.
 
     @property
     def target_position(self) -> int:
@@ -198,7 +198,7 @@ class Drive:
     # Time.
 
     def step(self, dt: float) -> None:
-        """Let ``dt`` seconds pass (0.1 ms to 20 ms)."""
+        """Advance by ``dt`` seconds (0.1 ms to 20 ms)."""
         self.time += dt
         axis, power, dials = self.axis, self.power, self.dials
         axis.refresh()
@@ -228,14 +228,14 @@ class Drive:
         self._publish()
 
     def hear(self) -> None:
-        """Hear a controlword now, as a receive interrupt does; no time passes."""
+        """Evaluate the controlword now, as a receive interrupt does; no time passes."""
         self._hear(self.controlword)
         self.power.step(0.0, self.axis.standing)
         self._apply_effort()
         self._publish()
 
     def sync(self) -> None:
-        """SYNC: latch the targets of the cyclic modes."""
+        """Process a SYNC: latch the targets of the cyclic modes."""
         if self._sync_time is not None:
             self._sync_period = self.time - self._sync_time
         self._sync_time = self.time
@@ -261,7 +261,7 @@ class Drive:
     # Power.
 
     def _apply_effort(self) -> None:
-        """Act on what the power stage wants of the motor, where that has changed."""
+        """Apply the power stage's effort to the motor, if it has changed."""
         if self.error_code and self.power.last_transition == 15:
             self._settle_fault()
         old, new = self._effort, self.power.effort
@@ -286,7 +286,7 @@ class Drive:
             self._mode.abandon(axis)
 
     def _lead_again(self) -> None:
-        """A motor that was pushed or led ahead, or coasted on a halt, or crept, is led by a position demand again: where it is."""
+        """Restart the position demand at the motor's position, after torque, feed-forward, a coasting halt or drift."""
         coasted = self._halted and self.settings.halt_option == 0
         if self._mode.by_torque or coasted or self.axis.drift or self.axis.motor.ahead:
             self.axis.seize()
@@ -303,7 +303,7 @@ class Drive:
             self._mode.enter(self.axis)
 
     def _release(self) -> None:
-        """The motor is not energised any more; a brake holds already, or closes only now (the power went without warning)."""
+        """Switch the motor off. A brake is closed already, or closes only now (if the power was removed without a ramp)."""
         self._halted = False
         if not self.params.brake:
             return
@@ -357,12 +357,12 @@ class Drive:
     # Modes of operation.
 
     def check_mode(self, value: int) -> None:
-        """Refuse a mode that the drive does not have, as SDO does."""
+        """Reject a mode that the drive does not have, as for an SDO write."""
         if value and value not in self.modes:
             raise Refused(INVALID_VALUE)
 
     def _first_mode(self) -> int:
-        """Return the mode after power-up: the default of 6060h; a drive without that object has one mode for good."""
+        """Return the mode after power-up: the default of 6060h; a drive without that object always has the same mode."""
         stored = self.dictionary.values.get(place(self.dictionary, 0x6060 + self.axis_number * AXIS_SPAN))
         if stored is None:
             return min(self.modes, default=0)
@@ -393,9 +393,10 @@ class Drive:
     def fault(
         self, code: int, maker_bits: int = 0, register: int | None = None, *, announce: bool = True
     ) -> None:
-        """Fall into fault with error code ``code`` (603Fh) and the maker's own bits (203Fh, 203Eh; five bytes of the EMCY).
+        """Go into fault with error code ``code`` (603Fh) and the manufacturer's bits (203Fh, 203Eh; five bytes of the EMCY).
 
-        ``register`` replaces the bits of 1001h that the code's class gives; ``announce`` False enters nothing and sends no EMCY.
+        ``register`` replaces the bits of 1001h that belong to the code's class; if ``announce`` is False, no entry is made and no
+        EMCY sent.
         """
         self.error_code = code
         self.maker_bits = maker_bits
@@ -406,7 +407,7 @@ class Drive:
         self._publish()
 
     def connection_lost(self, code: int) -> None:
-        """Act as 6007h says: 0 nothing, 1 fault, 2 disable voltage, 3 quick stop."""
+        """Execute 6007h: 0 nothing, 1 fault, 2 disable voltage, 3 quick stop."""
         option = self.settings.abort_connection_option
         if option == 1:
             self.fault(code, announce=False)
@@ -419,7 +420,7 @@ class Drive:
         self.error_code = self.maker_bits = 0
         self.errors.settle(self.axis_number)
 
-    # What is published.
+    # Published values.
 
     def _publish(self) -> None:
         axis, energised = self.axis, self._effort is not _OFF

@@ -1,4 +1,4 @@
-"""What a drive measures and shows of its motor: with noise, and late where a filter or a slow encoder makes it so."""
+"""Measured and reported values of a motor: with noise, and delayed as by a filter or a slow encoder."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Values = tuple[float, float, float]
 
 
 class Feedback:
-    """Position, velocity and torque of one axis as its drive knows them; holds what it will show later."""
+    """Position, velocity and torque of one axis as its drive reports them; holds delayed values."""
 
     def __init__(self, axis: Axis, dials: DriveFaults, seed: int) -> None:
         """``seed`` is for the noise of the encoder."""
@@ -25,7 +25,7 @@ class Feedback:
         self._kept: deque[tuple[float, Values]] = deque()
 
     def measured(self, now: float) -> Values:
-        """Return position (of the motor), velocity and torque as they are shown ``now``."""
+        """Return position (of the motor), velocity and torque as reported at ``now``."""
         motor = self._axis.motor
         if self._dials.encoder_frozen:
             return self._frozen if self._frozen is not None else self._freeze(motor.position)
@@ -42,7 +42,7 @@ class Feedback:
         return self._frozen
 
     def demand(self, position: int, shown: int) -> int:
-        """Return 6062h of an energised drive that shows ``position``; ``shown`` is what 6062h is now."""
+        """Return 6062h of an energised drive that reports ``position``; ``shown`` is the present 6062h."""
         axis, dials = self._axis, self._dials
         if dials.demand_frozen:
             return shown
@@ -54,7 +54,7 @@ class Feedback:
         return as_int32(round(axis.to_user(demand)))
 
     def _late(self, now: float, values: Values) -> Values:
-        """Keep what is measured now; return what was measured ``feedback_delay`` ago, or the oldest that there is."""
+        """Store the present values; return those of ``feedback_delay`` ago, or the oldest ones."""
         kept = self._kept
         kept.append((now, values))
         due = now - self._dials.feedback_delay + 1e-9

@@ -3,16 +3,15 @@
 Theory of operation
 -------------------
 Positions are increments of the motor's own count (no home offset, no polarity), velocities increments/s, torques per mille of the
-rated torque. Two ways to advance by ``dt``, each in closed form, so that 0.1 ms and 20 ms give the same motion:
+rated torque. There are two functions to advance by ``dt``. Both use closed formulas, so that 0.1 ms and 20 ms give the same motion:
 
 - ``track``: a position controller. The error to a demand that moves evenly within the step decays with the time constant ``lag``;
-  at constant speed the motor trails by ``speed * lag``. Where that would take more torque than allowed, the motor is *pursued* in
+  at constant speed the motor trails by ``speed * lag``. If that would need more torque than allowed, the motor is *pursued* in
   small steps at the torque limit instead, as a drive in current limit does.
 - ``push``: torque against load, dry and viscous friction and the brake. The velocity decays exponentially between two instants at
-  which dry friction changes its sign; a motor at rest stays until the torque overcomes friction.
+  which dry friction changes its sign; a motor at rest stays at rest until the torque overcomes friction.
 
-End stops, a blocked rotor, the closed brake and what makes a standing motor stick act in both. A motor on a spring stands in
-``compliant``.
+End stops, a blocked rotor, the closed brake and the breakaway torque act in both. ``compliant`` contains a motor on a spring.
 """
 
 from __future__ import annotations
@@ -22,20 +21,20 @@ from dataclasses import dataclass
 
 _PURSUIT_STEP = 0.001  # s
 _BRAKE_TORQUE = 10_000.0  # ‰ of rated torque: more than any motor has
-_AT_REST = 1e-3  # increments: a tracking error below it is none
+_AT_REST = 1e-3  # increments: a tracking error below it counts as 0
 
 
 @dataclass(frozen=True, slots=True)
 class MotorParams:
     """Motor, load and machine, in increments of position, seconds, and per mille of rated torque.
 
-    ``rated_acceleration`` (increments/s²) is what the rated torque gives the load; ``coasting`` (s) the time constant of viscous
-    friction; ``friction`` dry friction; ``load`` a constant force towards negative positions, as a vertical axis has it.
+    ``rated_acceleration`` (increments/s²) is the acceleration of the load by the rated torque; ``coasting`` (s) the time constant
+    of viscous friction; ``friction`` dry friction; ``load`` a constant force towards negative positions, as in a vertical axis.
     ``velocity_unit`` and ``acceleration_unit`` are the drive's velocity and acceleration increments per increment/s and
-    increment/s². Switches and stops are positions where the motor stood at 0 on power-up; None means that there is none. A home
-    switch is active between its two positions, limit switches from theirs outwards. ``noise`` is added to the measured position,
-    evenly in ±noise. ``stiffness`` (‰ of rated torque per increment) makes it a motor on a spring that rings with ``damping`` (of
-    the critical, below 1); 0: its controller leaves no error at rest, however hard the load pulls.
+    increment/s². Switches and stops are positions relative to the motor's position at power-up; None: not present. A home switch is
+    active between its two positions, limit switches from theirs outwards. ``noise`` is added to the measured position, evenly
+    distributed in ±noise. ``stiffness`` (‰ of rated torque per increment) makes it a motor on a spring that rings with ``damping``
+    (share of the critical damping, below 1); 0: the controller leaves no error at rest, independent of the load.
     """
 
     increments_per_turn: int = 16384
@@ -61,7 +60,7 @@ class MotorParams:
 
 
 class Motor:
-    """Position, velocity and torque of one motor; holds the mechanical state."""
+    """Position, velocity and torque of one motor: the mechanical state."""
 
     __slots__ = (
         "_decay",
@@ -91,10 +90,12 @@ class Motor:
         self.velocity = 0.0
         self.torque = 0.0
         self.brake_closed = params.brake
-        self.blocked = False  # the rotor is held by something mechanical
-        self.pull = 0.0  # ‰ of rated torque towards negative positions, beside the load: what is tied to it
-        self.sticks = 0.0  # ‰ of rated torque that a standing motor takes before it moves, beside friction
-        self.ahead = 0.0  # velocity that the last step had without an error
+        self.blocked = False  # the rotor is held mechanically
+        self.pull = (
+            0.0  # ‰ of rated torque towards negative positions, in addition to the load: by coupled motors
+        )
+        self.sticks = 0.0  # breakaway torque in ‰ of rated torque, in addition to friction
+        self.ahead = 0.0  # velocity feed-forward of the last step
         self.saturated = False  # the last step ran at the torque limit
         self._lag = max(params.lag, 1e-5)
         self._gain = params.rated_acceleration / 1000.0  # increments/s² per ‰
@@ -108,7 +109,7 @@ class Motor:
 
     @property
     def load(self) -> float:
-        """Force towards negative positions in ‰ of rated torque: of its load, and of what is tied to it."""
+        """Force towards negative positions in ‰ of rated torque: of its load, and of coupled motors."""
         return self.params.load + self.pull
 
     @property
@@ -117,22 +118,22 @@ class Motor:
         return self._demand - self.position
 
     def seize(self) -> float:
-        """Begin tracking from where the motor is and as fast as it is; return the demand that fits (a lag ahead of it)."""
+        """Begin tracking from the motor's position and velocity; return the matching demand (one lag ahead of it)."""
         self._demand = self.position + self.velocity * self._lag
         self.ahead = 0.0
         return self._demand
 
     def rewind(self, velocity: float) -> float:
-        """Forget an error that a held motor has piled up: a velocity controller has none; return the demand that fits."""
+        """Discard the accumulated error of a blocked motor, which a velocity controller does not have; return the matching demand."""
         self._demand = self.position + velocity * self._lag
         self.ahead = 0.0
         return self._demand
 
     def track(self, demand: float, dt: float, limit: float, ahead: float = 0.0, push: float = 0.0) -> None:  # noqa: ARG002
-        """Follow a demand that runs evenly to ``demand`` within ``dt`` (> 0 s), with at most ``limit`` ‰ of torque.
+        """Follow a demand that moves evenly to ``demand`` within ``dt`` (> 0 s), with at most ``limit`` ‰ of torque.
 
-        ``ahead`` (increments/s) is a velocity that the controller has without an error. A torque that is added (``push``, ‰) it
-        takes back at once: nothing is left of it.
+        ``ahead`` (increments/s) is a velocity feed-forward, for which the controller needs no error. The controller compensates an
+        additional torque (``push``, ‰) at once: it has no effect.
         """
         before, self._demand = self._demand, demand
         led, self.ahead = self.ahead, ahead
@@ -150,7 +151,7 @@ class Motor:
         torque = self._torque_for((velocity - self.velocity) / dt, velocity)
         misfit = (
             before - self.position - (self.velocity - led) * self._lag
-        )  # 0 unless the demand or the motor was jolted
+        )  # 0 unless demand or motor has jumped
         if (
             -limit <= torque <= limit
             and abs(misfit) <= limit * self._tolerance
@@ -162,7 +163,7 @@ class Motor:
         self._pursue(before, rate, dt, limit)
 
     def _stuck(self, limit: float) -> bool:
-        """Whether a standing motor stays where it is: its controller asks for the torque that its stiffness gives the error."""
+        """Whether a motor at standstill does not move: the controller's torque is the error times its stiffness."""
         if self.velocity != 0.0:
             return False
         wanted = self.error / self._tolerance
@@ -173,7 +174,7 @@ class Motor:
         return True
 
     def push(self, torque: float, dt: float) -> None:
-        """Let ``torque`` ‰ act for ``dt`` seconds (0: the motor coasts)."""
+        """Apply a torque of ``torque`` ‰ for ``dt`` seconds (0: the motor coasts)."""
         self.torque = torque
         self._demand = self.position
         self.ahead = 0.0
@@ -188,7 +189,7 @@ class Motor:
         self._demand = self.position
 
     def _push_piece(self, net: float, dry: float, dt: float) -> float:
-        """Advance to the next instant at which friction turns round, at most ``dt``; return the time left."""
+        """Advance to the next instant at which friction changes its direction, at most ``dt``; return the time left."""
         velocity = self.velocity
         if velocity == 0.0:
             if abs(net) <= dry + self.sticks:
@@ -213,7 +214,7 @@ class Motor:
         return dt - time
 
     def _time_to_rest(self, velocity: float, push: float, direction: float) -> float:
-        """Return when the velocity reaches zero, infinity if it does not."""
+        """Return the time until the velocity is zero, infinity if it never is."""
         if velocity == 0.0 or push * direction >= 0.0:
             return math.inf
         if self._viscous <= 0.0:
@@ -222,7 +223,7 @@ class Motor:
         return math.log((velocity - final) / -final) / self._viscous
 
     def _pursue(self, before: float, rate: float, dt: float, limit: float) -> None:
-        """Run after the demand with limited torque, in small steps."""
+        """Pursue the demand with limited torque, in small steps."""
         self.saturated = True
         if self.blocked:
             self.velocity = 0.0
@@ -241,7 +242,7 @@ class Motor:
         self._stop_at_ends()
 
     def _push_limited(self, torque: float, dry: float, wanted: float, h: float) -> None:
-        """One small step with a given torque; a closed brake or friction may hold the motor."""
+        """Advance one small step with a given torque; a closed brake or friction may hold the motor."""
         velocity = self.velocity
         self.torque = torque
         net = torque - self.load

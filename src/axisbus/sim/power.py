@@ -1,12 +1,12 @@
-"""The power stage of the stand-in drive: CiA 402-2 7.2 from the drive's side.
+"""Power stage of the simulated drive: CiA 402-2 7.2 from the drive's side.
 
 Theory of operation
 -------------------
-``ARROWS`` holds the transitions 0 to 16, ``_COMMANDS`` what the controlword asks for in each state. A transition that has been
-accepted waits for three things, in this order: the ramp that its option code asks for (``effort`` tells the motion part what to
-do meanwhile), its delay, and then the state changes. The controlword works by its level, except fault reset, which needs a rising
-edge of bit 7. Transitions of the drive's own accord (0, 1, 12 after a quick stop, 13, 14) are pending in the same way. The drive's
-own 12 waits for one thing more: *quick stop active* lasts long enough to be seen, even where nothing had to be braked.
+``ARROWS`` contains the transitions 0 to 16, ``_COMMANDS`` the transitions that the controlword requests in each state. An accepted
+transition waits for the ramp of its option code (``effort`` tells the motion part how to brake), then for its delay; then the state
+changes. The controlword works by its level, except fault reset, which needs a rising edge of bit 7. Transitions without a command
+(0, 1, 12 after a quick stop, 13, 14) are pending in the same way. Transition 12 without a command has one more condition: *quick
+stop active* must last long enough to be seen, even if there was nothing to brake.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ class Stage(IntEnum):
 
 
 class Effort(IntEnum):
-    """What the motor is to do now."""
+    """Action of the motor."""
 
     OFF = 0  # not energised
-    RUN = 1  # what the mode of operation says
+    RUN = 1  # follow the mode of operation
     SLOW = 2  # brake on the slow-down ramp
     QUICK = 3  # brake on the quick-stop ramp
     LIMIT = 4  # brake at the current or voltage limit
@@ -66,7 +66,7 @@ ARROWS = {
     16: (Stage.QUICK_STOP, Stage.ENABLED),
 }
 
-# (mask, value, transition) by state; the rows of a state exclude each other or stand in order. Table 27 wants bit 7 low.
+# (mask, value, transition) by state; the rows of a state exclude each other or are in order. Table 27 requires bit 7 low.
 _COMMANDS: dict[Stage, tuple[tuple[int, int, int], ...]] = {
     Stage.SWITCH_ON_DISABLED: ((0x87, 0x06, 2),),
     Stage.READY: ((0x82, 0x00, 7), (0x86, 0x02, 7), (0x87, 0x07, 3)),
@@ -92,19 +92,19 @@ _ENERGISED = (Stage.ENABLED, Stage.QUICK_STOP, Stage.FAULT_REACTION)
 _HOLDS = range(5, 9)
 _AFTER_STANDSTILL = (5, 8, 12, 14)  # these wait for the end of their ramp
 
-# Seconds that a drive of this kind takes; 1 is its self-test, 4 and 5 get the brake's times on top.
+# Delay in seconds by transition; 1 is the self-test. The brake's times are added to 4 and 5.
 DELAYS: Mapping[int, float] = {1: 0.01, 3: 0.002, 4: 0.002}
-_SHOWN = 0.02  # s for which quick stop active lasts at least
-_SHOWN_AT_MOST = 1.0  # s for which it waits to be sent in TPDOs
+_SHOWN = 0.02  # s: minimum duration of quick stop active
+_SHOWN_AT_MOST = 1.0  # s for which it waits at most to be sent in TPDOs
 
 
 def by_option(table: tuple[Effort, ...], option: int) -> Effort:
-    """Return the effort of an option code; one that the standard does not know brakes on the slow-down ramp."""
+    """Return the effort of an option code; a code unknown to the standard brakes on the slow-down ramp."""
     return table[option] if 0 <= option < len(table) else Effort.SLOW
 
 
 class Options(Protocol):
-    """The option codes that the power stage obeys: 605Ah, 605Bh, 605Ch, 605Eh."""
+    """Option codes of the power stage: 605Ah, 605Bh, 605Ch, 605Eh."""
 
     quick_stop_option: int
     shutdown_option: int
@@ -113,7 +113,7 @@ class Options(Protocol):
 
 
 class PowerStage:
-    """Holds the state and the transition that is under way."""
+    """The state and the pending transition."""
 
     __slots__ = (
         "_brake_closes",
@@ -143,7 +143,7 @@ class PowerStage:
         delays: Mapping[int, float] = DELAYS,
         brake: tuple[float, float] = (0.0, 0.0),
     ) -> None:
-        """Begin in *not ready to switch on*; ``brake`` is how long a brake takes to open and to close, in seconds."""
+        """Begin in *not ready to switch on*; ``brake``: times of the brake to open and to close, in seconds."""
         self._options = options
         self._dials = dials
         self._delays = delays
@@ -151,8 +151,8 @@ class PowerStage:
         self.stage = Stage.NOT_READY
         self.effort = Effort.OFF
         self.last_transition = 0
-        self.brake_in_time = False  # the brake holds before the torque goes
-        # By TPDO: how often it must have shown quick stop active before the drive leaves that by itself, and how often still.
+        self.brake_in_time = False  # the brake closes before the torque is removed
+        # By TPDO: how often it must send quick stop active before the drive may leave that state automatically; times left.
         self.to_be_sent: dict[int, int] = {}
         self._unsent: dict[int, int] = {}
         self._shown = 0.0  # seconds for which the present state has lasted
@@ -169,7 +169,7 @@ class PowerStage:
         return PATTERN[self.stage]
 
     def command(self, word: int) -> None:
-        """Take a controlword; it may make a transition pending, which ``step`` then takes."""
+        """Take a controlword; it may make a transition pending, which ``step`` then executes."""
         if word & CW_FAULT_RESET and not self._word & CW_FAULT_RESET:
             self._edge = True
         if word != self._word:
@@ -178,7 +178,7 @@ class PowerStage:
         self._look()
 
     def step(self, dt: float, standing: bool) -> None:
-        """Let ``dt`` seconds (>= 0) pass; ``standing`` tells that a braking motor has come to rest."""
+        """Advance by ``dt`` seconds (>= 0); ``standing``: a braking motor has reached standstill."""
         guard = 8  # transitions that follow each other without a delay
         self._shown += dt
         while self.pending is not None and guard:
@@ -195,7 +195,7 @@ class PowerStage:
             guard -= 1
 
     def sent(self, tpdo: int) -> None:
-        """A TPDO has shown the state."""
+        """Note that a TPDO has transmitted the state."""
         if self._unsent.get(tpdo):
             self._unsent[tpdo] -= 1
 
@@ -206,7 +206,7 @@ class PowerStage:
         return self._shown >= _SHOWN - 1e-9 and not waits
 
     def fault(self) -> None:
-        """Transition 13: a fault was detected, in any state."""
+        """Execute transition 13: a fault was detected, in any state."""
         if self.stage in (Stage.FAULT, Stage.FAULT_REACTION):
             return
         energised = self.stage in _ENERGISED
@@ -217,19 +217,19 @@ class PowerStage:
         self._edge = False
 
     def force(self, transition: int) -> None:
-        """Make transition 9 or 11 without a command (abort connection option code); the controlword must change to go on."""
+        """Make transition 9 or 11 without a command (abort connection option code); only a changed controlword acts afterwards."""
         if self.stage is not Stage.ENABLED:
             return
         self._ignored_word = self._word
         self._accept(transition)
 
     def start_enabled(self, word: int) -> None:
-        """Be in operation enabled at once, as a drive is that another master enabled before."""
+        """Start in operation enabled, like a drive that another master enabled before."""
         self.stage, self.effort, self.pending = Stage.ENABLED, Effort.RUN, None
         self._word = word
 
     def _look(self) -> None:
-        """Accept what the controlword asks for now."""
+        """Accept the transition that the controlword requests now."""
         if self.stage is Stage.FAULT:
             if self._edge and not self._dials.fault_persists:
                 self._accept(15)
@@ -263,7 +263,7 @@ class PowerStage:
         return transition not in (3, 4) or not self._dials.no_voltage
 
     def _interrupts(self, wanted: int) -> bool:
-        """A pending ramp yields to any other command; another pending transition only to disable voltage and quick stop."""
+        """Whether a command replaces the pending transition: any during a ramp, otherwise only disable voltage and quick stop."""
         if wanted == self.pending:
             return wanted == 12 and (
                 self.effort > Effort.RUN or self._by_itself
@@ -271,7 +271,7 @@ class PowerStage:
         return self.pending is None or self.effort > Effort.RUN or wanted in (7, 9, 10, 11, 12)
 
     def _drop_ramp(self) -> None:
-        """Enable operation again while transition 5 or 8 is still braking: the drive goes on."""
+        """Continue operation if enable operation is commanded again while transition 5 or 8 is still braking."""
         if self.pending in (5, 8) and self._word & 0x8F == 0x0F:
             self.pending, self.effort = None, Effort.RUN
 
@@ -313,6 +313,6 @@ class PowerStage:
             self.effort = by_option(_QUICK_STOP, self._options.quick_stop_option)
             if self._options.quick_stop_option not in _HOLDS:
                 self._await(12)
-                self._by_itself = self.effort is not Effort.OFF  # option 0 takes the power away at once
+                self._by_itself = self.effort is not Effort.OFF  # option 0 removes the power at once
         else:
             self.effort = Effort.OFF

@@ -1,9 +1,9 @@
-"""The faults of the GIM6010-8 and what they mean.
+"""Faults of the GIM6010-8 and their meaning.
 
-Theory of operation. 603Fh holds a code of CiA 402, or FF00h for "see the module's own bits", which are in 203Fh (low) and 203Eh
+Theory of operation. 603Fh contains a code of CiA 402, or FF00h for "see the module's own bits", which are in 203Fh (low) and 203Eh
 (high). Each part of the firmware (system, axis, motor, controller, encoder) numbers its bits from the lowest, so a bit alone may
-mean up to five faults. The code belongs to one of them and narrows it, and so does the error register (1001h). What stays ambiguous
-is said so.
+mean up to five faults. The code belongs to one of these faults and the error register (1001h) also excludes some. If several
+remain, the text names all of them.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ _NOT_TOLD = "-"
 
 @dataclass(frozen=True, slots=True)
 class GimFault:
-    """One fault: the part of the firmware, its bit (one bit of 36), the code in 603Fh, and the bit of 1001h that goes with it.
+    """One fault: the part of the firmware, its bit (one bit of 36), the code in 603Fh, and its bit of 1001h.
 
-    ``code`` and ``register_bit`` are None where nobody has told them. What to compare is ``objects`` on CANopen, ``parameter`` on
-    the other interfaces; empty where there is nothing.
+    ``code`` and ``register_bit`` are None if undocumented. ``objects`` are the values to compare on CANopen, ``parameter`` on the
+    other interfaces; empty if there is none.
     """
 
     category: str
@@ -44,7 +44,7 @@ class GimFault:
         return self.words(self.objects)
 
     def words(self, compare: str = "") -> str:
-        """Return what it means and what to do, with what to ``compare`` (its objects or its parameter)."""
+        """Return meaning and remedy, with the values to ``compare`` (its objects or its parameter)."""
         todo = f"{self.remedy}; compare {compare}" if compare else self.remedy
         return f"{self.category} {self.name}: {self.meaning} ({todo})"
 
@@ -66,14 +66,14 @@ def _read() -> tuple[GimFault, ...]:
     )
 
 
-# As they are in ``faults.tsv``, read on import: the first fault is explained inside the scan, which waits for no disk.
+# From ``faults.tsv``, read on import: the first fault is explained inside the scan, which must not wait for a disk.
 FAULTS = _read()
 
 
 def explain(code: int, details: Mapping[tuple[int, int], int]) -> list[str]:
-    """Return what the module reports, one sentence for each fault bit; ambiguous ones name every candidate.
+    """Return the reported faults, one sentence per fault bit; ambiguous bits name every candidate.
 
-    ``code`` is that of 603Fh (0: not read); ``details`` holds what could be read of ``OBJECTS``.
+    ``code`` is 603Fh (0: not read); ``details`` contains the values of those ``OBJECTS`` that could be read.
     """
     bits = _bits(details)
     register = details.get(ERROR_REGISTER)
@@ -85,7 +85,7 @@ def explain(code: int, details: Mapping[tuple[int, int], int]) -> list[str]:
             else []
         )
     by_bit = {bit: [fault for fault in FAULTS if fault.bits == bit] for bit in _single(bits)}
-    # The code says which bit came first; those that it does not fit came with it.
+    # The code belongs to the first bit; bits with other codes came later.
     order = sorted(by_bit, key=lambda bit: all(fault.code != code for fault in by_bit[bit]))
     return [_sentence(_narrowed(by_bit[bit], code, register), f"bit 0x{bit:08X}") for bit in order]
 
@@ -96,12 +96,12 @@ def _bits(details: Mapping[tuple[int, int], int]) -> int:
 
 
 def _single(bits: int) -> list[int]:
-    """Return the bits that are set, each as a number of its own."""
+    """Return the bits that are set, each as a number."""
     return [1 << place for place in range(bits.bit_length()) if bits >> place & 1]
 
 
 def _narrowed(faults: Iterable[GimFault], code: int, register: int | None) -> list[GimFault]:
-    """Return the faults that fit the code, and of them those that fit the error register, as far as any do."""
+    """Return the faults that fit the code and the error register; a criterion that no fault fits is ignored."""
     left = list(faults)
     if code:
         left = [fault for fault in left if fault.code in (code, None)] or left
@@ -115,7 +115,7 @@ def _registered(fault: GimFault, register: int) -> bool:
 
 
 def words(category: str, error: int) -> list[str]:
-    """Return what an error word of one category says, a sentence for each bit, with the parameter to compare; none of 0."""
+    """Return the meaning of an error word, a sentence per bit, with the parameter to compare; an empty list for 0."""
     return [_of_category(category, bit) for bit in _single(error)]
 
 

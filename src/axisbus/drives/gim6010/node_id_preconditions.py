@@ -1,4 +1,4 @@
-"""What must hold before a module is given another node ID or protocol, out of what was found on its bus."""
+"""Preconditions for changing a module's node ID or protocol, checked against the modules found on its bus."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ OVER_USB = {
 
 
 def require_one(finder: Finder, found: Sequence[DiscoveredModule], node: int) -> DiscoveredModule:
-    """Return the one module of CAN Simple that has this node ID, which is idle.
+    """Return the only module of CAN Simple with this node ID, if it is idle.
 
     Raises:
-        StateError: there is none, there are several, it is not idle or its state is not known; or nobody acknowledges.
+        StateError: there is none, there are several, it is not idle or its state is unknown; or requests are not acknowledged.
     """
     if finder.unacknowledged:
         raise StateError(
@@ -61,10 +61,10 @@ def require_one(finder: Finder, found: Sequence[DiscoveredModule], node: int) ->
 
 
 def require_free(finder: Finder, found: Sequence[DiscoveredModule], new: int) -> None:
-    """Check that ``new`` can be given to a module of CAN Simple (0 to 63).
+    """Check that a module of CAN Simple can get the node ID ``new`` (0 to 63).
 
     Raises:
-        ArgumentError: it is none. StateError: another module has it, or one of its identifiers is somebody else's.
+        ArgumentError: the node ID is invalid. StateError: another module has it, or another node uses one of its identifiers.
     """
     if new not in NODES:
         raise ArgumentError(f"{new!r} is no node ID of CAN Simple", remedy="give a number from 0 to 63")
@@ -84,7 +84,7 @@ def require_canopen(found: Sequence[DiscoveredModule], node: int) -> None:
     """Check that the module with this node ID can be a CANopen node of the same ID on this bus.
 
     Raises:
-        StateError: it is 0, another node has it, or its identifiers are those of another module.
+        StateError: it is not 1 to 127, another node has it, or its identifiers belong to another module.
     """
     if node not in cob.NODE_IDS:
         raise StateError(
@@ -104,7 +104,7 @@ def require_canopen(found: Sequence[DiscoveredModule], node: int) -> None:
 
 
 def canopen_nodes(found: Sequence[DiscoveredModule]) -> set[int]:
-    """Return the CANopen nodes among what was found."""
+    """Return the CANopen nodes among the modules found."""
     return {each.node for each in found if each.protocol is ProtocolsFound.CANOPEN and each.node is not None}
 
 

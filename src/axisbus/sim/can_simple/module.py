@@ -162,7 +162,7 @@ class Module:
         self.endpoints.write(path, value)
 
     def usb_call(self, path: str, argument: Value = 0) -> None:
-        """Call a function by its path in the USB tree: ``save_configuration``, ``reboot``; raises the same error as ``usb_read``."""
+        """Call a function by its path in the USB tree (``save_configuration``, ``reboot``); raises as ``usb_read`` does."""
         self.endpoints.write(path, argument)
 
     def json(self) -> list[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""When a planned fault begins and when it is over, by the time and by a condition; decides alone."""
+"""Begin and end of a planned fault, by time and by a condition; without access to the devices."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ Condition = Callable[[Any], bool]
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """When a fault begins, and for how long; times in seconds.
+    """Begin and duration of a fault; times in seconds.
 
-    begin: since the drives began; or ``when``: as soon as that becomes true, and ``after`` s later. What is so from the beginning
-        must have been otherwise in between.
-    every: again after so long; with ``when`` it is the shortest time from one begin to the next (None: only once)
-    lasts: how long (None: for good)
+    begin: time since the drives started; or ``when``: the fault begins ``after`` s after this condition becomes true. A condition
+    that
+        is true from the start must first become false.
+    every: time from one begin to the next; with ``when`` it is the shortest such time (None: only once)
+    lasts: duration (None: permanent)
     """
 
     begin: float | None = None
@@ -28,7 +29,7 @@ class Moment:
 
 
 class Turn(Enum):
-    """What a cue says."""
+    """Result of a step."""
 
     NOTHING = 0
     BEGINS = 1
@@ -36,18 +37,18 @@ class Turn(Enum):
 
 
 class Cue:
-    """One fault's place in time; holds when it is due next, and when what is under way is over."""
+    """Timing of one fault: the time of its next begin and of its end."""
 
     def __init__(self, moment: Moment) -> None:
         self._moment = moment
         self._due = moment.begin
         self._over: float | None = None
-        self._next = 0.0  # not before
-        self._held = True  # whether the condition was met in the step before
+        self._next = 0.0  # earliest time of the next begin
+        self._held = True  # whether the condition was true in the previous step
         self._ended = False  # whether it will not begin again
 
     def step(self, now: float, values: Any) -> Turn:
-        """Say what is to be done at ``now``; ``values`` are for the condition. One thing at each step."""
+        """Return the change due at ``now``; ``values`` are for the condition. At most one change per step."""
         self._watch(now, values)
         if self._over is not None and now >= self._over:
             self._over = None
@@ -74,4 +75,4 @@ class Cue:
             return
         self._next = now + moment.every
         if moment.when is None:
-            self._due = max(due + moment.every, now)  # what was missed is not made up for
+            self._due = max(due + moment.every, now)  # missed begins are skipped

@@ -1,11 +1,11 @@
-"""A module behind its registers: what it answers to each request, and when; bytes in, bytes out, time by ``step``.
+"""A simulated module on Modbus: its answer to each request, and when; bytes in, bytes out, time by ``step``.
 
 Theory of operation
 -------------------
-``take`` gets what came from the line, ``step`` lets time pass, ``due`` returns what is to be sent by now. The module itself, its
-motor and its parameters are those of the CAN Simple stand-in, which says nothing on CAN while RS485 is its interface. A request
-that cuts a value of several registers is refused (4.3: neither register may be accessed separately), and so is a state that the
-manual does not list. ``frames`` keeps every request that came whole, for whoever wants to see what was asked.
+``take`` gets received bytes, ``step`` advances the time, ``due`` returns the bytes to be sent. Module, motor and parameters are
+those of the simulated CAN Simple module, which sends nothing on CAN while RS485 is its interface. A request for a part of a value
+of several registers is rejected (4.3: neither register may be accessed separately), and so is a state that is not in the manual.
+``frames`` stores every complete request, for tests.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ _EVERYBODY = 0
 _RS485 = 1  # config.comm_intf_mux
 
 
-class _Refused(Exception):  # an answer
+class _Refused(Exception):  # becomes an exception answer
     def __init__(self, code: int) -> None:
         self.code = code
 
 
 class Station:
-    """One module on the line; holds what is to be answered, and the endpoint that was chosen."""
+    """One module on the line; holds the pending answers, and the selected endpoint."""
 
     def __init__(
         self,
@@ -58,7 +58,7 @@ class Station:
         dials: LineDials | None = None,
         firmware: Firmware = FACTORY,
     ) -> None:
-        """``module``: one that is made elsewhere, with its motor; its interface becomes RS485."""
+        """``module``: an existing module, with its motor, whose interface must be RS485; by default a new one."""
         self.module = module or Module(node_id, firmware=firmware, comm_intf_mux=_RS485)
         self.dials = dials or LineDials()
         self.frames: list[bytes] = []
@@ -72,25 +72,25 @@ class Station:
 
     @property
     def address(self) -> int:
-        """The address that it answers to."""
+        """The Modbus address in effect."""
         return self._address
 
     @property
     def broken(self) -> int:
-        """Frames that came with a wrong checksum."""
+        """Number of received frames with a wrong checksum."""
         return self._frames.broken
 
     # The line.
 
     def take(self, data: bytes, now: float) -> None:
-        """Take bytes that came at ``now`` (s); nothing that comes raises."""
+        """Take bytes received at ``now`` (s); never raises."""
         self.step(now)
         for frame in self._frames.take(data, now):
             self.frames.append(frame)
             self._hear(frame)
 
     def step(self, now: float) -> None:
-        """Let time pass until ``now`` (s of any steady clock)."""
+        """Advance to ``now`` (s of any steady clock)."""
         self.module.step(now)
         self._now = now
         if self.module.restarts != self._restarts:
@@ -100,14 +100,14 @@ class Station:
             self._endpoint = 0
 
     def due(self, now: float) -> bytes:
-        """Return what is to be sent by ``now``, and forget it."""
+        """Return the bytes to be sent until ``now``, and remove them."""
         ready = [data for time, data in self._answers if time <= now + 1e-9]
         self._answers = [each for each in self._answers if each[0] > now + 1e-9]
         return b"".join(ready)
 
     @property
     def owes(self) -> bool:
-        """Whether an answer waits for its time."""
+        """Whether an answer is pending."""
         return bool(self._answers)
 
     # Requests.
@@ -130,7 +130,7 @@ class Station:
         self._answers.append((self._now + self.dials.delay + late, data))
 
     def _counted(self, name: str) -> bool:
-        """Whether a dial that counts down is up; -1 never comes down."""
+        """Whether a fault setting that counts down is active; -1 never counts down."""
         left = int(getattr(self.dials, name))
         if left > 0:
             setattr(self.dials, name, left - 1)
@@ -176,7 +176,7 @@ class Station:
         return data[:4]
 
     def _require(self, places: dict[int, RegisterAddress], first: int, count: int, *, writes: bool) -> None:
-        """Values are accessed whole, and one at a time."""
+        """Reject a request that does not access exactly one whole value."""
         code = self.dials.exceptions.get((first, writes))
         if code is not None:
             raise _Refused(code)

@@ -1,12 +1,12 @@
-"""The communication of one node as frames in and frames out, without a bus or a clock.
+"""Communication of one simulated node as frames in and frames out, without a bus or a clock.
 
 Theory of operation
 -------------------
-``on_frame`` takes what came, ``step`` lets time pass; frames to be sent collect in a list that ``take_frames`` empties. NMT decides
-what is heard: nothing while initialising, no SDO, SYNC, PDO or EMCY in *stopped*, no PDO in *pre-operational*. At SYNC the
-synchronous TPDOs are sampled first and the waiting RPDOs take effect then, so that an answer to a command travels with the next
-SYNC, as on a real bus. A node whose 1005h says so sends SYNC itself, and takes its own. SDO requests queue up and are carried out
-when their delay has passed.
+``on_frame`` takes a received frame, ``step`` advances the time; frames to be sent collect in a list that ``take_frames`` empties.
+The NMT state decides which frames are accepted: none while initialising, no SDO, SYNC, PDO or EMCY in *stopped*, no PDO in
+*pre-operational*. At SYNC the synchronous TPDOs are sampled first, then the waiting RPDOs take effect, so that the answer to a
+command is sent with the next SYNC, as on a real bus. If 1005h is configured so, the node sends SYNC itself, and processes its own
+SYNC. SDO requests are queued and executed when their delay is over.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ _LSS_REQUEST, _LSS_ANSWER = 0x7E5, 0x7E4
 _SHORT_PDO = 0x8210
 _NO_CHANNEL = 1 << 31
 _CONSUMER = 0x8000_0000  # in 1012h
-_SIGHTINGS = 2  # TPDOs: who waits for the next one after its command has missed the first
+_SIGHTINGS = 2  # TPDOs: a master may see only the second one, if its command came after the first
 
 
 class TransmitState:
-    """What was sent of one TPDO, and when; ``begun``: it counts SYNCs, because its start value has come or it has none."""
+    """Transmission state of one TPDO; ``begun``: it counts SYNCs, because its start value was received or it has none."""
 
     __slots__ = ("begun", "count", "last", "sampled", "stamp")
 
@@ -45,7 +45,7 @@ class TransmitState:
 
 
 class Slave:
-    """A node on the wire; holds queues, timers and what was sent last. Times are seconds of any steady clock."""
+    """A node on the wire; holds queues, timers and the frames sent last. Times are seconds of any steady clock."""
 
     def __init__(self, device: Device) -> None:
         self.device = device
@@ -56,22 +56,22 @@ class Slave:
         self._requests: deque[tuple[float, int, bytes]] = deque()  # when due, SDO channel, frame
         self._pending: dict[int, tuple[Pdo, bytes]] = {}  # RPDOs that wait for SYNC
         self._sent: dict[int, TransmitState] = {}
-        self._heard: dict[int, float] = {}  # RPDO number: when it came
+        self._heard: dict[int, float] = {}  # RPDO number: time of receipt
         self._late: set[int] = set()
         self._routes: dict[int, Callable[[bytes, float], None]] = {}
         self._cyclic: list[Pdo] = []  # valid TPDOs by how they are sent
         self._events: list[Pdo] = []
         self._requested: list[Pdo] = []
-        self._showing: dict[int, list[Drive]] = {}  # by TPDO number: the drives whose statusword it holds
+        self._showing: dict[int, list[Drive]] = {}  # by TPDO number: the drives whose statusword it contains
         self._answering: dict[int, Pdo] = {}  # TPDOs that answer remote frames, by COB-ID
         self.sync = SyncService(device)
         self.time_of_day: tuple[int, int] | None = (
-            None  # milliseconds since midnight, days since 1984, as heard by TIME
+            None  # milliseconds since midnight, days since 1984, as received by TIME
         )
         self._version = -1
         self._now: float | None = None
         self._next_heartbeat = 0.0
-        self._beat_time = 0.0  # 1017h as it was obeyed last
+        self._beat_time = 0.0  # 1017h as last used
         self._boot_ups = 0
         self._nmt = device.nmt
         for number in self._servers:
@@ -80,17 +80,17 @@ class Slave:
         self._index_routes()
 
     def listens_to(self, can_id: int) -> bool:
-        """Whether a frame with this identifier means anything to the node."""
+        """Whether the node processes frames with this identifier."""
         known = can_id in self._routes or can_id in self._answering
         return known or _HEARTBEAT < can_id <= _HEARTBEAT + 127 or can_id == _LSS_REQUEST
 
     def take_frames(self) -> list[Frame]:
-        """Return the frames to be sent, as (identifier, data), and forget them."""
+        """Return the frames to be sent, as (identifier, data), and clear them."""
         frames, self._frames = self._frames, []
         return frames
 
     def on_frame(self, can_id: int, data: bytes, now: float, *, remote: bool = False) -> None:
-        """Take a frame that came at ``now``; one that means nothing here, or is malformed, is passed over."""
+        """Take a frame received at ``now``; unknown and malformed frames are ignored."""
         device = self.device
         if device.dials.dead:
             return
@@ -113,7 +113,7 @@ class Slave:
             self._after(now)
 
     def step(self, now: float) -> None:
-        """Let time pass until ``now``: the device moves on, timers run, frames collect."""
+        """Advance to ``now``: the device is stepped, timers run, frames collect."""
         dt = 0.0 if self._now is None else now - self._now
         self._now = now
         device = self.device
@@ -132,7 +132,7 @@ class Slave:
         self._after(now)
 
     def _after(self, now: float) -> None:
-        """Send what follows from what has just happened."""
+        """Send the frames that follow from the last change."""
         device = self.device
         if device.nmt is not self._nmt:
             self._on_nmt_change()
@@ -177,7 +177,7 @@ class Slave:
         self._index_statuswords(sent)
 
     def _index_statuswords(self, sent: list[Pdo]) -> None:
-        """Which TPDOs show the state of which drive; one that is sent again and again must have shown it twice."""
+        """Find the TPDOs that contain the statusword of each drive; a periodic one must have sent a state twice."""
         self._showing = {pdo.number: [] for pdo in sent}
         for drive in self.device.drives:
             key = place(self.device.dictionary, 0x6041 + drive.axis_number * AXIS_SPAN)
@@ -210,7 +210,7 @@ class Slave:
     def _beat(self, now: float) -> None:
         device = self.device
         time = self._heartbeat_time
-        # It begins immediately (CiA 301 7.2.8.3.2.2), not when the old period is over.
+        # A new period begins immediately (CiA 301 7.2.8.3.2.2), not at the end of the old one.
         if time != self._beat_time:
             self._beat_time, self._next_heartbeat = time, now
         if time <= 0.0:
@@ -240,7 +240,7 @@ class Slave:
 
     @property
     def next_answer(self) -> float | None:
-        """When the next SDO request is to be answered; None where none waits, or the node is away."""
+        """Time at which the next SDO answer is due; None if none is pending, or the node is not running."""
         return self._requests[0][0] if self._requests and self._is_there else None
 
     def serve(self, now: float) -> None:
@@ -257,7 +257,7 @@ class Slave:
         self._version = -1
 
     def _sdo_ids(self, number: int) -> tuple[int, int] | None:
-        """Return request and answer identifier of an SDO channel (0 is the predefined one); None where it is not valid."""
+        """Return request and answer identifier of an SDO channel (0 is the predefined one); None if it is not valid."""
         if number == 0:
             return 0x600 + self.device.node_id, 0x580 + self.device.node_id
         request, answer = (
@@ -339,7 +339,7 @@ class Slave:
                 self._send(pdo, state, data, now)
             return
         if counter and pdo.sync_start and not state.begun and counter != pdo.sync_start:
-            return  # the SYNC with this counter is the first that it counts (18xxh:06)
+            return  # the TPDO counts from the SYNC with this counter on (18xxh:06)
         state.begun = True
         state.count += 1
         if state.count >= pdo.transmission_type:
@@ -347,7 +347,7 @@ class Slave:
             self._send(pdo, state, pdo.pack(), now)
 
     def _send_events(self, now: float) -> None:
-        """Send the event-driven TPDOs that have changed or whose event timer has run out, but not within their inhibit time."""
+        """Send the event-driven TPDOs that have changed or whose event timer has expired, but not within their inhibit time."""
         for pdo in self._events:
             state = self._sent.setdefault(pdo.number, TransmitState())
             since = now - state.stamp + 1e-9
@@ -365,7 +365,7 @@ class Slave:
             self._frames.append((pdo.cob_id, data))
 
     def _watch_deadlines(self, now: float) -> None:
-        """14xxh:05: an RPDO that came once must come again in time."""
+        """Supervise 14xxh:05: an RPDO received once must be received again in time."""
         if not self.device.operational:
             return
         for pdo in self.device.pdos.receive:

@@ -1,10 +1,11 @@
-"""What one client of a socketcand server says and is answered, as bytes; decides alone, sends nothing.
+"""One client's dialogue with a socketcand server as bytes; pure: sends nothing itself.
 
 Theory of operation
 -------------------
-``< hi >`` greets; the client opens the bus by its name, and asks for raw mode; from then on each ``< send ID LENGTH BYTES >`` is a
-frame, and each frame of the others comes as ``< frame ID TIME DATA >``. Remote frames and CAN FD are not part of it. A client of
-python-can takes whatever comes with an answer for a part of it, so that for ``QUIET`` s after the last answer no frame may follow.
+The server greets with ``< hi >``. The client opens the bus by its name and requests raw mode. From then on each ``< send ID LENGTH
+BYTES >`` is a frame, and each frame of the others is sent as ``< frame ID TIME DATA >``. Remote frames and CAN FD are not
+supported. A client of python-can treats everything that arrives with an answer as part of the answer; therefore no frame may be
+sent for ``QUIET`` s after the last answer.
 """
 
 from __future__ import annotations
@@ -29,24 +30,24 @@ class Frame(NamedTuple):
 
 
 def told(frame: Frame, time: float) -> bytes:
-    """Return a frame as it is told to a client; ``time`` in seconds since 1970."""
+    """Return a frame as the server sends it to a client; ``time`` in seconds since 1970."""
     number = f"{frame.can_id:08X}" if frame.extended else f"{frame.can_id:03X}"
     return f"< frame {number} {time:.6f} {frame.data.hex().upper()} >".encode()
 
 
 class Dialogue:
-    """One client's side; holds what has not become a message yet, and how far it is."""
+    """The client's incomplete message and the state of its dialogue."""
 
     def __init__(self, channel: str) -> None:
         """``channel``: the name of the bus."""
         self._channel = channel
         self._waiting = b""
         self._opened = False
-        self.raw = False  # whether it wants the frames of the bus
-        self.mad = False  # whether what it sends is no message of this protocol: it is to be let go
+        self.raw = False  # whether it is in raw mode and gets the frames of the bus
+        self.mad = False  # whether it does not use this protocol and must be disconnected
 
     def take(self, data: bytes) -> tuple[bytes, list[Frame]]:
-        """Take what it has sent; return what is to be answered, and the frames that it gives to the bus."""
+        """Take received bytes; return the answers to send, and the frames for the bus."""
         self._waiting += data
         answers, frames = b"", []
         while (found := _MESSAGE.search(self._waiting)) is not None:
@@ -76,7 +77,7 @@ class Dialogue:
 
 
 def _frame(words: list[str]) -> Frame | None:
-    """Return the frame of a ``send``, None where it is none."""
+    """Return the frame of a ``send``, None if it is invalid."""
     try:
         number, length = int(words[0], 16), int(words[1], 16)
         data = bytes(int(word, 16) for word in words[2:])

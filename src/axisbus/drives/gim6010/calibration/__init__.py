@@ -1,1 +1,1 @@
-"""Calibrating a module's motor and encoder: what it does, how it is followed, and what it came to; all of it pure."""
+"""Calibration of a module's motor and encoder: its effect, its supervision and its result; without input or output."""

@@ -1,4 +1,4 @@
-"""The calibrations that a module has, and what each does, in words for whoever stands beside it (manual v2.2, 3.1.4)."""
+"""Calibrations of a module, and the motion that each causes, as text for the operator (manual v2.2, 3.1.4)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _MOTOR_STATE, _ENCODER_STATE = 4, 7
 
 
 class CalibrationKind(Enum):
-    """A calibration by the state that asks for it; ``parts`` are the states that have to be seen, since 3 is never shown."""
+    """A calibration by the state that starts it; ``parts`` are the states that must be seen, since 3 is never reported."""
 
     MOTOR = 4
     ENCODER = 7
@@ -20,12 +20,12 @@ class CalibrationKind(Enum):
 
     @property
     def words(self) -> str:
-        """Its name."""
+        """Name of the calibration."""
         return state_words(self.value)
 
     @property
     def parts(self) -> frozenset[int]:
-        """The states that it runs through, at the least."""
+        """States that the calibration must pass through."""
         return (
             frozenset({_MOTOR_STATE, _ENCODER_STATE})
             if self is CalibrationKind.FULL
@@ -39,11 +39,11 @@ class CalibrationKind(Enum):
 
     @property
     def farthest(self) -> float:
-        """Rotor turns from where it stood, at which it is ended: no source says how far a calibration turns."""
+        """Rotor turns from the start at which it is aborted: no source gives the angle of a calibration."""
         return float(GEAR_RATIO) if self.turns else 1.0
 
 
-# What may be seen on the way; 0 is what one state of newer firmware looks like in four bits.
+# States that may appear during a calibration; 0 is a state of newer firmware, truncated to four bits.
 ON_THE_WAY = frozenset({0, 3, 4, 6, 7, 10, 12, 13, 14, 15, 16})
 _PARTS = {
     _MOTOR_STATE: "the motor: current flows for some seconds while it stands, with a sharp beep; the rotor may twitch",
@@ -52,7 +52,7 @@ _PARTS = {
 
 
 def explanation(kind: CalibrationKind, node: int, *, warden: bool = False) -> Iterator[str]:
-    """Yield what will turn and by how much, and what has to be seen to before; ``warden``: one ends it for a killed program."""
+    """Yield the motion to expect and the precautions; ``warden``: a watchdog process ends it if the program is killed."""
     yield f"{kind.words} of module {node}, which moves by itself:"
     for part in sorted(kind.parts):
         yield f"  {_PARTS[part]}"

@@ -1,12 +1,13 @@
-"""A calibration from the first look to its end, as a dialogue with one module; pure: frames and times in, requests out.
+"""A calibration of one module, from the first heartbeat to its end; pure: frames and times in, requests out.
 
 Theory of operation
 -------------------
-The request to calibrate goes out once: repeated, it would begin anew. The heartbeat then shows sub-states (4, 7 and others, never
-the 3 that was asked for), and idle at the end; the encoder's count, asked for all the time, shows how far the rotor turns. Then
-the error words are asked for, and judged with all of it.
+The calibration is requested once: a repeated request would restart it. The heartbeat then shows sub-states (4, 7 and others, never
+the requested 3), and idle at the end. The encoder's count, requested periodically, shows the rotation of the rotor. At the end the
+error words are requested, and the result is judged by all of these.
 
-Silence, a restart, a state that is none of a calibration's, too many turns, and too long a time end it (``leading.led``).
+Silence, a restart, a state that does not belong to a calibration, too many turns, and a time-out end the procedure
+(``ModuleMotionProcedure``).
 """
 
 from __future__ import annotations
@@ -28,14 +29,14 @@ from axisbus.drives.gim6010.direct_motion.heartbeat_monitor import PERIODS
 from axisbus.drives.gim6010.direct_motion.motion_procedure import ModuleMotionProcedure, ModuleMotionStage
 
 _STATE, _COUNT = named("Set_Axis_State"), named("Get_Encoder_Count")
-BEGINS = 2.0  # s in which the heartbeat has to show it
-LONGEST = 300.0  # s: after five minutes the manual has it cancelled
-_COUNTS = 0.03  # s between two questions for the count
-_WORD, _TRIES = 0.15, 2  # s for an answer
+BEGINS = 2.0  # s until the heartbeat must show the calibration
+LONGEST = 300.0  # s: the manual says to cancel it after five minutes
+_COUNTS = 0.03  # s between two requests for the count
+_WORD, _TRIES = 0.15, 2  # s to wait for an error word, and requests for it
 
 
 class CalibrationPhase(Enum):
-    """How far the module is with it."""
+    """Phase of the calibration."""
 
     BEGINNING = "asked for"
     RUNNING = "under way"
@@ -43,13 +44,13 @@ class CalibrationPhase(Enum):
 
 
 class Calibration(ModuleMotionProcedure):
-    """One calibration; holds what was heard. ``verdict`` is None where it did not come to its own end: ``why`` then says why."""
+    """One calibration and its observations. ``verdict`` is None if it was aborted; ``why`` is then the reason."""
 
     def __init__(self, node: int, kind: CalibrationKind, *, remote: bool = True) -> None:
         """``node`` 0 to 63; ``remote``: whether the bus carries remote frames.
 
         Raises:
-            ArgumentError: the node is none.
+            ArgumentError: the node ID is invalid.
         """
         super().__init__(node)
         self.kind = kind
@@ -63,7 +64,7 @@ class Calibration(ModuleMotionProcedure):
         self._tried = 0
         self._asked = float("-inf")
 
-    # What is heard.
+    # Reception.
 
     def _hear(self, command: int, frame: CanFrame) -> None:
         if self.stage is not ModuleMotionStage.LED:
@@ -83,7 +84,7 @@ class Calibration(ModuleMotionProcedure):
                 self._tried = 0
 
     def _follow(self, time: float) -> None:
-        """Take the state of a heartbeat that came after the request."""
+        """Take the state of a heartbeat received after the request."""
         last = self._pulse.last
         if self._phase is CalibrationPhase.READING or last is None:
             return
@@ -97,7 +98,7 @@ class Calibration(ModuleMotionProcedure):
         elif self._phase is CalibrationPhase.RUNNING or last.axis_error:
             self._phase = CalibrationPhase.READING
 
-    # What is sent.
+    # Sending.
 
     def _begin(self) -> Outgoing:
         self.news.append(f"{self.kind.words} is asked for")
@@ -105,7 +106,7 @@ class Calibration(ModuleMotionProcedure):
 
     def _lead(self, now: float) -> Outgoing | None:
         lost = self._pulse.lost(now)
-        if lost:  # one that restarts shows idle, too
+        if lost:  # checked first: a restarted module shows idle, too
             self._end(lost)
             return None
         return self._read(now) if self._phase is CalibrationPhase.READING else self._run(now)

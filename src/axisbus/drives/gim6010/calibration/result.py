@@ -1,4 +1,4 @@
-"""What a calibration came to, by what was seen: its sub-states, the error words, and how the rotor turned."""
+"""Result of a calibration, judged by its states, the error words, and the motion of the rotor."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat
 from axisbus.drives.gim6010.can_simple.states import state_words
 from axisbus.drives.gim6010.make import GEAR_RATIO
 
-_TURNS = 0.02  # rotor turns that are a turn of the encoder's calibration
+_TURNS = 0.02  # rotor turns from which the encoder's calibration counts as having turned
 _DEGREES = 360.0 / GEAR_RATIO
 
 
 @dataclass(frozen=True, slots=True)
 class CalibrationResult:
-    """Whether it is good; ``wrong`` is what speaks against it, ``notes`` what else has to be known."""
+    """Whether the calibration succeeded; ``wrong`` are the reasons against it, ``notes`` further remarks."""
 
     good: bool
     wrong: tuple[str, ...]
@@ -26,7 +26,7 @@ class CalibrationResult:
 
 
 def errors(beat: Heartbeat, words: Mapping[str, int]) -> list[str]:
-    """Return what a heartbeat and the error words by category report, a sentence each; nothing where there is no error."""
+    """Return a sentence for each error in a heartbeat and in the error words by category; empty if there is none."""
     told = {"axis": beat.axis_error, **words}
     found = [text for category, word in told.items() for text in faults.words(category, word)]
     return found + [f"{part}: its heartbeat tells of a fault" for part in beat.faults if not told.get(part)]
@@ -40,9 +40,9 @@ def judge(
     *,
     words_told: bool = True,
 ) -> CalibrationResult:
-    """Judge a calibration that has ended by itself, in idle.
+    """Judge a calibration that has ended, without being aborted, in idle.
 
-    ``seen`` are its states, ``errors`` what it reports, a sentence each; ``words_told``: it has told its error words.
+    ``seen`` are its states, ``errors`` the reported errors, a sentence each; ``words_told``: the module reported its error words.
     """
     missing = [
         f"{state_words(part)} was not seen among its states" for part in sorted(kind.parts - set(seen))

@@ -1,4 +1,4 @@
-"""How far a rotor has turned, by counts within one turn that come often enough to tell the way."""
+"""Rotation of a rotor, from counts within one turn that are frequent enough to determine the direction."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN as TURN
 
 @dataclass(slots=True)
 class RotorRotation:
-    """Rotor turns from where the first count was: now, and the farthest either way; ``heard`` counts."""
+    """Rotor turns from the first count: now, and the extremes in both directions; ``heard``: number of counts."""
 
     now: float = 0.0
     low: float = 0.0
@@ -18,7 +18,7 @@ class RotorRotation:
     _count: int = 0
 
     def take(self, count: int) -> None:
-        """Take a count (0 to 16383); the way to it is the shorter one, so that less than half a turn may lie between two."""
+        """Take a count (0 to 16383). The shorter way round is assumed: the rotor must turn less than half a turn between two."""
         if self.heard:
             step = (count - self._count + TURN // 2) % TURN - TURN // 2
             self.now += step / TURN
@@ -27,5 +27,5 @@ class RotorRotation:
 
     @property
     def farthest(self) -> float:
-        """Rotor turns between where it stood and the farthest place."""
+        """Rotor turns between the first and the farthest position."""
         return max(self.high, -self.low)

@@ -1,4 +1,4 @@
-"""What came of reading a frame: a message with its values, or what is not as the table says."""
+"""Results of decoding a frame: a message with its values, a request, or the reason why the frame is invalid."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from axisbus.drives.gim6010.can_simple.messages import Message
 
 
 class Reason(Enum):
-    """Why a frame is not what the table says."""
+    """Reason why a frame does not fit the message table."""
 
     NOT_STANDARD = "an identifier of 29 bits is not CAN Simple's"
     NO_COMMAND = "there is no such command"
@@ -24,7 +24,7 @@ class Reason(Enum):
 
 @dataclass(frozen=True, slots=True)
 class DecodedMessage:
-    """A message of a node; ``values`` by the manual's names of the fields, each in its field's unit and at its field's side."""
+    """A message of a node; ``values`` by the manual's field names, each in its field's unit and at its field's side of the gear."""
 
     node: int
     message: Message
@@ -34,7 +34,7 @@ class DecodedMessage:
 
 @dataclass(frozen=True, slots=True)
 class MessageRequest:
-    """A master asks a node for a message, by a remote frame or by a data frame of zeros."""
+    """A master's request for a message, as a remote frame or a data frame of zeros."""
 
     node: int
     message: Message
@@ -42,9 +42,9 @@ class MessageRequest:
 
 @dataclass(frozen=True, slots=True)
 class Unexpected:
-    """A frame that is not as the table says; it is a value, since no frame of another may end a cycle.
+    """A frame that does not fit the message table; returned, not raised, since a foreign frame must not end a cycle.
 
-    ``node`` and ``command`` are those of its identifier as CAN Simple splits it, whoever sent it; -1 of an identifier of 29 bits.
+    ``node`` and ``command`` are the parts of its identifier in CAN Simple, independent of its sender; -1 for a 29-bit identifier.
     """
 
     node: int
@@ -55,7 +55,7 @@ class Unexpected:
 
     @property
     def words(self) -> str:
-        """What is wrong: ``command 09h: it is too short (7 bytes where 8 are needed)``."""
+        """The reason as text: ``command 09h: it is too short (7 bytes where 8 are needed)``."""
         more = f" ({self.details})" if self.details else ""
         where = "a frame" if self.command < 0 else f"command {self.command:02X}h"
         return f"{where}: {self.reason.value}{more}"

@@ -1,10 +1,10 @@
 """Reading, writing and calling endpoints over CAN: RxSdo and TxSdo (manual v2.2, 4.1.2).
 
-Theory of operation. A request goes out on RxSdo, as the manual's detailed part has it; an answer is taken from RxSdo and from
-TxSdo, since the manual names both and the maker's own program takes it from RxSdo. There are four bytes for a value, so that what
-has eight does not travel. All but the version needs a list that is shown to fit (``fitted``): under another firmware's number of a
-parameter there may be a function, and no one knows that reading does not call it. Owners read endpoints of several modules and got
-no answer at all: "not answered by this firmware" is to be expected.
+Theory of operation. Requests are sent on RxSdo, as in the manual's detailed part. Answers are accepted on RxSdo and on TxSdo, since
+the manual names both and the maker's own program uses RxSdo. A value has four bytes, so that eight-byte values cannot be
+transferred. All but the version needs a list that is verified (``FittedList``): with another firmware, the number of a parameter
+may belong to a function, and it is unknown whether reading it would call it. Owners read endpoints of several modules and got no
+answer at all: "not answered by this firmware" is to be expected.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _VALUE = range(4, 8)
 
 @dataclass(frozen=True, slots=True)
 class EndpointAnswer:
-    """An answer: whose, to which endpoint, whether it says read or write, and its four bytes, which ``value`` reads."""
+    """An answer: node, endpoint, whether it is for a read or a write, and its four bytes, which ``value`` decodes."""
 
     node: int
     endpoint: int
@@ -47,28 +47,28 @@ class EndpointAnswer:
 
 
 def request_version(node: int) -> tuple[Outgoing, ...]:
-    """Return the frames that ask ``node`` (0 to 63) for its firmware's version: major, minor, revision, each one byte.
+    """Return the frames that request the firmware version of ``node`` (0 to 63): major, minor, revision, each one byte.
 
     Raises:
-        ArgumentError: the node is none.
+        ArgumentError: the node ID is invalid.
     """
     return tuple(_frame(node, _READ, number, 0) for number in VERSION_ENDPOINTS.values())
 
 
 def request_serial(node: int) -> Outgoing:
-    """Return the frame that asks ``node`` (0 to 63) for its serial number, of which the lowest 32 bits are answered.
+    """Return the frame that requests the serial number of ``node`` (0 to 63); the answer has its lowest 32 bits.
 
     Raises:
-        ArgumentError: the node is none.
+        ArgumentError: the node ID is invalid.
     """
     return _frame(node, _READ, SERIAL_ENDPOINT, 0)
 
 
 def read(node: int, listed: FittedList, path: str) -> Outgoing:
-    """Return the frame that asks ``node`` (0 to 63) for a parameter.
+    """Return the frame that requests a parameter of ``node`` (0 to 63).
 
     Raises:
-        ArgumentError: the node is none, the list has no such parameter, or it is not for reading, or longer than four bytes.
+        ArgumentError: the node ID is invalid, the list has no such parameter, it is not readable, or longer than four bytes.
     """
     endpoint = listed.endpoint(path)
     if not endpoint.readable:
@@ -80,12 +80,12 @@ def read(node: int, listed: FittedList, path: str) -> Outgoing:
 def write(
     node: int, listed: FittedList, path: str, value: Number | bool, *, by_name: bool = False
 ) -> Outgoing:
-    """Return the frame that writes a parameter of ``node`` (0 to 63); read it back, as a module takes what is wrong silently.
+    """Return the frame that writes a parameter of ``node`` (0 to 63). Read it back: a module ignores invalid values silently.
 
-    ``by_name`` says that a person named this very parameter: what is protected (``protected``) is written only then.
+    ``by_name``: the user named this very parameter. Protected parameters (``protected``) are written only then.
 
     Raises:
-        ArgumentError: as ``read``, it is not for writing, is protected, or the value is not of its type.
+        ArgumentError: as ``read``, or it is not writable, is protected, or the value is not of its type.
         LimitError: the value is beyond its type.
     """
     endpoint = listed.endpoint(path)
@@ -103,10 +103,10 @@ def call(
 ) -> tuple[Outgoing, ...]:
     """Return the frames that call a function of ``node`` (0 to 63), to be sent in this order: its arguments, then itself.
 
-    Nobody has called one over CAN and told: the manual says no more than that it can be done. ``by_name`` as in ``write``.
+    There are no reports of such a call over CAN; the manual only says that it is possible. ``by_name`` as in ``write``.
 
     Raises:
-        ArgumentError: as ``write``, or the number of arguments is not the function's.
+        ArgumentError: as ``write``, or the number of arguments is wrong.
     """
     function = listed.function(path)
     _allow(function.path, by_name=by_name)
@@ -118,7 +118,7 @@ def call(
 
 
 def answer(identifier: int, data: bytes) -> EndpointAnswer | Unexpected:
-    """Return what a module's frame under RxSdo or TxSdo answers, or what is wrong with it."""
+    """Return the answer in a module's frame under RxSdo or TxSdo, or the reason why it is invalid."""
     found = decode(identifier, data, from_module=True)
     if isinstance(found, Unexpected):
         return found
@@ -129,10 +129,10 @@ def answer(identifier: int, data: bytes) -> EndpointAnswer | Unexpected:
 
 
 def value(endpoint: Endpoint, data: bytes) -> Number | bool:
-    """Return a parameter's value out of the four bytes of an answer; a float may be NaN or infinite, as the module has it.
+    """Return a parameter's value from the four bytes of an answer; a float may be NaN or infinite, if the module reports that.
 
     Raises:
-        ArgumentError: it has no value of at most four bytes.
+        ArgumentError: the parameter has no value of at most four bytes.
     """
     letter = _letter(endpoint)
     (found,) = struct.unpack_from(f"<{letter}", data.ljust(_BYTES, b"\0"))
@@ -140,12 +140,12 @@ def value(endpoint: Endpoint, data: bytes) -> Number | bool:
 
 
 def value_bytes(endpoint: Endpoint, value: Number | bool, most: int = _BYTES) -> bytes:
-    """Return the bytes that hold a value of a parameter, little-endian: four, or as many as its type has where that is more.
+    """Return the bytes of a parameter's value, little-endian: four, or the size of its type if that is larger.
 
-    ``most``: how many bytes travel.
+    ``most``: number of bytes that can be transferred.
 
     Raises:
-        ArgumentError: it has no value of at most so many bytes, or the value is not of its type.
+        ArgumentError: the value needs more bytes, or is not of the parameter's type.
         LimitError: the value is beyond its type.
     """
     letter = _letter(endpoint, most)

@@ -1,8 +1,9 @@
-"""One field of a message: where it lies in the data, its type and unit, and which values of it are sent.
+"""One field of a message: its position in the data, its type and unit, and its permitted values.
 
 Theory of operation. Nearly all fields are little-endian (manual v2.2, 4.1.1): bit ``start`` counts from the lowest bit of byte 0,
-so that byte 5 begins at 40 and its bit 7 is 47. Those of MIT control alone run the other way: bit 0 is the highest of byte 0, and
-a field goes on from there into the bytes behind it. Values are sent only within the field's bounds; what comes is read as it is.
+so that byte 5 begins at 40 and its bit 7 is 47. Only the fields of MIT control have the opposite order: bit 0 is the highest of
+byte 0, and a field continues from there into the following bytes. Sent values must be within the field's bounds; received values
+are decoded without a check.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ Number = int | float
 
 
 class FieldEncoding(Enum):
-    """How the bits of a field are a number."""
+    """Encoding of a number in the bits of a field."""
 
     UNSIGNED = "unsigned"
     SIGNED = "signed"
@@ -27,7 +28,7 @@ class FieldEncoding(Enum):
 
 
 class GearSide(Enum):
-    """Which side of the gear a value counts on; there are ``gear ratio`` turns of the rotor in one of the output."""
+    """Side of the gear for a value; one turn of the output is ``gear ratio`` turns of the rotor."""
 
     NONE = ""
     ROTOR = "rotor"
@@ -45,7 +46,7 @@ class FieldType:
 
     @property
     def bounds(self) -> tuple[int, int]:
-        """The lowest and the highest whole number that it holds."""
+        """Lowest and highest integer of the type."""
         half = 1 << self.bits - 1
         return (-half, half - 1) if self.kind is FieldEncoding.SIGNED else (0, 2 * half - 1)
 
@@ -68,9 +69,9 @@ MIT16 = FieldType("16 bits, highest first", 16, high_first=True)
 class MessageField:
     """One field; ``name`` is the manual's.
 
-    ``start`` is its first bit as the module's docstring counts. One of its ``unit`` is ``per_unit`` on the wire. ``values`` are all
-    that may be sent, each with its meaning, where the manual lists them; ``low`` and ``high`` (in ``unit``) bound what is sent more
-    narrowly than the type does. ``path`` is the parameter that it writes or shows, as over USB and endpoints.
+    ``start`` is its first bit, counted as in the module's docstring. One ``unit`` is ``per_unit`` on the wire. ``values`` are all
+    permitted values with their meaning, if the manual lists them. ``low`` and ``high`` (in ``unit``) limit sent values more
+    narrowly than the type does. ``path`` is the parameter that it writes or reports, as over USB and endpoints.
     """
 
     name: str
@@ -86,14 +87,14 @@ class MessageField:
 
     @property
     def end(self) -> int:
-        """The first bit behind it."""
+        """The first bit after the field."""
         return self.start + self.type.bits
 
     def place(self, value: Number) -> int:
-        """Return the value as an integer of the wire, at its place in eight bytes that are read as one little-endian number.
+        """Return the value as an integer, shifted to the field's position in eight bytes read as one little-endian number.
 
         Raises:
-            ArgumentError: not a number, not finite, or none of the values that the manual lists.
+            ArgumentError: not a number, not finite, or not in the manual's list of values.
             LimitError: beyond the field's bounds or its type.
         """
         return self.place_raw(self.raw(value))
@@ -110,13 +111,13 @@ class MessageField:
         return whole & (1 << self.type.bits) - 1
 
     def place_raw(self, raw: int) -> int:
-        """Return the field's bits at their place in eight bytes that are read as one little-endian number."""
+        """Return the field's bits, shifted to its position in eight bytes read as one little-endian number."""
         if not self.type.high_first:
             return raw << self.start
         return int.from_bytes((raw << 64 - self.end).to_bytes(8, "big"), "little")
 
     def take_raw(self, data: bytes) -> int:
-        """Return the field's bits out of data that are long enough."""
+        """Return the field's bits from data of sufficient length."""
         if self.type.high_first:
             number, shift = int.from_bytes(data, "big"), 8 * len(data) - self.end
         else:
@@ -124,7 +125,7 @@ class MessageField:
         return number >> shift & (1 << self.type.bits) - 1
 
     def take(self, data: bytes) -> Number:
-        """Return the field's value in its unit out of data that are long enough; a float32 may be NaN or infinite."""
+        """Return the field's value in its unit from data of sufficient length; a float32 may be NaN or infinite."""
         raw = self.take_raw(data)
         if self.type.kind is FieldEncoding.FLOAT:
             (value,) = struct.unpack("<f", raw.to_bytes(4, "little"))

@@ -1,4 +1,4 @@
-"""The messages of CAN Simple as one table (manual v2.2, 4.1.2), from which all that reads, writes and documents them comes."""
+"""The messages of CAN Simple as one table (manual v2.2, 4.1.2), from which they are encoded, decoded and documented."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from axisbus.drives.gim6010.can_simple.identifier import NODES
 from axisbus.drives.gim6010.can_simple.states import REQUESTED_STATES
 from axisbus.errors import ArgumentError
 
-LENGTH = 8  # bytes of every data frame that is sent (4.1.1)
+LENGTH = 8  # bytes of every data frame sent (4.1.1)
 
 
 class Direction(Enum):
-    """Who sends a message."""
+    """Sender of a message."""
 
     TO_MODULE = "to the module"
     FROM_MODULE = "from the module"
@@ -39,15 +39,15 @@ class Direction(Enum):
 
 
 class MessageRequestMethod(Enum):
-    """How a module is made to send a message."""
+    """How a master requests a message."""
 
-    NEVER = ""  # it sends none, or of itself only
+    NEVER = ""  # it never sends it, or only unasked
     EMPTY = "by a remote frame, or by eight bytes of 0"
     WITH_DATA = "by a data frame that says what is wanted"
 
 
 class Effect(Enum):
-    """What a message does besides what its name says, and an axis must know beforehand."""
+    """Side effect of a message that a user must know beforehand."""
 
     NONE = ""
     STOPS = "stops the axis"
@@ -58,7 +58,7 @@ class Effect(Enum):
 
 
 class MessageSupport(Enum):
-    """Whether owners report that a module takes or answers it, over CAN."""
+    """Whether owners report that a module accepts or answers the message over CAN."""
 
     YES = "owners saw it work"
     NO_REPORT = "no report by an owner"
@@ -68,9 +68,9 @@ class MessageSupport(Enum):
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Message:
-    """One message: the fields that the master sends, those that the module sends, and what it is for.
+    """One message: the fields that the master sends, those that the module sends, and its meaning.
 
-    ``shortest`` is the least number of data bytes in which what the module sends is of use, where that is not all of its fields.
+    ``shortest`` is the minimum number of data bytes of an answer, if it may omit fields.
     """
 
     command: int
@@ -88,19 +88,19 @@ class Message:
 
     @property
     def direction(self) -> Direction:
-        """Who sends its data; a request without data of its own does not count."""
+        """Direction of its data; a request without data does not count."""
         if not self.answer:
             return Direction.TO_MODULE
         return Direction.BOTH if self.sent else Direction.FROM_MODULE
 
     @property
     def answer_bytes(self) -> int:
-        """The data bytes that an answer has at least."""
+        """Minimum number of data bytes of an answer."""
         return self.shortest or max(((each.end + 7) // 8 for each in self.answer), default=0)
 
     @property
     def sent_bytes(self) -> int:
-        """The data bytes that the master's fields take; all frames that are sent have ``LENGTH``."""
+        """Number of data bytes of the master's fields; all sent frames have ``LENGTH``."""
         return max(((each.end + 7) // 8 for each in self.sent), default=0)
 
 

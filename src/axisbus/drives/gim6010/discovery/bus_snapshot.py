@@ -115,7 +115,7 @@ class BusSnapshot:
 
     @property
     def twins(self) -> dict[int, int]:
-        """Node IDs of CAN Simple that several modules share, with the number of modules; only for identifiers not used by CANopen."""
+        """Node IDs of CAN Simple that several modules share, with the number of modules; not if CANopen uses the identifier."""
         found = {
             node: count_senders(list(beats)) for node, beats in self._raw.items() if self._beats_alone(node)
         }
@@ -161,7 +161,7 @@ class BusSnapshot:
             self._raw.setdefault(node, deque(maxlen=_KEPT)).append((frame.time, frame.data))
 
     def _beats_alone(self, node: int) -> bool:
-        """Whether what came under this node's heartbeat looks like one throughout, and no CANopen node is known to own it."""
+        """Whether all frames with this node's heartbeat identifier look like heartbeats, and no known CANopen node owns it."""
         owners = canopen_identifiers(sorted(self.canopen))
         return can_id(node, heartbeat.COMMAND) not in owners and self._look_alike(node)
 
@@ -169,13 +169,13 @@ class BusSnapshot:
         return all(_looks_like_a_beat(node, data) for _, data in self._raw[node])
 
     def _restarted(self, node: int) -> None:
-        """Keep who was recognised until now, and let the new count prove itself."""
+        """Store the modules recognised so far, and start a new proof for this node."""
         self._proven |= self.speakers
         self._anew[node] = ProtocolListener()
 
 
 def _of_extended(identifier: int, speakers: set[int]) -> bool:
-    """Whether a 29-bit identifier has one of these modules for its source or its destination."""
+    """Whether the source or destination of a 29-bit identifier may be one of these modules."""
     return not speakers.isdisjoint(addresses(identifier))
 
 

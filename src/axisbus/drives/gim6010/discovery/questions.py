@@ -1,9 +1,9 @@
-"""What a module is asked, one question at a time, and what its answers say: dialogues without a clock or a bus.
+"""Requests to a module, one at a time, and the evaluation of its answers: dialogues without a clock or a bus.
 
-Theory of operation. A dialogue is a generator: it yields a ``ProbeFrame`` and is sent the frame that answers it, or None where none
-came in time. It returns what it has learnt. Only what reads is asked: messages that a request of CAN Simple brings, the version
-and the serial number, whose endpoints are the same in every list that is known, and uploads of CANopen. Who does not answer one
-question of a kind is not asked the others of it.
+Theory of operation. A dialogue is a generator: it yields a ``ProbeFrame`` and is sent the frame that answers it, or None if there
+was no answer in time. It returns the facts it has learned. All requests only read: the messages that CAN Simple sends on request,
+the version and the serial number, whose endpoints are the same in every known list, and CANopen uploads. If a module does not
+answer one request of a kind, it gets no others of that kind.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from axisbus.drives.gim6010.make import VENDOR_ID
 
 VOLTAGE, COUNT = named("Get_Bus_Voltage_Current"), named("Get_Encoder_Count")
 _ENDPOINTS = tuple(endpoint_messages.COMMANDS)
-_COUNTS = range(16384)  # of a turn of the rotor
-_STEP = 1.0  # s that an upload may wait; who runs the dialogue waits less
-_LONGEST = 64  # bytes of a text that are taken
+_COUNTS = range(16384)  # within a turn of the rotor
+_STEP = 1.0  # s: time-out of an upload; the caller of the dialogue waits less
+_LONGEST = 64  # bytes of a text that are accepted
 
 
 @dataclass(frozen=True, slots=True)
 class ProbeFrame:
-    """A frame to be sent, and the identifiers and first bytes that an answer to it has (``begins`` at ``at``)."""
+    """A frame to be sent, with the identifiers of its answers and their first bytes (``begins`` at ``at``)."""
 
     frame: Outgoing
     answers: tuple[int, ...]
@@ -43,7 +43,7 @@ class ProbeFrame:
     at: int = 0
 
     def answered_by(self, frame: CanFrame) -> bool:
-        """Whether a frame that was heard is an answer, right or wrong."""
+        """Return whether a received frame is an answer, valid or not."""
         if frame.extended or frame.remote or frame.error or frame.can_id not in self.answers:
             return False
         found = frame.data[self.at : self.at + len(self.begins)]
@@ -52,9 +52,9 @@ class ProbeFrame:
 
 @dataclass(slots=True)
 class SimpleFacts:
-    """What a module that speaks CAN Simple has answered; None is unanswered. ``odd`` are answers that are not as they should be.
+    """Answers of a CAN Simple module; None: no answer. ``odd`` are the errors of invalid answers.
 
-    ``errors`` hold the error words by category, ``silent`` the questions that it did not answer.
+    ``errors`` are the error words by category, ``silent`` the requests without an answer.
     """
 
     voltage: float | None = None  # V
@@ -68,7 +68,7 @@ class SimpleFacts:
 
 @dataclass(slots=True)
 class CanopenFacts:
-    """What a CANopen node has answered; None is unanswered or refused. Objects by index and sub-index, texts of the two names."""
+    """Answers of a CANopen node; missing: no answer, or an abort. Objects by index and sub-index; name and version as texts."""
 
     answers: bool = False
     objects: dict[tuple[int, int], int] = field(default_factory=dict)
@@ -77,7 +77,7 @@ class CanopenFacts:
 
     @property
     def is_ours(self) -> bool:
-        """Whether its vendor is the module's."""
+        """Whether its vendor ID is the module's."""
         return self.objects.get((o.IDENTITY, o.VENDOR_ID)) == VENDOR_ID
 
 
@@ -85,12 +85,12 @@ Asking = Generator[ProbeFrame, CanFrame | None, None]
 
 
 def voltage_question(node: int, *, remote: bool = True) -> ProbeFrame:
-    """Ask for supply voltage and current: a remote frame commands nothing, whoever else it may reach."""
+    """Return the request for supply voltage and current: a remote frame commands nothing, whichever node receives it."""
     return ProbeFrame(codec.request(node, VOLTAGE, remote=remote), (can_id(node, VOLTAGE.command),))
 
 
 def speaks(node: int, facts: SimpleFacts) -> Generator[ProbeFrame, CanFrame | None, bool]:
-    """Find out whether a silent node ID of CAN Simple is a module's: two different messages have to come as they should."""
+    """Find out whether a module uses a silent CAN Simple node ID: it must answer two different messages correctly."""
     yield from _voltage(node, facts, (True,))
     if facts.voltage is None or not 0 < facts.voltage < 200:
         return False
@@ -100,7 +100,7 @@ def speaks(node: int, facts: SimpleFacts) -> Generator[ProbeFrame, CanFrame | No
 
 
 def simple(node: int, facts: SimpleFacts, *, words: bool = True, remote: bool = True) -> Asking:
-    """Ask a module for its supply voltage, version, serial number and, unless not ``words``, for its error words.
+    """Request supply voltage, version and serial number of a module and, if ``words``, its error words.
 
     ``remote``: whether remote frames may be sent.
     """
@@ -122,7 +122,7 @@ def simple(node: int, facts: SimpleFacts, *, words: bool = True, remote: bool = 
 
 
 def _voltage(node: int, facts: SimpleFacts, ways: tuple[bool, ...]) -> Asking:
-    """Ask in turn by a remote frame (True) and by a data frame, until it answers."""
+    """Request the voltage by a remote frame (True) or a data frame (False), in this order, until the module answers."""
     for remote in ways:
         answer = yield voltage_question(node, remote=remote)
         values = _values(node, answer, facts)
@@ -133,7 +133,7 @@ def _voltage(node: int, facts: SimpleFacts, ways: tuple[bool, ...]) -> Asking:
 
 
 def _values(node: int, answer: CanFrame | None, facts: SimpleFacts) -> dict[str, float]:
-    """Return the fields of an answer; none where there is none, or it is not as it should be, which is noted."""
+    """Return the fields of an answer; an empty dict if there is none or it is invalid, which is noted."""
     if answer is None:
         return {}
     found = codec.decode(answer.can_id, answer.data, from_module=True)
@@ -158,7 +158,7 @@ def _version(node: int, facts: SimpleFacts) -> Asking:
 def endpoint(
     node: int, frame: Outgoing, facts: SimpleFacts
 ) -> Generator[ProbeFrame, CanFrame | None, bytes | None]:
-    """Ask by a frame that reads an endpoint; return the bytes of its value, None where there is none as it should be."""
+    """Send a frame that reads an endpoint; return the bytes of its value, None without a valid answer."""
     answers = tuple(can_id(node, command) for command in _ENDPOINTS)
     answer = yield ProbeFrame(frame, answers, frame.data[1:3], 1)
     if answer is None:
@@ -180,12 +180,12 @@ _NAME, _VERSION = (0x1008, 0), (0x100A, 0)
 
 
 def device_type_question(node: int) -> ProbeFrame:
-    """Ask a CANopen node for its device type (1000h), which each has to have."""
+    """Return the request for the device type (1000h) of a CANopen node, which is mandatory."""
     return _upload_question(node, Upload(o.DEVICE_TYPE, 0, _STEP).start()[0])
 
 
 def canopen(node: int, facts: CanopenFacts) -> Asking:
-    """Ask a CANopen node who it is; one of the module's maker also for its state, errors and supply voltage."""
+    """Request the identity of a CANopen node; if it is a module, also its state, errors and supply voltage."""
     yield from _number(node, (o.DEVICE_TYPE, 0), facts)
     if not facts.answers:
         return
@@ -229,6 +229,6 @@ def _upload(
 
 
 def _upload_question(node: int, data: bytes) -> ProbeFrame:
-    """Ask by an upload's frame; the answer to its first one names the object, that to a segment does not."""
+    """Return the request with an upload's frame; the answer to the first one names the object, that to a segment does not."""
     first = data[:1] == b"\x40"
     return ProbeFrame(Outgoing(cob.SDO_RX + node, data), (cob.SDO_TX + node,), data[1:4] if first else b"", 1)

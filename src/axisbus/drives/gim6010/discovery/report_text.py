@@ -1,4 +1,4 @@
-"""Findings as lines for people, and what to type next."""
+"""The discovery's results as lines of text, and the commands to type next."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from axisbus.drives.gim6010.discovery.results import DiscoveredModule, Protocols
 from axisbus.drives.gim6010.factory_protocols import REMEDIES, Protocol
 from axisbus.wording import counted
 
-_SHOWN = 12  # foreign identifiers that are listed
+_SHOWN = 12  # foreign identifiers in the list
 
 
 def lines(finding: DiscoveredModule) -> Iterator[str]:
-    """Yield what is known of one module."""
+    """Yield the known facts of one module."""
     where = " or ".join(map(str, finding.addresses))
     many = ", several modules" if finding.several else ""
     yield f"node {where}: {finding.protocol.value}{many}" + (f", {finding.device}" if finding.device else "")
@@ -26,7 +26,7 @@ def lines(finding: DiscoveredModule) -> Iterator[str]:
 
 
 def _facts(finding: DiscoveredModule) -> Iterator[tuple[str, str]]:
-    """Yield titles and texts; what was not told is said to be so, since nothing is guessed."""
+    """Yield titles and texts; unknown values are named as such, and never guessed."""
     if finding.heartbeat:
         yield "heartbeat", finding.heartbeat
     yield "firmware", finding.firmware or "not told"
@@ -42,7 +42,7 @@ def _facts(finding: DiscoveredModule) -> Iterator[tuple[str, str]]:
 
 
 def following(found: Sequence[DiscoveredModule], bus: str) -> list[str]:
-    """Return what to type next, the most pressing first; ``bus`` is how the bus was given."""
+    """Return the commands to type next, most urgent first; ``bus`` are the bus options of the command line."""
     steps = [
         f"axisbus gim6010 errors {bus} --node {each.node}"
         for each in found
@@ -69,7 +69,7 @@ def following(found: Sequence[DiscoveredModule], bus: str) -> list[str]:
 
 
 def _to_canopen(finding: DiscoveredModule, bus: str) -> Iterator[str]:
-    """Yield how a module comes to CANopen, where that goes over CAN."""
+    """Yield the commands that switch a module to CANopen, if that is possible over CAN."""
     if finding.several or not finding.endpoints:
         return
     if finding.node == 0:
@@ -83,7 +83,7 @@ def _remedy(protocol: Protocol) -> str:
 
 
 def about_the_bus(finder: Finder) -> Iterator[str]:
-    """Yield what is to be said of the bus as a whole: who was asked and who was not, and what is foreign."""
+    """Yield remarks on the bus as a whole: which nodes got requests and which did not, and foreign identifiers."""
     foreign = finder.picture.foreign()
     if foreign:
         which = counted(len(foreign), "identifier belongs", "identifiers belong")
@@ -105,7 +105,7 @@ def about_the_bus(finder: Finder) -> Iterator[str]:
 
 
 def _ranges(numbers: Sequence[int]) -> str:
-    """Return numbers in order, neighbours as a range: ``1 to 3, 7``."""
+    """Return numbers in order, consecutive ones as a range: ``1 to 3, 7``."""
     parts: list[list[int]] = []
     for number in sorted(numbers):
         if parts and number == parts[-1][-1] + 1:

@@ -1,4 +1,4 @@
-"""What has to be told before a module is led by MIT control: nothing of it has a default."""
+"""Settings of a module under MIT control; none of them has a default."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
 from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 from axisbus.errors import ArgumentError
 
-_SHORTEST, _LONGEST = 0.001, 0.1  # s of a period
-_STEPS = 4095  # of a gain on the wire
+_SHORTEST, _LONGEST = 0.001, 0.1  # s: limits of the period
+_STEPS = 4095  # steps of a gain on the wire
 _FIXED_UP_TO = Firmware(0, 6, 0)  # from this version on the ranges are parameters
 _PATHS = tuple(f"axis0.controller.config.mit_max_{name}" for name in ("pos", "vel", "kp", "kd", "torque"))
 
@@ -22,13 +22,13 @@ _PATHS = tuple(f"axis0.controller.config.mit_max_{name}" for name in ("pos", "ve
 class MitSettings:
     """One module under MIT control.
 
-    ``node`` is 0 to 63. ``ranges`` are what its firmware has (the manual's up to 0.5.14; later ones have parameters, and others
-    than the module's are wrong by their ratio). ``gear`` is in turns of the rotor per turn of the output. ``damping`` is the kd,
-    in the firmware's own unit, with which it is braked on every way out. ``period`` (0.001 to 0.1 s) is that of its frames; a
-    program that gives no command for ``command_timeout`` (s, at least two periods, at most 1) is taken for dead.
+    ``node`` is 0 to 63. ``ranges`` are those of its firmware: the manual's up to 0.5.14, parameters in later versions; wrong ranges
+    give values that are wrong by their ratio. ``gear`` is in turns of the rotor per turn of the output. ``damping`` is the kd, in
+    the firmware's unit, for braking at every shutdown. ``period`` (0.001 to 0.1 s) is the period of the frames. If the program
+    gives no command for ``command_timeout`` (s, at least two periods, at most 1), it is considered dead.
 
     Raises:
-        ArgumentError: a value is none of these.
+        ArgumentError: a value is invalid.
     """
 
     node: int
@@ -62,7 +62,7 @@ class MitSettings:
             )
 
     def stiffness(self, kp: float) -> float:
-        """Return what a gain ``kp`` comes to at the output, in N·m/rad, by the gear."""
+        """Return the stiffness at the output for a gain ``kp``, in N·m/rad, by the gear."""
         return mit.output_stiffness(kp, self.gear)
 
     def kp_for(self, stiffness: float) -> float:
@@ -70,15 +70,15 @@ class MitSettings:
         return stiffness * math.tau / self.gear
 
     def output_damping(self, kd: float) -> float:
-        """Return what a gain ``kd`` comes to at the output, in N·m per rad/s, by the gear."""
+        """Return the damping at the output for a gain ``kd``, in N·m per rad/s, by the gear."""
         return mit.output_damping(kd, self.gear)
 
 
 def ranges_of(module: ModuleParameters) -> MitRanges:
-    """Return the ranges that a module has: by its parameters, or the manual's, which are fixed up to firmware 0.5.14. Blocks.
+    """Return the ranges of a module: its parameters, or the manual's, which are fixed up to firmware 0.5.14. Blocks.
 
     Raises:
-        ArgumentError: a range is none. BusError: as ``ModuleParameters.read``.
+        ArgumentError: a range is invalid. BusError: as ``ModuleParameters.read``.
     """
     if module.firmware < _FIXED_UP_TO:
         return MitRanges()

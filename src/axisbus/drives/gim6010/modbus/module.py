@@ -1,4 +1,4 @@
-"""One module on Modbus: its values by name, each write read back, its errors, and what restarts it."""
+"""One module on Modbus: its values by name, verified writes, its errors, saving and restarting."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from axisbus.drives.gim6010.modbus.registers import ERROR_FLAGS, OTHER_FLAGS, Re
 from axisbus.drives.gim6010.modbus.wire import Wire
 from axisbus.errors import ArgumentError, NodeError, NodeTimeout, StateError
 
-_ANY = 1  # what is written where any value does
-_WRITES = 3  # of a setting, each time read back before
-_SAVES = 2  # where no answer came, and no restart was seen: nothing is lost by saving twice
-_GONE = 3.0  # s in which a restart begins
-_BACK = 25.0  # s that owners gave one
+_ANY = 1  # written if the value does not matter
+_WRITES = 3  # attempts to write a setting, each read back
+_SAVES = 2  # attempts without an answer and a restart: saving twice does no harm
+_GONE = 3.0  # s in which a restart must begin
+_BACK = 25.0  # s for a restart, from owners' reports
 _LOOK = 0.1
 _SETTINGS = (RegisterKind.SETTING, RegisterKind.MODE)
 _ELSEWHERE = {
@@ -32,7 +32,7 @@ _ELSEWHERE = {
 
 @dataclass(frozen=True, slots=True)
 class ErrorWords:
-    """The error words of a module, by the category of the table of faults; ``flags`` is 02h, which says which are not 0."""
+    """Error words of a module by category of the fault table; ``flags`` is register 02h, which shows which are not 0."""
 
     flags: int
     words: Mapping[str, int]
@@ -44,7 +44,7 @@ class ErrorWords:
 
     @property
     def lines(self) -> list[str]:
-        """A sentence for each bit: what it means and what to do."""
+        """A sentence for each bit: its meaning and the remedy."""
         told = [line for category, word in self.words.items() for line in faults.words(category, word)]
         for bit, (_, category) in ERROR_FLAGS.items():
             if self.flags >> bit & 1 and not self.words[category]:
@@ -57,7 +57,7 @@ class ErrorWords:
 
 
 def require_setting(register: Register) -> None:
-    """Check that a register is one that is written by name.
+    """Check that a register is a setting or a mode, which are written by name.
 
     Raises:
         ArgumentError: it is not.
@@ -70,31 +70,31 @@ def require_setting(register: Register) -> None:
 
 
 class ModbusModule:
-    """Reads and writes one module; holds its dialogue. Used by one thread; every method blocks for its answers."""
+    """Reads and writes one module. Use it from one thread only; every method blocks until the answer arrives."""
 
     def __init__(self, wire: Wire, device: int) -> None:
         """``device``: its node ID, 1 to 247. Sends nothing.
 
         Raises:
-            ArgumentError: it is none.
+            ArgumentError: the node ID is invalid.
         """
         self.dialogue = ModbusClient(wire, device)
 
     @property
     def device(self) -> int:
-        """The node ID by which it is asked."""
+        """The node ID to which requests are sent."""
         return self.dialogue.device
 
     @property
     def wire(self) -> Wire:
-        """The line that it is on."""
+        """The line of the module."""
         return self.dialogue.wire
 
     def read(self, name: str) -> Number:
-        """Return a value by its name, in the unit of the table; a float may be NaN or infinite, as the module has it.
+        """Return a value by its name, in the unit of the table; a float may be NaN or infinite, if the module reports that.
 
         Raises:
-            ArgumentError: there is none of this name, or it is not for reading. NodeError: no answer, or an exception.
+            ArgumentError: no register has this name, or it is not readable. NodeError: no answer, or an exception.
         """
         register = named(name)
         if not register.readable:
@@ -102,11 +102,11 @@ class ModbusModule:
         return register.value(self.dialogue.read(requests.read(register)))
 
     def write(self, name: str, value: Number) -> Number:
-        """Write a setting or a mode into RAM, read it back and return what it holds; only in idle where it is a mode.
+        """Write a setting or a mode into RAM, read it back and return the stored value; a mode only in idle.
 
         Raises:
-            ArgumentError, LimitError: it is no setting, or the value is none that is sent.
-            StateError: a mode, and the module is not idle. NodeError: no answer, an exception, or it holds another value.
+            ArgumentError, LimitError: it is neither, or the value is invalid.
+            StateError: a mode, and the module is not idle. NodeError: no answer, an exception, or it stores another value.
         """
         register = named(name)
         require_setting(register)
@@ -116,12 +116,12 @@ class ModbusModule:
         return self.put(request)
 
     def put(self, request: requests.ModbusRequest, tries: int = _WRITES) -> Number:
-        """Send what writes a value that can be read back, and return what it holds then.
+        """Send the write of a value that can be read back, and return the value then stored.
 
-        Where nobody knows whether it was taken it is read before it is written again.
+        If a write was not confirmed, the value is read before it is written again.
 
         Raises:
-            NodeError: no answer, an exception, or it holds another value.
+            NodeError: no answer, an exception, or it stores another value.
         """
         register = request.register
         held: tuple[int, ...] = ()
@@ -141,11 +141,11 @@ class ModbusModule:
 
     @property
     def state(self) -> int:
-        """The axis's state: 1 is idle, 8 closed loop."""
+        """State of the axis: 1 is idle, 8 closed loop."""
         return int(self.read("motor_state"))
 
     def require_idle(self, what: str) -> None:
-        """Check that there is no power on its motor; ``what`` is done only then.
+        """Check that there is no power on its motor; ``what`` names the action that is only allowed then.
 
         Raises:
             StateError: it is in another state. NodeError: it does not answer.
@@ -158,40 +158,40 @@ class ModbusModule:
             )
 
     def errors(self) -> ErrorWords:
-        """Return its error words; all are read, whatever the flags say."""
+        """Return its error words; all are read, regardless of the flags."""
         flags = int(self.read("error_flags"))
         return ErrorWords(flags, {category: int(self.read(name)) for name, category in ERROR_FLAGS.values()})
 
     def clear_errors(self) -> ErrorWords:
-        """Clear its errors and return those that are left; refused unless it is idle.
+        """Clear its errors and return the remaining ones; rejected unless it is idle.
 
         Raises:
-            StateError: it is not. NodeError: no answer.
+            StateError: it is not idle. NodeError: no answer.
         """
         self.require_idle("errors are cleared")
         self.act("clear_errors")
         return self.errors()
 
     def act(self, name: str) -> bool:
-        """Write to a register that does something whatever is written; return whether the module says that it has taken it.
+        """Write to a register that starts an action with any value; return whether the module confirmed the write.
 
         Raises:
-            Refused: an exception.
+            ModbusRefused: an exception.
         """
         return self.dialogue.write(requests.write(named(name), _ANY))
 
     def save(self) -> bool:
-        """Bring RAM to flash, and return whether the module restarted, as it does over USB; blocks until it answers again.
+        """Save RAM to flash, and return whether the module restarted, as it does over USB; blocks until it answers again.
 
         Raises:
-            StateError: it is not idle. NodeTimeout: it does not answer any more. Refused: an exception.
+            StateError: it is not idle. NodeTimeout: it no longer answers. ModbusRefused: an exception.
         """
         restarted = self.save_and_leave()
         self.wait_back()
         return restarted
 
     def save_and_leave(self) -> bool:
-        """As ``save``, but without waiting for it: it may answer under another node ID then."""
+        """Save like ``save``, but do not wait for the restart: the module may then have another node ID."""
         for _ in range(_SAVES):
             self.require_idle("it is saved")
             taken = self.act("save_configuration")
@@ -199,13 +199,13 @@ class ModbusModule:
                 return True
             if taken:
                 return False
-        return True  # it is silent each time and back at once, as one that restarts in less than a second
+        return True  # no answer each time, yet never silent: it restarts in less than a second
 
     def reboot(self) -> None:
-        """Restart it; blocks until it answers again. What was not saved is lost.
+        """Restart it; blocks until it answers again. Unsaved values are lost.
 
         Raises:
-            StateError: it is not idle. NodeTimeout: it does not restart, or not come back. Refused: an exception.
+            StateError: it is not idle. NodeTimeout: it does not restart, or not come back. ModbusRefused: an exception.
         """
         self.require_idle("it is restarted")
         self.act("reboot")
@@ -219,7 +219,7 @@ class ModbusModule:
         self.wait_back()
 
     def wait_back(self) -> None:
-        """Wait until it answers; blocks for at most 25 s.
+        """Wait until it answers; blocks for at most about 25 s.
 
         Raises:
             NodeTimeout: it does not.
@@ -236,7 +236,7 @@ class ModbusModule:
             self.wire.sleep(_LOOK)
 
     def answers(self) -> bool:
-        """Whether anybody answers to its node ID; asks once."""
+        """Return whether a module answers to this node ID; sends one request."""
         try:
             self.dialogue.read(requests.read(named("motor_state")), tries=1)
         except NodeTimeout:

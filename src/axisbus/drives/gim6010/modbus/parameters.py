@@ -1,10 +1,11 @@
-"""The parameters of a module by endpoints over Modbus (manual v2.2, 4.3.3: A1h, A2h, 31h), behind the interface ``Parameters``.
+"""Parameters of a module by endpoints over Modbus (manual v2.2, 4.3.3: A1h, A2h, 31h); implements ``ModuleParameters``.
 
 Theory of operation
 -------------------
-The number of a parameter goes to A1h; 31h has its value then, and A2h takes another. The list of endpoints is shown to fit first,
-as over CAN: by the version, whose numbers are the same in every list that is known, and by the node ID. A number that was not
-surely taken is never written to: A1h is read back where the firmware lets it be read, else the answer to its write repeats it.
+The number of a parameter is written to A1h; its value is then read from 31h, and written to A2h. The endpoint list is verified
+first, as over CAN: by the version, whose numbers are the same in every known list, and by the node ID. A value is written only if
+it is certain that A1h has the right number: A1h is read back if the firmware permits that; otherwise the answer to its write
+repeats it.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ _BYTES = 4
 
 
 class ModbusParameters:
-    """``Parameters`` of one module; holds the list that fits, and what was written since the last save."""
+    """Parameters of one module; holds the verified list, and the values written since the last save."""
 
     widest = rules.NARROW
 
@@ -44,11 +45,11 @@ class ModbusParameters:
         self._written: dict[str, Value] = {}
 
     def open(self, listed: EndpointList, made_for: Firmware) -> None:
-        """Show that the list fits; blocks.
+        """Verify the list; blocks.
 
         Raises:
-            NodeError: the module does not answer, or refuses access by endpoints.
-            ArgumentError: the list does not fit the firmware that it reports, or is not proven on it.
+            NodeError: the module does not answer, or rejects access by endpoints.
+            ArgumentError: the list does not fit the firmware that it reports, or its verification failed.
         """
         self.firmware = self._version()
         self._fitted = FittedList(listed, made_for, self.firmware)
@@ -57,11 +58,11 @@ class ModbusParameters:
 
     @property
     def listed(self) -> EndpointList:
-        """The parameters that its firmware has."""
+        """The parameters of its firmware."""
         return self._list.listed
 
     def endpoint(self, path: str) -> Endpoint:
-        """Return what its firmware says of a parameter; see ``ModuleParameters.endpoint``."""
+        """Return the description of a parameter; see ``ModuleParameters.endpoint``."""
         return self._list.endpoint(path)
 
     def read(self, path: str) -> Value:
@@ -77,7 +78,7 @@ class ModbusParameters:
         return endpoint_messages.value(endpoint, self.fetch(endpoint.id))
 
     def write(self, path: str, value: Value, *, by_name: bool = False) -> Value:
-        """Write a parameter into RAM and return what it holds then; see ``ModuleParameters.write``."""
+        """Write a parameter into RAM and return the stored value; see ``ModuleParameters.write``."""
         endpoint = self._list.endpoint(path)
         rules.require_setting(endpoint, by_name=by_name)
         data = endpoint_messages.value_bytes(endpoint, value)
@@ -98,7 +99,7 @@ class ModbusParameters:
         )
 
     def save(self) -> None:
-        """Bring RAM to flash, wait until it is back, prove the list anew, and read all that was written again."""
+        """Save RAM to flash, wait for the restart, verify the list again, and verify all written values."""
         self.module.save()
         self._prove()
         lost = [path for path, value in self._written.items() if not values.same(self.read(path), value)]
@@ -111,16 +112,16 @@ class ModbusParameters:
         self._written.clear()
 
     def save_and_leave(self) -> None:
-        """As ``save``, but only until it restarts, for what it does not come back from."""
+        """Save like ``save``, but do not wait for the restart, for changes after which the module does not return."""
         self.module.save_and_leave()
 
     @property
     def axis_error(self) -> int:
-        """The axis's error word; blocks."""
+        """Error word of the axis; blocks."""
         return self.module.errors().words["axis"]
 
     def clear_errors(self) -> None:
-        """Clear its errors by the register for it; see ``ModuleParameters.clear_errors``."""
+        """Clear its errors by the Modbus register; see ``ModuleParameters.clear_errors``."""
         left = self.module.clear_errors().words["axis"]
         if left:
             raise NodeError(
@@ -149,7 +150,7 @@ class ModbusParameters:
             raise rules.unfitting(self.module.device, values.show(found))
 
     def fetch(self, number: int) -> bytes:
-        """Return the four bytes of an endpoint by its number, lowest first; blocks. The number must be one that is for reading."""
+        """Return the four bytes of an endpoint by its number, lowest first; blocks. The endpoint must be readable."""
         self._select(number)
         words = self.module.dialogue.read(requests.read(_RETURN))
         return int(_RETURN.value(words)).to_bytes(_BYTES, "little")
@@ -159,10 +160,10 @@ class ModbusParameters:
         return self.module.dialogue.write(requests.write(_VALUE, int.from_bytes(data, "little")))
 
     def _select(self, number: int) -> None:
-        """Let 31h and A2h be about an endpoint.
+        """Select the endpoint for 31h and A2h.
 
         Raises:
-            NodeError: it is not sure that they are.
+            NodeError: it is not certain that it was selected.
         """
         request = requests.write(_NUMBER, number)
         for _ in range(_TRIES):
@@ -178,7 +179,7 @@ class ModbusParameters:
         )
 
     def _selected(self) -> int | None:
-        """Return the number in A1h; None where the firmware does not let it be read, of which the manual shows nothing."""
+        """Return the number in A1h; None if the firmware does not permit reading it, which the manual leaves open."""
         try:
             return int(_NUMBER.value(self.module.dialogue.read(requests.read(_NUMBER))))
         except ModbusRefused:

@@ -1,9 +1,8 @@
-"""What is asked over Modbus, and whether a reply answers it (manual v2.2, 4.3.1).
+"""Modbus requests, and whether a reply answers a request (manual v2.2, 4.3.1).
 
-Theory of operation. RTU has neither a number of the request nor the register in the answer to a read: a reply fits by its function
-and by how many registers it has, no better. So a late reply may pass for the answer to the next request of the same shape;
-``dialogue`` keeps that from happening. A ``ModbusRequest`` is always of one whole value of the table: none can be made that cuts
-it.
+Theory of operation. The answer to a read in Modbus RTU contains neither a request number nor the register: a reply fits by its
+function and its number of registers only. So a late reply may be accepted as the answer to the next request of the same shape;
+``dialogue`` prevents that. A ``ModbusRequest`` always covers one whole value of the table: none can be made for a part of a value.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ _MEANINGS = {
 
 
 class ModbusFunction(IntEnum):
-    """The function codes that a module knows."""
+    """Function codes that a module supports."""
 
     READ_HOLDING = 0x03
     READ_INPUT = 0x04
@@ -37,10 +36,10 @@ class ModbusFunction(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class ModbusRequest:
-    """One request; ``words`` are the registers to be written, highest first, none in a read.
+    """One request; ``words`` are the registers to be written, most significant first, none in a read.
 
     Raises:
-        ArgumentError: it is not of one whole value of the table, or the value cannot be asked for in this way.
+        ArgumentError: it does not cover one whole value of the table, or the function does not suit the value.
     """
 
     function: ModbusFunction
@@ -63,22 +62,22 @@ class ModbusRequest:
 
     @property
     def writes(self) -> bool:
-        """Whether it writes."""
+        """Whether it is a write."""
         return self.function in (ModbusFunction.WRITE_ONE, ModbusFunction.WRITE_SEVERAL)
 
     @property
     def register(self) -> Register:
-        """What it is about."""
+        """The register of the request."""
         return BY_PLACE[self._bank, self.address]
 
     @property
     def shape(self) -> tuple[int, int]:
-        """What its answer is told by: another request of this shape has an answer that looks the same."""
+        """Function and count: answers to requests of the same shape cannot be distinguished."""
         return int(self.function), self.count
 
     @property
     def pdu(self) -> bytes:
-        """Function code and data, as they are sent between address and CRC."""
+        """Function code and data, as sent between address and CRC."""
         head = bytes([self.function]) + self.address.to_bytes(2, "big")
         data = b"".join(word.to_bytes(2, "big") for word in self.words)
         if self.function is ModbusFunction.WRITE_ONE:
@@ -87,7 +86,7 @@ class ModbusRequest:
         return head + count + (bytes([len(data)]) + data if self.writes else b"")
 
     def frame(self, device: int) -> bytes:
-        """Return what is sent to a device (1 to 247), without the CRC."""
+        """Return the frame to a device (1 to 247), without the CRC."""
         return bytes([device]) + self.pdu
 
     @property
@@ -97,7 +96,7 @@ class ModbusRequest:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """What came back: registers that were read, or what a write repeats, or an exception code."""
+    """A reply: the registers read, the repeated part of a write, or an exception code."""
 
     function: int
     words: tuple[int, ...] = ()
@@ -107,16 +106,16 @@ class Reply:
 
 
 def read(register: Register) -> ModbusRequest:
-    """Return the request that reads a register, whole."""
+    """Return the request that reads a register."""
     return ModbusRequest(ModbusFunction(register.bank.value), register.address, register.count)
 
 
 def write(register: Register, value: Number) -> ModbusRequest:
-    """Return the request that writes a value, in the register's unit, whole.
+    """Return the request that writes a value, in the register's unit.
 
     Raises:
-        ArgumentError: the manual shows no way to write it, or the value is none that is sent.
-        LimitError: beyond its bounds or type.
+        ArgumentError: the manual describes no write to the register, or the value is invalid.
+        LimitError: the value is beyond its bounds or type.
     """
     if not register.writable:
         raise ArgumentError(f"{register.name} is not for writing", remedy="it can be read only")
@@ -126,7 +125,7 @@ def write(register: Register, value: Number) -> ModbusRequest:
 
 
 def fits(request: ModbusRequest, reply: Reply) -> bool:
-    """Whether a reply can be the answer to a request; an exception is one as well."""
+    """Return whether a reply can be the answer to a request; an exception can be."""
     if reply.exception:
         return reply.function & 0x7F == request.function
     if reply.function != request.function:
@@ -143,5 +142,5 @@ def fits(request: ModbusRequest, reply: Reply) -> bool:
 
 
 def exception_words(code: int) -> str:
-    """Return what an exception code means (Modbus application protocol V1.1b3, 7)."""
+    """Return the meaning of an exception code (Modbus application protocol V1.1b3, 7)."""
     return f"exception {code}: {_MEANINGS.get(code, 'a code that Modbus does not have')}"

@@ -1,4 +1,4 @@
-"""A serial line as a wire: pymodbus makes the frames and judges the checksums, pyserial has the port."""
+"""A serial line as a wire: pymodbus makes the frames and verifies the checksums, pyserial provides the port."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from axisbus.drives.gim6010.modbus.requests import ModbusFunction, ModbusRequest
 from axisbus.drives.gim6010.modbus.wire import ModbusTimeout
 from axisbus.errors import AdapterError, UserError
 
-TIMEOUT = 0.2  # s for an answer; one of nine bytes takes 1 ms
+TIMEOUT = 0.2  # s for an answer; nine bytes take 1 ms
 
 
 class Parity(Enum):
-    """The parity bit; the manual does not say which a module has."""
+    """Parity bit; the manual does not document the module's."""
 
     NONE = "N"
     EVEN = "E"
@@ -25,12 +25,12 @@ class Parity(Enum):
 
 
 class SerialWire:
-    """Modbus RTU on a serial port; holds the port. ``Wire`` says what its methods do."""
+    """Modbus RTU on a serial port; ``Wire`` describes its methods."""
 
     def __init__(
         self, port: str, *, rate: int = FACTORY_RATE, parity: Parity = Parity.NONE, timeout: float = TIMEOUT
     ) -> None:
-        """Open ``port`` (``/dev/ttyUSB0``, ``COM3``) for this program alone; eight data bits, one stop bit. Sends nothing.
+        """Open ``port`` (``/dev/ttyUSB0``, ``COM3``) exclusively; eight data bits, one stop bit. Sends nothing.
 
         Raises:
             UserError: the extra ``modbus`` is not installed. AdapterError: the port cannot be opened.
@@ -52,7 +52,7 @@ class SerialWire:
         try:
             return _reply(self._call(device, request))
         except self._failures.ConnectionException as error:
-            if self._client.connected:  # the line took nothing in time, and the port is there
+            if self._client.connected:  # the write timed out, but the port is open
                 raise ModbusTimeout(str(error)) from error
             raise _unusable(self.port, str(error)) from error
         except self._failures.ModbusException as error:
@@ -61,9 +61,9 @@ class SerialWire:
             raise _unusable(self.port, str(error)) from error
 
     def drain(self, seconds: float) -> None:
-        """Forget what comes; see ``Wire.drain``."""
+        """Discard received data; see ``Wire.drain``."""
         time.sleep(seconds)
-        with suppress(Exception):  # a port that is gone: the next exchange tells
+        with suppress(Exception):  # if the port is gone, the next exchange raises
             if self._client.socket is not None:
                 self._client.socket.reset_input_buffer()
 
@@ -72,7 +72,7 @@ class SerialWire:
         return time.monotonic()
 
     def sleep(self, seconds: float) -> None:
-        """Wait."""
+        """Wait for ``seconds``."""
         time.sleep(seconds)
 
     def close(self) -> None:
@@ -93,7 +93,7 @@ class SerialWire:
 
     @staticmethod
     def _require(serial: Any, port: str, rate: int) -> None:
-        """Open the port once by itself: pymodbus does not tell why it cannot."""
+        """Open the port once without pymodbus, which does not report why it cannot open a port."""
         try:
             serial.serial_for_url(port, baudrate=rate, exclusive=True).close()
         except (OSError, ValueError) as error:  # SerialException is an OSError
@@ -101,7 +101,7 @@ class SerialWire:
 
 
 class _Pymodbus:
-    """What is used of pymodbus."""
+    """The parts of pymodbus that are used."""
 
     def __init__(self) -> None:
         from pymodbus import exceptions
@@ -112,14 +112,12 @@ class _Pymodbus:
 
 
 def libraries() -> tuple[Any, _Pymodbus]:
-    """Return pyserial, and what is used of pymodbus.
+    """Return pyserial, and the parts of pymodbus that are used.
 
     Raises:
-        UserError: one is not installed.
+        UserError: one of them is not installed.
     """
-    logging.getLogger("pymodbus").addHandler(
-        logging.NullHandler()
-    )  # errors are raised here, and not printed there
+    logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # errors are raised, not logged
     try:
         import serial
 
@@ -133,7 +131,7 @@ def libraries() -> tuple[Any, _Pymodbus]:
 
 
 def _reply(answer: Any) -> Reply:
-    """Return pymodbus's answer as a value; what it does not have is what a reply has by default."""
+    """Return pymodbus's answer as a value; missing attributes get the defaults of ``Reply``."""
     exception = int(getattr(answer, "exception_code", 0)) if answer.isError() else 0
     return Reply(
         int(answer.function_code),

@@ -1,7 +1,7 @@
-"""What a way to a module's parameters has to offer: endpoints over CAN and over Modbus, and the tree on USB.
+"""Common interface to a module's parameters: endpoints over CAN and over Modbus, and the object tree on USB.
 
-A value that is written is in RAM: it holds at once, and is lost with the next start. ``save`` brings RAM to flash, which restarts
-the module (manual v2.2, 3.1.6). What is in flash cannot be read beside RAM; after a restart both are the same.
+A written value is in RAM: it takes effect at once, and is lost with the next restart. ``save`` saves RAM to flash and restarts the
+module (manual v2.2, 3.1.6). The contents of the flash cannot be read separately; after a restart, RAM and flash are the same.
 """
 
 from __future__ import annotations
@@ -15,53 +15,53 @@ Value = int | float | bool
 
 
 class ModuleParameters(Protocol):
-    """A module whose parameters can be read and written; opened, and its list shown to fit.
+    """A module whose parameters can be read and written; it is open, and its list verified.
 
-    ``widest``: how many bytes a value may have to travel this way.
+    ``widest``: the maximum number of bytes of a value over this interface.
     """
 
     widest: int
 
     @property
     def listed(self) -> EndpointList:
-        """The parameters that its firmware has."""
+        """The parameters of its firmware."""
 
     @property
     def firmware(self) -> Firmware:
-        """The version that it reported."""
+        """The firmware version that it reported."""
 
     @property
     def serial(self) -> int:
-        """Its serial number, or the part of it that this way brings: its lowest 32 bits over CAN."""
+        """Its serial number, as far as the interface transfers it: the lowest 32 bits over CAN."""
 
     def endpoint(self, path: str) -> Endpoint:
-        """Return what its firmware says of a parameter, whose path may begin with ``odrv0.``.
+        """Return the description of a parameter; its path may begin with ``odrv0.``.
 
         Raises:
-            ArgumentError: there is none; similar ones are named.
+            ArgumentError: it does not exist; the message names similar ones.
         """
 
     def read(self, path: str) -> Value:
-        """Return a parameter's value as it is in RAM; blocks.
+        """Return a parameter's value in RAM; blocks.
 
         Raises:
-            ArgumentError: the list has no such parameter, it is not for reading, or does not travel this way.
-            BusError: no answer, or the module restarted or left meanwhile.
+            ArgumentError: the list has no such parameter, it is not readable, or the interface cannot transfer it.
+            BusError: no answer, or the module restarted or was disconnected meanwhile.
         """
 
     def write(self, path: str, value: Value, *, by_name: bool = False) -> Value:
-        """Write a parameter into RAM, read it back and return what it holds; blocks.
+        """Write a parameter into RAM, read it back and return the stored value; blocks.
 
-        ``by_name``: a person named this very parameter.
+        ``by_name``: the user named this very parameter.
 
         Raises:
-            ArgumentError, LimitError: as ``read``; it is not for writing or protected; the value is not of its type.
-            StateError: the module is not idle. BusError: as ``read``, or it holds another value than was written.
+            ArgumentError, LimitError: as ``read``; it is not writable or protected; the value is not of its type.
+            StateError: the module is not idle. BusError: as ``read``, or it stores another value than was written.
         """
 
     @property
     def axis_error(self) -> int:
-        """The axis's error word, 0 where nothing tells one; may block.
+        """Error word of the axis, 0 if the interface reports none; may block.
 
         Raises:
             BusError: no answer.
@@ -71,7 +71,7 @@ class ModuleParameters(Protocol):
         """Clear its errors, which enables nothing; blocks.
 
         Raises:
-            StateError: it is not idle. BusError: no answer, or the axis's error stays.
+            StateError: it is not idle. BusError: no answer, or the axis's error remains.
         """
 
     def require_idle(self) -> None:
@@ -82,10 +82,10 @@ class ModuleParameters(Protocol):
         """
 
     def save_and_leave(self) -> None:
-        """As ``save``, but only until it restarts, for what it does not come back from."""
+        """Save like ``save``, but do not wait for the restart, for changes after which the module does not return."""
 
     def save(self) -> None:
-        """Bring RAM to flash; the module restarts. Blocks until it is back.
+        """Save RAM to flash; the module restarts. Blocks until it answers again.
 
         Raises:
             StateError: it is not idle. BusError: it does not restart, or does not come back.

@@ -1,4 +1,4 @@
-"""The resistor that takes what a braking motor gives back (manual v2.2, 2.4.7 and 3.1.8): what sets it, and what it has to bear."""
+"""The brake resistor, which dissipates the energy of a braking motor (manual v2.2, 2.4.7 and 3.1.8): its settings and its load."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ _OFF = "what a braking motor gives back goes into the supply from now on: one th
 
 
 def wanted(ohms: float, current: float | None, ramp: tuple[float, float] | None) -> ParameterBatch:
-    """Return what switches a resistor on.
+    """Return the parameters that switch a resistor on.
 
     Args:
-        ohms: what it has, in Ω.
-        current: into the supply, in A (0 or more); what is more goes into the resistor. None leaves it.
-        ramp: the supply's voltages in V from which, and at which all of it goes into the resistor. None leaves it.
+        ohms: its resistance, in Ω.
+        current: maximum current into the supply, in A (0 or more); the excess goes into the resistor. None: unchanged.
+        ramp: supply voltages in V at which the resistor current begins, and at which it gets all current. None: unchanged.
 
     Raises:
-        ArgumentError: one of them is none, or neither current nor ramp says when it is used.
+        ArgumentError: a value is invalid, or neither current nor ramp is given.
     """
     if current is None and ramp is None:
         raise ArgumentError(
@@ -49,17 +49,17 @@ def wanted(ohms: float, current: float | None, ramp: tuple[float, float] | None)
 
 
 def off() -> ParameterBatch:
-    """Return what switches it off, and with it the ramp that leads current into it."""
+    """Return the parameters that switch it off, and with it the ramp of its current."""
     return ParameterBatch(((ENABLED, False), (RAMP, False)), (_OFF,))
 
 
 def bears(ohms: float, volts: float) -> str:
-    """Return in words what a resistor takes at the supply's voltage."""
+    """Return a text with current and power of a resistor at the supply's voltage."""
     return f"at {volts:g} V it takes {volts / ohms:.3g} A and {volts * volts / ohms:.3g} W: see that it bears that"
 
 
 def require_below_trip(module: ModuleParameters, ramp: tuple[float, float] | None) -> None:
-    """Check that the ramp ends before the module gives up for too much voltage; blocks.
+    """Check that the ramp ends below the module's overvoltage trip level; blocks.
 
     Raises:
         StateError: it does not. BusError: as ``ModuleParameters.read``.

@@ -1,6 +1,7 @@
-"""A module that follows the pulses of a remote control (manual v2.2, 4.4): how a pulse's width is mapped, and the steps to it.
+"""A module that follows the PWM pulses of a remote control (manual v2.2, 4.4): the mapping of the pulse width, and the setup steps.
 
-Which parameter follows is set by a reference that travels over USB alone, and the interface is CAN's: so these are steps for USB.
+The parameter to follow is set by a reference that only USB can transfer, and the PWM input replaces the CAN interface. Therefore
+the steps are for USB.
 """
 
 from __future__ import annotations
@@ -26,12 +27,12 @@ class _Follows(NamedTuple):
     what: str
     unit: str
     out: str
-    of_output: float  # by which a value of the rotor is multiplied
+    of_output: float  # factor from rotor to output
     note: str
 
 
 class Follows(Enum):
-    """What follows the pulses, each by the mode that the manual has for it."""
+    """The value that follows the pulses, each by the manual's mode for it."""
 
     POSITION = _Follows(
         3,
@@ -68,7 +69,7 @@ _WIRE = "the signal goes to the contact of CANH, 5 V at most, with its ground on
 
 @dataclass(frozen=True, slots=True)
 class Mapping:
-    """``follows`` is mapped from ``low`` at a pulse of 1 ms to ``high`` at 2 ms, in units of the rotor."""
+    """Maps a pulse of 1 ms to ``low`` and of 2 ms to ``high`` of ``follows``, in units of the rotor."""
 
     follows: Follows
     low: float
@@ -84,10 +85,10 @@ class Mapping:
             )
 
     def at(self, width: float) -> float:
-        """Return the value at a pulse of ``width`` in ms.
+        """Return the value for a pulse of ``width`` in ms.
 
         Raises:
-            LimitError: it is none of 1 to 2 ms, of which the manual tells the mapping.
+            LimitError: the width is not 1 to 2 ms, the range of the manual's mapping.
         """
         if not SHORTEST <= width <= LONGEST:
             raise LimitError(
@@ -99,13 +100,13 @@ class Mapping:
 
     @property
     def zero(self) -> float | None:
-        """The width in ms at which the value is 0; None where it never is."""
+        """Pulse width in ms at which the value is 0; None if there is none."""
         width = SHORTEST - self.low / (self.high - self.low) * (LONGEST - SHORTEST)
         return width if SHORTEST <= width <= LONGEST else None
 
     @property
     def table(self) -> Iterator[str]:
-        """The mapping as lines, at widths all over its range."""
+        """The mapping as lines, at widths distributed over its range."""
         kind = self.follows.value
         for number in range(_SHOWN):
             width = SHORTEST + number * (LONGEST - SHORTEST) / (_SHOWN - 1)
@@ -114,13 +115,13 @@ class Mapping:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a person has to know of it."""
+        """Remarks for the user."""
         never = () if self.zero is not None else ("no pulse means 0: it never stands by a pulse",)
         return (self.follows.value.note, *never, _LOST, _WIRE)
 
     @property
     def steps(self) -> tuple[str, ...]:
-        """The steps over USB; the interface comes last, since over CAN the module is not reached then."""
+        """The steps over USB; the interface comes last, since afterwards the module cannot be reached over CAN."""
         kind, mapping = self.follows.value, f"odrv0.config.gpio{_PIN}_pwm_mapping"
         return (
             "connect it by USB and open odrivetool; it must be idle",

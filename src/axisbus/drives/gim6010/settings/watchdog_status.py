@@ -1,8 +1,8 @@
-"""What of a module notices that nobody commands it any more, as it is read before it is led: a dialogue without a clock or a bus.
+"""Reads a module's watchdogs for a dead master, before the master enables it: a dialogue without clock or bus.
 
-Theory of operation. No message tells it, and over CAN many modules answer no endpoint: then it is not known. Where they do, the
-list has to be made for the firmware that the module has told, and is proven on it (its node ID, read by the list, is the one that
-answers) before anything else is read by it. Nothing is written.
+Theory of operation. No message reports the watchdogs, and over CAN many modules answer no endpoint: then they are unknown. If a
+module answers, the list must be made for the firmware version that the module reported. The list is verified first: the node ID
+read by it must be the node that answers. Nothing is written.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _Value = float | int | bool
 
 @dataclass(frozen=True, slots=True)
 class Armed:
-    """What was read: ``break_timeout`` and the axis's ``watchdog`` in s, each 0 where it is off, None where it is not known."""
+    """Result: ``break_timeout`` and the axis's ``watchdog`` in s, each 0 if it is off, None if unknown."""
 
     break_timeout: float | None = None
     watchdog: float | None = None
@@ -33,10 +33,10 @@ class Armed:
 def armed(
     node: int, listed: EndpointList, made_for: Firmware, facts: SimpleFacts
 ) -> Generator[ProbeFrame, CanFrame | None, Armed]:
-    """Read what is armed in a module of which ``facts`` are known; ``listed`` is its firmware's list, ``made_for`` that version.
+    """Read the watchdogs of a module with known ``facts``; ``listed`` is its firmware's list, ``made_for`` that version.
 
     Raises:
-        ArgumentError: the list does not fit the firmware that the module has told, or is not proven on it.
+        ArgumentError: the list does not fit the reported firmware version, or its verification failed.
     """
     if facts.version is None:
         return Armed()
@@ -56,7 +56,7 @@ def armed(
 def _read(
     node: int, fitted: FittedList, path: str, facts: SimpleFacts
 ) -> Generator[ProbeFrame, CanFrame | None, _Value | None]:
-    """Return a parameter; None where this firmware has none of this name, or does not answer for it."""
+    """Return a parameter; None if this firmware does not have it, or does not answer."""
     if path not in fitted.listed.endpoints:
         return None
     data = yield from endpoint(node, endpoint_messages.read(node, fitted, path), facts)

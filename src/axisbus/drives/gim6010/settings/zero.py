@@ -1,11 +1,11 @@
-"""The zero of a module's position, set to where it stands (manual v2.2, 3.1.8; what an owner did).
+"""Sets a module's zero to its present position (manual v2.2, 3.1.8; an owner's procedure).
 
 Theory of operation
 -------------------
-Position is what the encoder says less ``index_offset``, where ``use_index_offset`` is set. An owner sets the zero by adding the
-present estimate to the offset. But in many modules the estimate is dead until closed loop, and a wrong offset would be a position
-that is believed; so it has to agree with the encoder's own count, which is alive in idle. Where it does not, nothing is written.
-The encoder is on the rotor and knows its place within one turn of that: which of the turns it is in, it forgets with its power.
+The position is the encoder's reading minus ``index_offset``, if ``use_index_offset`` is set. An owner sets the zero by adding the
+present estimate to the offset. But in many modules the estimate is invalid outside closed loop, and a wrong offset would give wrong
+positions that look valid. Therefore the estimate must agree with the encoder's count, which is valid in idle; otherwise nothing is
+written. The encoder is on the rotor and knows the position within one rotor turn: the number of the turn is lost with the power.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from axisbus.errors import NodeError, StateError
 OFFSET, USED = "axis0.encoder.config.index_offset", "axis0.encoder.config.use_index_offset"
 _ESTIMATE, _COUNT, _CPR = (f"axis0.encoder.{name}" for name in ("pos_estimate", "count_in_cpr", "config.cpr"))
 NEAR = 0.01  # turns of the rotor by which estimate and count may differ: 0.45° of the output
-_STILL = 0.002  # turns between two looks
+_STILL = 0.002  # turns between two readings at standstill
 STEPS = (
     "connect it by USB and open odrivetool; enable it where it is to be zero, and keep it there",
     "read odrv0.axis0.encoder.pos_estimate and odrv0.axis0.encoder.config.index_offset; disable it (requested_state = 1)",
@@ -35,7 +35,7 @@ _TURNS = (
 
 @dataclass(frozen=True, slots=True)
 class RotorZero:
-    """Where a module says that it is: the offset that holds and the estimate in turns of the rotor, the count within ``cpr``."""
+    """Position data of a module: offset and estimate in turns of the rotor, the count within ``cpr``."""
 
     offset: float
     used: bool
@@ -45,20 +45,20 @@ class RotorZero:
 
     @property
     def by_estimate(self) -> float:
-        """The place within a turn of the rotor (0 to 1), by estimate and offset."""
+        """Position within a turn of the rotor (0 to 1), by estimate and offset."""
         return ((self.offset if self.used else 0.0) + self.estimate) % 1.0
 
     @property
     def by_count(self) -> float:
-        """The same by the encoder's own count."""
+        """Position within a turn of the rotor (0 to 1), by the encoder's count."""
         return self.count / self.cpr % 1.0
 
 
 def look(module: ModuleParameters) -> RotorZero:
-    """Read where a module is; blocks.
+    """Read the position data of a module; blocks.
 
     Raises:
-        StateError: it tells a place that is none. BusError: as ``ModuleParameters.read``.
+        StateError: it reports an invalid position. BusError: as ``ModuleParameters.read``.
     """
     offset, estimate = float(module.read(OFFSET)), float(module.read(_ESTIMATE))
     place = RotorZero(
@@ -70,10 +70,10 @@ def look(module: ModuleParameters) -> RotorZero:
 
 
 def wanted(first: RotorZero, second: RotorZero) -> ParameterBatch:
-    """Return what makes the present place 0, by two looks at it, some tenths of a second apart.
+    """Return the parameters that make the present position 0; ``first`` and ``second`` are read some tenths of a second apart.
 
     Raises:
-        StateError: it turns meanwhile, or its estimate does not agree with its count.
+        StateError: the rotor turns, or its estimate does not agree with its count.
     """
     if apart(first.by_count, second.by_count) > _STILL:
         raise StateError(
@@ -91,7 +91,7 @@ def wanted(first: RotorZero, second: RotorZero) -> ParameterBatch:
 
 
 def verify(node: int, zero: float, after: RotorZero) -> None:
-    """Check where a module is after the restart, which has not been turned meanwhile; ``zero`` is the offset that was written.
+    """Check the position after the restart, if the rotor was not turned meanwhile; ``zero`` is the offset that was written.
 
     Raises:
         NodeError: it is not at its zero.
@@ -113,5 +113,5 @@ def verify(node: int, zero: float, after: RotorZero) -> None:
 
 
 def apart(one: float, other: float) -> float:
-    """Return by how many turns two places within a turn differ, 0.5 at most."""
+    """Return the difference between two positions within a turn, in turns, at most 0.5."""
     return abs((one - other + 0.5) % 1.0 - 0.5)

@@ -1,4 +1,4 @@
-"""What is to be tried: a step of position or velocity, and the gains; nothing of it has a default."""
+"""Parameters of a trial: a step of position or velocity, and the gains; none of them has a default that moves the motor."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from axisbus.errors import ArgumentError
 
 _POS_GAIN, _VEL_GAINS = named("Set_Pos_Gain"), named("Set_Vel_Gains")
 _DEGREES = 360.0 / GEAR_RATIO
-LONGEST = 30.0  # s on each side
+LONGEST = 30.0  # s for each half
 
 
 class Loop(Enum):
-    """The loop whose gains are tried."""
+    """The control loop whose gains are tried."""
 
     POSITION = "position"
     VELOCITY = "velocity"
@@ -27,10 +27,10 @@ class Loop(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Gains:
-    """Gains as the firmware has them: (turns/s)/turn, N·m per turn/s, N·m per turn; None: as it is in the module.
+    """Gains in the firmware's units: (turns/s)/turn, N·m per turn/s, N·m per turn; None: unchanged.
 
     Raises:
-        ArgumentError: one is below 0, or one of the two of the velocity loop is given alone: one message sets both.
+        ArgumentError: a gain is below 0, or only one gain of the velocity loop is given: one message sets both.
     """
 
     position: float | None = None
@@ -51,7 +51,7 @@ class Gains:
             )
 
     def frames(self, node: int) -> tuple[Outgoing, ...]:
-        """Return what sets them."""
+        """Return the frames that set the gains."""
         position = () if self.position is None else (encode(node, _POS_GAIN, {"Pos_Gain": self.position}),)
         if self.velocity is None or self.integrator is None:
             return position
@@ -61,13 +61,13 @@ class Gains:
 
 @dataclass(frozen=True, slots=True)
 class ModuleTrial:
-    """A step there and back: ``size`` in turns of the rotor, or turns/s of it, of either sign; ``seconds`` are those of each side.
+    """A step there and back: ``size`` in rotor turns or rotor turns/s, of either sign; ``seconds`` is the duration of each half.
 
-    A position is gone to by a trapezoid of ``velocity`` (turns/s) and ``acceleration`` (turns/s²); a velocity is come to by the
-    module's own ramp (``vel_ramp_rate``), which no message sets, and both are 0 then.
+    The module reaches a position by a trapezoid of ``velocity`` (turns/s) and ``acceleration`` (turns/s²). It reaches a velocity by
+    its own ramp (``vel_ramp_rate``), which no message sets; ``velocity`` and ``acceleration`` are then 0.
 
     Raises:
-        ArgumentError: a value is none, or the step cannot be made in its time.
+        ArgumentError: a value is invalid, or the step does not fit into its time.
     """
 
     node: int
@@ -107,7 +107,7 @@ class ModuleTrial:
 
     @property
     def takes(self) -> float:
-        """Seconds of its trapezoid; 0 for a step of velocity, whose ramp is not known."""
+        """Duration of its trapezoid in s; 0 for a step of velocity, whose ramp is unknown."""
         if self.loop is Loop.VELOCITY:
             return 0.0
         way, ramp = abs(self.size), self.velocity / self.acceleration
@@ -117,19 +117,19 @@ class ModuleTrial:
 
     @property
     def farthest(self) -> float:
-        """Turns of the rotor from where it stood, at which it is ended."""
+        """Rotor turns from the start at which the trial is aborted."""
         if self.loop is Loop.POSITION:
             return 1.5 * abs(self.size) + 0.1
         return 1.5 * abs(self.size) * self.seconds + 0.5
 
     @property
     def fastest(self) -> float:
-        """Turns/s of the rotor at which it is ended."""
+        """Rotor turns/s at which the trial is aborted."""
         return 2.0 * (self.velocity if self.loop is Loop.POSITION else abs(self.size)) + 0.5
 
 
 def explanation(trial: ModuleTrial) -> Iterator[str]:
-    """Yield what will turn and by how much, and what has to be seen to before."""
+    """Yield the motion to expect and the precautions."""
     yield f"a step of the {trial.loop.value} of module {trial.node}, which enables it and turns it:"
     degrees = f"{trial.size * _DEGREES:.4g} degrees"
     if trial.loop is Loop.POSITION:

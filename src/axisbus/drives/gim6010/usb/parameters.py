@@ -1,10 +1,10 @@
-"""The parameters of a module by its own tree over USB, behind the interface ``Parameters``.
+"""Parameters of a module by its object tree on USB; implements ``ModuleParameters``.
 
 Theory of operation
 -------------------
-No list of endpoints is given: the module brings its own, so that none can be of another firmware, and a path is reached by its
-name. Two functions are called: what saves, which restarts the module, and what clears errors. After a restart the module is looked
-for by its serial number, and what was written is read again.
+No endpoint list is needed: the module provides its own, which always fits its firmware, and a path is accessed by its name. Only
+two functions are called: saving, which restarts the module, and clearing errors. After a restart the module is found by its serial
+number, and all written values are read again.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ _WORDS = {
     "system": "error",
 }
 _SAVE, _CLEAR = "save_configuration", "clear_errors"
-_BACK = 25.0  # s that owners gave a restart
-_GOES = 3.0  # s in which one begins
+_BACK = 25.0  # s for a restart, from owners' reports
+_GOES = 3.0  # s in which a restart must begin
 _LOOK = 0.05
 _WIDEST = 8  # bytes of a value
 
 
 class UsbParameters:
-    """``Parameters`` of one module; holds its tree, and what was written since the last save."""
+    """Parameters of one module; holds its tree, and the values written since the last save."""
 
     widest = _WIDEST
 
@@ -58,7 +58,7 @@ class UsbParameters:
         """Read its list, version and node ID; blocks.
 
         Raises:
-            NodeError: it does not tell them. ArgumentError: its list is none.
+            NodeError: it does not report them. ArgumentError: its list is invalid.
         """
         nodes = [{**member, "name": path} for path, member in self._tree.members.items()]
         self._own = parse(json.dumps(nodes), SOURCE)
@@ -67,13 +67,13 @@ class UsbParameters:
 
     @property
     def listed(self) -> EndpointList:
-        """The parameters that its firmware has."""
+        """The parameters of its firmware."""
         if self._own is None:
             raise StateError("the list of the module was not read", remedy="open it first")
         return self._own
 
     def endpoint(self, path: str) -> Endpoint:
-        """Return what its firmware says of a parameter; see ``ModuleParameters.endpoint``."""
+        """Return the description of a parameter; see ``ModuleParameters.endpoint``."""
         return found_in(self.listed.endpoints, path, "parameter", SOURCE)
 
     def read(self, path: str) -> Value:
@@ -87,14 +87,14 @@ class UsbParameters:
             return self._of(endpoint.path, self._tree.read(endpoint.path))
 
     def write(self, path: str, value: Value, *, by_name: bool = False) -> Value:
-        """Write a parameter into RAM and return what it holds then; see ``ModuleParameters.write``."""
+        """Write a parameter into RAM and return the stored value; see ``ModuleParameters.write``."""
         endpoint = self.endpoint(path)
         rules.require_setting(endpoint, by_name=by_name)
         endpoint_messages.value_bytes(endpoint, value, self.widest)
         return self._put(endpoint, value)
 
     def set_node_id(self, new: int) -> None:
-        """Give it another node ID (0 to 63), in RAM, read back; blocks. Nobody here knows who else has it. Raises as ``write``."""
+        """Change its node ID (0 to 63) in RAM and read it back; blocks. Does not check other nodes. Raises as ``write``."""
         if new not in NODES:
             raise ArgumentError(f"{new} is no node ID of a module", remedy="give a whole number from 0 to 63")
         self.node = int(self._put(self.endpoint(rules.NODE_ID), new))
@@ -114,7 +114,7 @@ class UsbParameters:
         return held
 
     def save(self) -> None:
-        """Bring RAM to flash, wait until it is back on its port, and read all that was written again."""
+        """Save RAM to flash, wait until the module is back on its port, and verify all written values."""
         self.save_and_leave()
         self._tree = self._tree.again(_BACK)
         firmware = self.firmware
@@ -129,7 +129,7 @@ class UsbParameters:
         self._written.clear()
 
     def save_and_leave(self) -> None:
-        """As ``save``, but only until it restarts, for what it does not come back from."""
+        """Save like ``save``, but do not wait for the restart, for changes after which the module does not return."""
         self.require_idle()
         try:
             self._tree.call(self._function(_SAVE))
@@ -144,14 +144,14 @@ class UsbParameters:
 
     @property
     def axis_error(self) -> int:
-        """The axis's error word; blocks."""
+        """Error word of the axis; blocks."""
         return int(self.read(_ERROR))
 
     def error_words(self) -> dict[str, int]:
-        """Return its error words by the category of the table of faults; blocks.
+        """Return its error words by category of the fault table; blocks.
 
         Raises:
-            ArgumentError: its firmware has none of these names. NodeError: no answer.
+            ArgumentError: its firmware has no such parameter. NodeError: no answer.
         """
         return {category: int(self.read(path)) for category, path in _WORDS.items()}
 
@@ -185,7 +185,7 @@ class UsbParameters:
         return found_in(self.listed.functions, path, "function", SOURCE).path
 
     def _goes(self) -> bool:
-        """Whether it leaves its port within some seconds."""
+        """Return whether it leaves its port within some seconds."""
         end = time.monotonic() + _GOES
         try:
             while time.monotonic() < end:
@@ -202,7 +202,7 @@ class UsbParameters:
 
     @contextmanager
     def _there(self) -> Iterator[None]:
-        """Tell a module that leaves its port in this block as gone."""
+        """Raise ``NodeTimeout`` if the module leaves its port in this block."""
         try:
             yield
         except Gone as gone:

@@ -1,4 +1,4 @@
-"""Messages that are asked for time and again: when, how, and when a firmware is said not to answer them."""
+"""Messages that are requested periodically: when, by which kind of frame, and when the firmware counts as not answering them."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ from axisbus.drives.gim6010.can_simple import codec
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.messages import named
 
-_TRIES = 5  # by a remote frame, and as many by eight bytes of 0
-_SELDOM = 1.0  # s between two tries of what is not answered
-_GIVEN_UP = 0.05  # s after which a question counts as not answered
+_TRIES = 5  # requests by a remote frame, and as many by eight bytes of 0
+_SELDOM = 1.0  # s between two requests for a message that is not answered
+_GIVEN_UP = 0.05  # s after which a request counts as not answered
 
 
 class PolledMessage:
-    """One message that is asked for; holds when it was asked for last, and how often in vain.
+    """One periodically requested message, with the time of the last request and the number of requests without an answer.
 
-    Owners saw remote frames answered, and the maker's program asks with eight bytes of 0: after some remote frames in vain the
-    other way is tried; where the bus carries no remote frames, that way alone. A message that is answered neither way is *not
-    answered by this firmware*: that is told once, and it is asked for seldom from then on.
+    Owners saw answers to remote frames, and the maker's program sends eight bytes of 0. After some remote frames without an answer,
+    the data frame is used; if the bus carries no remote frames, only the data frame is used. A message that is answered to neither
+    is *not answered by this firmware*: this is reported once, and the message is then requested rarely.
     """
 
     def __init__(self, node: int, name: str, *, remote: bool = True) -> None:
-        """``node``: 0 to 63; ``name``: the manual's, of a message that an empty request asks for.
+        """``node``: 0 to 63; ``name``: the manual's name of a message that an empty request asks for.
 
         ``remote``: whether the bus carries remote frames.
         """
@@ -33,11 +33,11 @@ class PolledMessage:
 
     @property
     def silent(self) -> bool:
-        """Whether it has been asked for in both ways, in vain."""
+        """Whether both kinds of request had no answer."""
         return self._vain >= 2 * _TRIES
 
     def ask(self, now: float, every: float) -> Outgoing | None:
-        """Return the request where it is due, having been asked for ``every`` so many s; None where it is not."""
+        """Return the request if it is due, with a period of ``every`` s; otherwise None."""
         since = None if self._asked_at is None else now - self._asked_at
         if self._open and since is not None and since >= _GIVEN_UP:
             self._open = False
@@ -49,7 +49,7 @@ class PolledMessage:
         return self._frames[self._way]
 
     def take(self, at: float) -> None:
-        """It came at ``at``, asked for or not."""
+        """Note that the message arrived at ``at``, requested or not."""
         self.answered_at = at
         self._open = False
         self._vain = _TRIES * self._way if self._vain < 2 * _TRIES else 0

@@ -47,9 +47,7 @@ class RotorPosition:
         self._live = self._joined = self._was_joined = False
         self._astray: int | None = None
         self._misses = 0
-        self._from: tuple[int, float] | None = (
-            None  # counts and time: start of a velocity measurement in idle
-        )
+        self._from: tuple[int, float] | None = None  # counts, time: start of a velocity measurement in idle
 
     @property
     def shown(self) -> int | None:

@@ -1,4 +1,4 @@
-"""All modules of a serial line behind a relay: frames of CAN Simple go in, one piece of work at a time is done, frames come out."""
+"""All modules of a serial line behind a relay: CAN Simple frames in, one step of work at a time, frames out."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from axisbus.drives.gim6010.modbus.can_emulation.status_frames import Told
 from axisbus.drives.gim6010.modbus.wire import Wire
 
 _NOTHING_DUE = 0.01  # s
-_MOST = 1000  # frames that wait; more are of a line that carries nothing
+_MOST = 1000  # waiting frames; more only arise if the line does not work
 
 
 class Relay:
-    """Holds the modules of a line; ``take`` may be called from any thread, all else belongs to one."""
+    """The modules of a line; ``take`` may be called from any thread, all other methods from one thread only."""
 
     def __init__(self, wire: Wire, modules: Mapping[int, tuple[EndpointList, Firmware]]) -> None:
-        """``modules``: by node ID (1 to 63) the list of endpoints of its firmware, and the firmware that it is for."""
+        """``modules``: by node ID (1 to 63) the endpoint list of its firmware, and the firmware version of that list."""
         self._wire = wire
         self._modules = {node: RelayedModule(wire, node, *listed) for node, listed in modules.items()}
         self._turns = cycle(list(self._modules.values()))
         self._came: deque[tuple[int, bytes, bool]] = deque(maxlen=_MOST)
 
     def take(self, can_id: int, data: bytes, remote: bool) -> None:
-        """Take a frame; what is for none of the modules is passed over. Does not block."""
+        """Take a frame; frames for other nodes are ignored. Does not block."""
         self._came.append((can_id, data, remote))
 
     def work(self) -> list[Told]:
-        """Do one piece of work, and return what is told by it; blocks as ``RelayedModule.work``, and raises as that."""
+        """Do one step of work, and return the resulting messages; blocks as ``RelayedModule.work``, and raises the same errors."""
         self._sort()
         module = self._next()
         if module is None:
@@ -43,7 +43,7 @@ class Relay:
 
     @property
     def is_idle(self) -> bool:
-        """Whether every order has been carried out."""
+        """Whether every command was carried out."""
         return not self._came and not any(each.has_orders for each in self._modules.values())
 
     def _sort(self) -> None:
@@ -54,7 +54,7 @@ class Relay:
                 self._modules[told.node].hear(told)
 
     def _next(self) -> RelayedModule | None:
-        """Return whose turn it is: who is stopped, then who has orders, then the next one."""
+        """Return the next module: one with a stop first, then one with commands, then the modules in turn."""
         modules = list(self._modules.values())
         for ahead in (
             [each for each in modules if each.is_stopped],
