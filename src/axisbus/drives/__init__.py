@@ -1,4 +1,4 @@
-"""What is particular to a make of drive: identity, fault tables, quirks."""
+"""Drive plug-ins: properties of a vendor's drive family, such as identity, fault tables and quirks."""
 
 from axisbus.drives.make import GENERIC, Make
 from axisbus.drives.registry import MAKES, find

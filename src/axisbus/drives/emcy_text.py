@@ -1,4 +1,4 @@
-"""Emergency messages, incidents and error histories in words: by CiA 301 and CiA 402, and by the make's own table."""
+"""Emergency messages, incidents and error histories as text: by CiA 301 and CiA 402, and by the drive plug-in's table."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _ERROR_REGISTER = (0x1001, 0)
 
 
 def emcy_words(emcy: Emcy, make: Make = GENERIC) -> str:
-    """Return one message in a line: code and text, error register, the maker's five bytes, and what the make says of the code."""
+    """Return one message as a line: code and text, error register, the manufacturer's five bytes, and the plug-in's explanation."""
     if emcy.is_reset:
         left = cia301.register_words(emcy.register)
         return f"0x{emcy.code:04X}, error reset" + (f" (still there: {', '.join(left)})" if left else "")
@@ -26,9 +26,9 @@ def emcy_words(emcy: Emcy, make: Make = GENERIC) -> str:
 
 
 def incident_words(incident: Incident, make: Make = GENERIC, now: float | None = None) -> list[str]:
-    """Return an incident as lines: how it stands, then each message with its distance from the fault.
+    """Return an incident as lines: its outcome, then each message with its time after the fault.
 
-    ``now`` in seconds of the messages' clock tells how long ago it began.
+    ``now`` (seconds of the messages' clock) adds the time since it began.
     """
     ago = "" if now is None else f", {now - incident.began:.1f} s ago"
     lines = [f"incident {incident.number}: {_standing(incident)}{ago}"]
@@ -47,5 +47,5 @@ def _standing(incident: Incident) -> str:
 
 
 def history_words(entry: ErrorEntry, make: Make = GENERIC) -> str:
-    """Return one entry of 1003h in a line, with what the make says of its code."""
+    """Return one entry of 1003h as a line, with the plug-in's explanation of its code."""
     return "; ".join([str(entry), *make.explain(entry.code, {})])

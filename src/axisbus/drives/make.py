@@ -1,4 +1,4 @@
-"""What the library needs to know of a make of drive."""
+"""Definition of a drive plug-in: the properties of a vendor's drive family that the library uses."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ Explain = Callable[[int, Details], list[str]]
 
 
 def no_explanation(code: int, details: Details) -> list[str]:  # noqa: ARG001  the shape of every ``explain``
-    """Explain nothing beyond what CiA 301 and CiA 402 say of an error code."""
+    """Return no explanation beyond those of CiA 301 and CiA 402 for an error code."""
     return []
 
 
 @dataclass(frozen=True, slots=True)
 class MeasuredObject:
-    """A value that a drive tells: its object, and by what it is to be multiplied; ``of`` is an object that it is a part of."""
+    """A measured value of a drive: its object and factor; ``of`` is the index of the reference value of a relative value."""
 
     index: int
     subindex: int
@@ -24,7 +24,7 @@ class MeasuredObject:
     of: int | None = None
 
 
-# What CiA 402-2 itself defines; temperatures are the makers' own.
+# Defined by CiA 402-2; objects of temperatures are manufacturer-specific.
 STANDARD_MEASURED: Mapping[str, MeasuredObject] = {
     "voltage": MeasuredObject(0x6079, 0, 0.001),  # mV
     "current": MeasuredObject(0x6078, 0, 0.001 * 0.001, of=0x6075),  # ‰ of rated current, which is in mA
@@ -33,15 +33,14 @@ STANDARD_MEASURED: Mapping[str, MeasuredObject] = {
 
 @dataclass(frozen=True, slots=True)
 class Make:
-    """One make of drive; the defaults are those of a drive of which nothing is known.
+    """One drive plug-in; the defaults are for an unknown drive.
 
-    ``vendor_id`` is that of 1018h:01 and ``product_codes`` those of 1018h:02 (None: any). ``fault_objects`` are to be read, where
-    the drive has them, when it is in fault; ``explain(code, details)`` turns 603Fh and their values into sentences.
-    ``lists_modes`` says that its 6502h can be believed.
-    ``store_restarts`` says that storing parameters (1010h) reboots the drive. ``calibration_objects`` are those that belong to one
-    specimen or whose writing makes the motor move to calibrate (sub-index None: all of the object); they are written only when the
-    user names them one by one. ``scale_proposal`` is a text for a person: the
-    position scale is a setting, never taken from here. ``measured`` names the make's own objects for *temperature* and the like.
+    ``vendor_id`` is 1018h:01 and ``product_codes`` are the values of 1018h:02 (None: any). ``fault_objects`` are the objects to
+    read when the drive is in fault, if it has them; ``explain(code, details)`` turns 603Fh and their values into sentences.
+    ``lists_modes``: its 6502h is correct. ``store_restarts``: storing parameters (1010h) reboots the drive. ``calibration_objects``
+    are objects that belong to one specimen, or whose writing moves the motor for a calibration (sub-index None: the whole object);
+    they are written only if the user names them one by one. ``scale_proposal`` is a text for the user: the position scale is a
+    setting, never taken from here. ``measured`` maps *temperature* and the like to the manufacturer's objects.
     """
 
     name: str
@@ -57,7 +56,7 @@ class Make:
     notes: tuple[str, ...] = ()
 
     def matches(self, vendor_id: int | None, product_code: int | None) -> bool:
-        """Whether a drive of this identity (None: unknown) is of this make."""
+        """Whether a drive with this identity (None: unknown) belongs to this plug-in."""
         if self.vendor_id is None or vendor_id != self.vendor_id:
             return False
         return self.product_codes is None or product_code in self.product_codes

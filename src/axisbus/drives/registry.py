@@ -1,4 +1,4 @@
-"""Which makes are known, and which one a drive is of."""
+"""The known drive plug-ins, and the selection of the one for a drive."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ MAKES: tuple[Make, ...] = (GIM6010,)
 
 
 def make_of(eds: Eds, node_id: int) -> Make:
-    """Return the make by the identity in an EDS; boot has compared it with the node's own."""
+    """Return the plug-in for the identity in an EDS, which the boot-up compares with the node's identity."""
     return find(*(_number(eds, node_id, subindex) for subindex in (o.VENDOR_ID, o.PRODUCT_CODE)))
 
 
 def find(vendor_id: int | None, product_code: int | None) -> Make:
-    """Return the make of a drive by 1018h:01 and 1018h:02 (None: unknown); ``GENERIC`` where none is known."""
+    """Return the plug-in of a drive by 1018h:01 and 1018h:02 (None: unknown); ``GENERIC`` if none matches."""
     return next((make for make in MAKES if make.matches(vendor_id, product_code)), GENERIC)
 
 

@@ -1,1 +1,1 @@
-"""The stand-in drive: a motor and a CiA 402 drive's behaviour by time step, run directly or as a node on a bus."""
+"""The simulated drive: a motor and the behaviour of a CiA 402 drive by time step, run directly or as a node on a bus."""

@@ -1,4 +1,4 @@
-"""One node of a bus of stand-ins without its frames: axes, dictionary, errors, NMT state, watchdogs, storing and restarting."""
+"""One simulated node without its frames: axes, dictionary, errors, NMT state, watchdogs, storing and restarting."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from axisbus.sim.settings import AXIS_SPAN
 HEARTBEAT_LOST = 0x8130
 RPDO_LATE = 0x8250
 NMT_LEFT = 0x8100
-_OPERATIONAL, _INITIALISING = NmtState.OPERATIONAL, NmtState.INITIALISING  # looked at in every step
+_OPERATIONAL, _INITIALISING = NmtState.OPERATIONAL, NmtState.INITIALISING  # used in every step
 SAVE, LOAD = 0x6576_6173, 0x6461_6F6C
-_COMMUNICATION = -1  # who an error belongs to that is no axis's
+_COMMUNICATION = -1  # owner of errors that belong to no axis
 _MAX_AXES = 8
 _MAX_STEP = 0.02
-# Which objects a sub-index of 1010h and 1011h means (CiA 301 7.5.2.13).
+# Range of objects for a sub-index of 1010h and 1011h (CiA 301 7.5.2.13).
 _SCOPE = {1: (0x0000, 0xFFFF), 2: (0x1000, 0x1FFF), 3: (0x6000, 0x9FFF)}
 _MAKER_SCOPE = (0x2000, 0x5FFF)
 
 
 class Device:
-    """A node with one or more axes; holds everything that a restart loses, and what was stored, which it does not."""
+    """A node with one or more axes; holds the state that a restart resets, and the stored parameters, which it keeps."""
 
     def __init__(
         self,
@@ -49,10 +49,10 @@ class Device:
         seed: int = 0,
         serial: int | None = None,
     ) -> None:
-        """Make a node from what its EDS says; ``axes`` (to 8; 0: an I/O module) are counted by their controlwords where None.
+        """Make a node from its EDS; ``axes`` (up to 8; 0: an I/O module) are counted by their controlwords if None.
 
         ``params`` is one motor for all axes or one for each. A ``node_id`` of 255 is a node that waits for one by LSS. ``serial``
-        takes the place of the file's 1018h:4, so that several made from one file can be told apart.
+        replaces the file's 1018h:4, so that several nodes made from one file can be distinguished.
         """
         self.eds = eds
         self.node_id = node_id
@@ -85,10 +85,8 @@ class Device:
             self.loader = ProgramLoader(self.dictionary, self.dials.program, restart)
         self.nmt = NmtState.INITIALISING
         self.time = 0.0
-        self.ties: list[
-            Callable[[], None]
-        ] = []  # called before each step: what is tied to its motors pulls on them
-        self.boot_ups = 0  # boot-up messages owed since power-on
+        self.ties: list[Callable[[], None]] = []  # called before each step: forces of couplings on its motors
+        self.boot_ups = 0  # boot-up messages due since power-on
         self._stored: dict[int, int | float | str | bytes] = {}
         self._restore = False
         self._boot_timer = 0.0
@@ -96,7 +94,7 @@ class Device:
 
     @property
     def drive(self) -> Drive:
-        """The first axis; an I/O module has none, and raises IndexError."""
+        """The first axis; raises IndexError for an I/O module, which has none."""
         return self.drives[0]
 
     @property
@@ -105,7 +103,7 @@ class Device:
         return self.nmt is _OPERATIONAL
 
     def step(self, dt: float) -> None:
-        """Let ``dt`` seconds pass; a long time is taken in pieces."""
+        """Advance by ``dt`` seconds; a long time is divided into steps."""
         while dt > _MAX_STEP * 1.001:
             self._step(_MAX_STEP)
             dt -= _MAX_STEP
@@ -118,7 +116,7 @@ class Device:
         for drive in self.drives:
             drive.step(dt)
         if self.node_id == NO_NODE_ID:
-            return  # it stays initialising until LSS gives it one
+            return  # it stays initialising until it gets a node-ID by LSS
         if self.nmt is _INITIALISING:
             self._boot_timer -= dt
             if self._boot_timer <= 1e-9:
@@ -131,40 +129,40 @@ class Device:
             self.communication_error(HEARTBEAT_LOST)
 
     def sync(self) -> None:
-        """SYNC: every axis latches its cyclic targets."""
+        """Process a SYNC: every axis latches its cyclic targets."""
         for drive in self.drives:
             drive.sync()
 
     def power_on(self) -> None:
-        """Skip the time of booting: pre-operational at once, and every axis out of *not ready to switch on*."""
+        """Skip the boot time: pre-operational at once, and every axis out of *not ready to switch on*."""
         self._boot_timer = 0.0
         self.step(0.02)
 
     def read(self, index: int, subindex: int = 0) -> int:
-        """Read an integer as SDO does, without the wire; no time passes.
+        """Read an integer as SDO does, without frames; no time passes.
 
         Raises:
-            SdoAbort: the dictionary or a dial refuses it.
+            SdoAbort: the dictionary or a fault setting rejects it.
         """
         self._refuse(index, subindex, writing=False)
         return self.dictionary.read(index, subindex)
 
     def write(self, index: int, subindex: int, value: int) -> None:
-        """Write an integer as SDO does, without the wire; no time passes.
+        """Write an integer as SDO does, without frames; no time passes.
 
         Raises:
-            SdoAbort: the dictionary or a dial refuses it.
+            SdoAbort: the dictionary or a fault setting rejects it.
         """
         self._refuse(index, subindex, writing=True)
         self.dictionary.write(index, subindex, value)
 
     def upload(self, index: int, subindex: int) -> bytes:
-        """Read an object's bytes as SDO does, without the wire; raises as ``read``."""
+        """Read an object's bytes as SDO does, without frames; raises as ``read``."""
         self._refuse(index, subindex, writing=False)
         return self.dictionary.upload(index, subindex)
 
     def download(self, index: int, subindex: int, data: bytes) -> None:
-        """Write an object's bytes as SDO does, without the wire; raises as ``write``."""
+        """Write an object's bytes as SDO does, without frames; raises as ``write``."""
         self._refuse(index, subindex, writing=True)
         self.dictionary.download(index, subindex, data)
 
@@ -177,7 +175,7 @@ class Device:
 
     @property
     def deaf(self) -> bool:
-        """Whether work on its program keeps it from hearing SDO requests."""
+        """Whether SDO requests are ignored because the boot loader is working."""
         return self.loader is not None and self.loader.deaf
 
     def _refuse(self, index: int, subindex: int, *, writing: bool) -> None:
@@ -187,11 +185,11 @@ class Device:
 
     @property
     def hears_lss(self) -> bool:
-        """Whether it listens to LSS: always, except while it boots."""
+        """Whether it processes LSS requests: always, except while it boots."""
         return self.node_id == NO_NODE_ID or self.nmt is not NmtState.INITIALISING
 
     def lss_request(self, data: bytes, now: float) -> None:
-        """Take an LSS frame that came at ``now``; a node-ID given to a node without one makes it boot."""
+        """Take an LSS frame received at ``now``; a node without a node-ID boots when it gets one."""
         self.lss.on_frame(data, now)
         if self.node_id == NO_NODE_ID and self.lss.ready:
             self._reset(whole=False)
@@ -206,12 +204,12 @@ class Device:
         return vendor, product, revision, serial
 
     def heartbeat_of(self, node: int) -> None:
-        """A heartbeat of another node came."""
+        """Process a heartbeat of another node."""
         if self.consumer.beat(node, self.time):
             self.errors.settle(_COMMUNICATION)
 
     def communication_error(self, code: int) -> None:
-        """Act on a watchdog: emergency, NMT state by 1029h, drives by 6007h."""
+        """React to a watchdog: emergency message, NMT state by 1029h, drives by 6007h."""
         self.errors.report(_COMMUNICATION, code)
         reaction = self.dictionary.get_int(0x1029, 1)
         if reaction == 0 and self.operational:
@@ -223,11 +221,11 @@ class Device:
             drive.connection_lost(code)
 
     def communication_restored(self) -> None:
-        """What was missed is there again."""
+        """Note that the lost heartbeat or RPDO is back."""
         self.errors.settle(_COMMUNICATION)
 
     def nmt_command(self, command: int) -> None:
-        """Obey an NMT command; an unknown one, or one while booting, does nothing."""
+        """Execute an NMT command; an unknown one, or one while booting, is ignored."""
         if self.nmt is NmtState.INITIALISING or command not in list(NmtCommand):
             return
         if command in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION):
@@ -243,7 +241,7 @@ class Device:
                 drive.connection_lost(NMT_LEFT)
 
     def _reset(self, *, whole: bool) -> None:
-        """Restart: parameters as stored (or as from the factory), NMT state *initialising* for a while."""
+        """Restart: stored (or factory) parameters, NMT state *initialising* for a while."""
         if self._restore:
             self._stored, self._restore = {}, False
         node_id = self.lss.restart(whole=whole)
@@ -307,7 +305,7 @@ class Device:
 
     def _connect_storing(self, index: int, subindex: int) -> None:
         key = index << 8 | subindex
-        self.dictionary.live[key] = lambda: 1  # does so on command
+        self.dictionary.live[key] = lambda: 1  # stores or restores on command
         self.dictionary.check_write(key, self._check_save if index == 0x1010 else self._check_load)
         if index == 0x1010:
             self.dictionary.on_write(key, lambda value: self._save(value, subindex))
@@ -341,7 +339,7 @@ class Device:
 
 
 def count_axes(eds: Eds) -> int:
-    """Return how many axes a file describes, by the controlwords at 6040h + n · 800h; at least one, and none of an I/O module."""
+    """Return the number of axes in a file, by the controlwords at 6040h + n · 800h; at least one, but none of an I/O module."""
     count = 0
     while count < _MAX_AXES and 0x6040 + count * AXIS_SPAN in eds:
         count += 1

@@ -91,9 +91,7 @@ class Motor:
         self.torque = 0.0
         self.brake_closed = params.brake
         self.blocked = False  # the rotor is held mechanically
-        self.pull = (
-            0.0  # ‰ of rated torque towards negative positions, in addition to the load: by coupled motors
-        )
+        self.pull = 0.0  # ‰ of rated torque towards negative positions, beside the load: by coupled motors
         self.sticks = 0.0  # breakaway torque in ‰ of rated torque, in addition to friction
         self.ahead = 0.0  # velocity feed-forward of the last step
         self.saturated = False  # the last step ran at the torque limit
@@ -124,7 +122,7 @@ class Motor:
         return self._demand
 
     def rewind(self, velocity: float) -> float:
-        """Discard the accumulated error of a blocked motor, which a velocity controller does not have; return the matching demand."""
+        """Discard the error that a blocked motor has accumulated (a velocity controller has none); return the matching demand."""
         self._demand = self.position + velocity * self._lag
         self.ahead = 0.0
         return self._demand

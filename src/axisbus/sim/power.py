@@ -3,7 +3,7 @@
 Theory of operation
 -------------------
 ``ARROWS`` contains the transitions 0 to 16, ``_COMMANDS`` the transitions that the controlword requests in each state. An accepted
-transition waits for the ramp of its option code (``effort`` tells the motion part how to brake), then for its delay; then the state
+transition waits for the ramp of its option code (the motion part brakes as ``effort`` says), then for its delay; then the state
 changes. The controlword works by its level, except fault reset, which needs a rising edge of bit 7. Transitions without a command
 (0, 1, 12 after a quick stop, 13, 14) are pending in the same way. Transition 12 without a command has one more condition: *quick
 stop active* must last long enough to be seen, even if there was nothing to brake.

@@ -1,4 +1,4 @@
-"""The identity, scale facts and quirks of the GIM6010-8 joint module (manual v2.2; facts that users published)."""
+"""Identity, scale and quirks of the GIM6010-8 joint module (manual v2.2; facts that users published)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ GEAR_RATIO = 8  # turns of the rotor per turn of the output (manual 1.2)
 POLE_PAIRS = 14
 COUNTS_PER_OUTPUT_TURN = COUNTS_PER_ROTOR_TURN * GEAR_RATIO
 
-# Product codes are not published: every drive of this vendor is taken for this make.
+# Product codes are not published: every drive of this vendor gets this plug-in.
 GIM6010 = Make(
     name="GIM6010-8",
     vendor_id=VENDOR_ID,
@@ -20,7 +20,7 @@ GIM6010 = Make(
     explain=faults.explain,
     lists_modes=False,  # 0x761 would be pp, hm, ip, csv, cst and cstca, without pv and csp
     store_restarts=True,  # manual 3.1.6: it reboots, and unsaved communication settings are lost
-    calibration_objects=(),  # none is published: over CANopen there is no known way to start one
+    calibration_objects=(),  # not published: no known object starts a calibration over CANopen
     scale_proposal=(
         f"GIM6010-8: {COUNTS_PER_ROTOR_TURN} counts per turn of the rotor, gear {GEAR_RATIO}:1; if 6064h counts the rotor, "
         f"{COUNTS_PER_OUTPUT_TURN} per turn of the output, {COUNTS_PER_OUTPUT_TURN / 360:.4f} per degree"

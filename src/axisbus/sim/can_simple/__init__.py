@@ -1,1 +1,1 @@
-"""A simulated GIM6010-8 that speaks CAN Simple, written from the manual v2.2 and what owners measured, apart from every codec."""
+"""A simulated GIM6010-8 with CAN Simple, from the manual v2.2 and owners' measurements, independent of the master's codec."""

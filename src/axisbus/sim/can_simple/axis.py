@@ -1,10 +1,10 @@
-"""The axis of a module: its states, its error words, what makes it give up by itself, and its calibrations, advanced by dt.
+"""Axis of a simulated module: its states, error words, automatic disarming, and calibrations, advanced by dt.
 
 Theory of operation
 -------------------
-``request`` is what Set_Axis_State says. Only state 8 and the calibrations energise the motor; a module that has any error refuses
-state 8 in silence, and an error that appears takes the power away at once: the motor coasts. Error words stay until ``clear``; what
-their cause keeps up comes back with the next step. Two watchdogs count the time since the last set-point, in every state.
+``request`` executes Set_Axis_State. Only state 8 and the calibrations energise the motor. A module with any error ignores a request
+for state 8; a new error removes the power at once, and the motor coasts. Error words stay until ``clear``; if their cause persists,
+they return with the next step. Two watchdogs count the time since the last set-point, in every state.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from axisbus.sim.can_simple.firmware import MIT_RANGES, Firmware
 from axisbus.sim.can_simple.parameters import CALIBRATED, Parameters
 from axisbus.sim.can_simple.shaft import Shaft
 
-# What a calibration runs through: the states that it shows (never 3), and for how many seconds.
+# Sequence of each calibration: the reported states (never 3), with their durations in s.
 _MOTOR = (AxisState.MOTOR_CALIBRATION, 4.0)
 _ENCODER = (AxisState.ENCODER_CALIBRATION, 6.0)
 _CALIBRATIONS = {
@@ -33,12 +33,12 @@ _CALIBRATIONS = {
     AxisState.MOTOR_CALIBRATION: (_MOTOR,),
     AxisState.ENCODER_CALIBRATION: (_ENCODER,),
 }
-_TURNED = 1.0  # rotor turns forward and back while the encoder is calibrated
-_RESISTANCE = 0.25  # ohm, of what heats
+_TURNED = 1.0  # rotor turns forward and back during the encoder calibration
+_RESISTANCE = 0.25  # ohm: resistance that causes the heat loss
 
 
 class ModuleAxis:
-    """Holds state, error words and timers."""
+    """State, error words and timers."""
 
     def __init__(self, shaft: Shaft, parameters: Parameters, dials: ModuleDials, firmware: Firmware) -> None:
         self.shaft = shaft
@@ -71,7 +71,7 @@ class ModuleAxis:
             self._release()
 
     def estop(self) -> None:
-        """Power away, and an error that stays."""
+        """Remove the power, with a latched error."""
         self.error |= AxisError.ESTOP_REQUESTED
         self._release()
 
@@ -84,18 +84,18 @@ class ModuleAxis:
         self.system_error = SystemWord(0)
 
     def feed(self) -> None:
-        """A set-point came: the watchdogs begin anew."""
+        """Note a set-point: the watchdogs restart."""
         self._since_input = 0.0
 
     def restart(self) -> None:
-        """Power-up: idle, no errors, nothing commanded."""
+        """Power up: idle, no errors, no commands."""
         self._release()
         self.clear()
         self._since_input = 0.0
         self._calibrated.clear()
         self.controller = Controller(self.shaft, self._parameters, self._dials)
 
-    # What is told.
+    # Reported values.
 
     @property
     def energised(self) -> bool:
@@ -120,18 +120,18 @@ class ModuleAxis:
 
     @property
     def mechanical_power(self) -> float:
-        """W at the rotor."""
+        """Mechanical power at the rotor, in W."""
         return self.shaft.torque * self.shaft.speed * 2.0 * math.pi if self.energised else 0.0
 
     @property
     def electrical_power(self) -> float:
-        """W from the supply."""
+        """Power from the supply, in W."""
         return self.mechanical_power + self.current * self.current * _RESISTANCE
 
     # Time.
 
     def step(self, dt: float) -> None:
-        """Let ``dt`` s pass."""
+        """Advance by ``dt`` s."""
         dials, shaft = self._dials, self.shaft
         shaft.motor.blocked = dials.blocked
         shaft.freeze(dials.encoder_frozen)
@@ -190,7 +190,7 @@ class ModuleAxis:
             self.error |= AxisError.CAN_BUS_FAILED
 
     def _summarise(self) -> None:
-        """The axis's word says which of the others is not 0."""
+        """Set the bits of the axis's word for the other words that are not 0."""
         if self.system_error:
             self.motor_error |= MotorError.SYSTEM_LEVEL
         if self.motor_error:
@@ -249,7 +249,7 @@ class ModuleAxis:
             self._release()
 
     def _judge(self, state: AxisState) -> None:
-        """A part of a calibration is over: it has failed, or holds until the next start."""
+        """End a part of a calibration: it has failed, or is valid until the next start."""
         if state == AxisState.MOTOR_CALIBRATION:
             self.motor_error |= MotorError(self._dials.calibration_motor_error)
         else:
@@ -266,7 +266,7 @@ class ModuleAxis:
 
     @property
     def _torque_constant(self) -> float:
-        """N·m/A at the rotor; one that is none counts as 1, which makes amperes of N·m (manual 3.1.3)."""
+        """Torque constant in N·m/A at the rotor; an invalid one counts as 1, so that 1 A is 1 N·m (manual 3.1.3)."""
         constant = self._parameters["axis0.motor.config.torque_constant"]
         return constant if 0.0 < constant < math.inf else 1.0
 

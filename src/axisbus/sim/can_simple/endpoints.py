@@ -1,4 +1,4 @@
-"""Endpoints: parameters and functions by number, as RxSdo reaches them, and the list that names them."""
+"""Endpoints: parameters and functions by number, as accessed by RxSdo, and the list of their names."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from axisbus.sim.can_simple.parameters import FORMATS, Parameters, Row, Value, f
 
 
 class Endpoints:
-    """Reads, writes and calls by path or number; holds the arguments that functions were given.
+    """Reads, writes and calls by path or number; stores the arguments of functions until they are called.
 
-    A function's argument has the number behind its function's; it is written first, then the function is called.
+    The number of a function's argument follows that of the function. The argument is written first, then the function is called.
     """
 
     def __init__(
@@ -22,7 +22,7 @@ class Endpoints:
         live: Mapping[str, Callable[[], Value]],
         acts: Mapping[str, Callable[[Value], None]],
     ) -> None:
-        """``name``: of the list whose numbers hold. ``live``: what is measured. ``acts``: what a write or call does at once."""
+        """``name``: the list whose numbers are used. ``live``: measured values. ``acts``: actions of a write or call."""
         self.name = name
         self._parameters = parameters
         self._live = live
@@ -48,7 +48,7 @@ class Endpoints:
         return 0 if value is None else value
 
     def write(self, path: str, value: Value = 0) -> None:
-        """Write a value, or call a function, by its path; one that does not fit its type changes nothing."""
+        """Write a value, or call a function, by its path; a value that does not fit its type is ignored."""
         row = self._by_path[path]
         held = value if not row.kind else fitted(row.kind, value)
         if row.access == "r" or held is None:
@@ -60,19 +60,19 @@ class Endpoints:
             act(held)
 
     def read_bytes(self, number: int) -> bytes | None:
-        """Return the four bytes that RxSdo is answered; None where there is nothing to be read."""
+        """Return the four bytes of the answer to RxSdo; None if the endpoint cannot be read."""
         row = self._by_number.get(number)
         if row is None or row.is_function:
             return None
         return struct.pack(FORMATS[row.kind], self.read(row.path)).ljust(4, b"\0")[:4]
 
     def path_of(self, number: int) -> str | None:
-        """Return the path of what can be written or called by this number."""
+        """Return the path of the parameter or function with this number, if it can be written or called."""
         row = self._by_number.get(number)
         return None if row is None or row.access == "r" else row.path
 
     def write_bytes(self, number: int, data: bytes) -> None:
-        """Write the four bytes that RxSdo has, or call; what is not there or only to be read is passed over."""
+        """Write the four bytes of RxSdo, or call; a missing or read-only endpoint is ignored."""
         argument = self._argument_of.get(number)
         if argument is not None:
             self._given[argument.path] = _unpacked(argument.kind, data)
@@ -84,7 +84,7 @@ class Endpoints:
         self.write(path, self._given.get(path, 0) if row.is_function else _unpacked(row.kind, data))
 
     def as_json(self) -> list[dict[str, Any]]:
-        """Return the list as the firmware's file has it: nested, functions with their arguments and without access."""
+        """Return the list in the format of the firmware's file: nested, functions with their arguments and without access."""
         top: list[dict[str, Any]] = [{"name": "", "id": 0, "type": "json", "access": "r"}]
         for row in rows():
             *folders, name = row.path.split(".")

@@ -1,6 +1,6 @@
-"""MIT control on the wire (manual 4.1.2): fields of 16 and 12 bits, the most significant ones first, at the output shaft.
+"""MIT control on the wire (manual 4.1.2): fields of 16 and 12 bits, most significant bits first, at the output shaft.
 
-As the firmware does it, what is packed is truncated and not clamped: a value beyond its range comes out on the other side.
+Like the firmware, the packing truncates and does not limit: a value beyond its range wraps to the other end.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 
 class Ranges(NamedTuple):
-    """What the ends of the fields mean: rad, rad/s, N·m/turn, N·m·s/turn, N·m."""
+    """Ends of the fields' ranges: rad, rad/s, N·m/turn, N·m·s/turn, N·m."""
 
     position: float = 12.5
     velocity: float = 65.0
@@ -42,7 +42,7 @@ def unpack(data: bytes, ranges: Ranges) -> Order:
 
 
 def pack_answer(node_id: int, position: float, velocity: float, torque: float, ranges: Ranges) -> bytes:
-    """Return the answer in 8 bytes, of which the last two are empty; rad, rad/s and N·m at the output shaft."""
+    """Return the answer in 8 bytes, the last two of which are 0; rad, rad/s and N·m at the output shaft."""
     bits = _field(position, 16, ranges.position) << 24
     bits |= _field(velocity, 12, ranges.velocity) << 12 | _field(torque, 12, ranges.torque)
     return bytes([node_id]) + bits.to_bytes(5, "big") + bytes(2)

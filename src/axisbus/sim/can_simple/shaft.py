@@ -1,4 +1,4 @@
-"""The rotor as the module's firmware counts it: turns, turns/s and N·m on the rotor's side, on the motor model of all stand-ins."""
+"""The rotor in the firmware's units: turns, turns/s and N·m at the rotor, based on the common motor model."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import math
 from axisbus.sim.motor import Motor
 
 RATED_TORQUE = 5.0 / 8.0  # N·m at the rotor (manual 1.3: 5 N·m at the output, 8:1)
-_SPARE = 0.8  # of the torque that may accelerate: the rest is for what is not foreseen
+_SPARE = 0.8  # share of the torque used for accelerating: the rest is a reserve
 
 
 class Shaft:
-    """Holds the motor, and from where its turns are counted."""
+    """The motor, and the zero of its turns."""
 
     __slots__ = ("_frozen", "_linear", "motor", "origin")
 
@@ -23,12 +23,12 @@ class Shaft:
 
     @property
     def counts(self) -> int:
-        """Counts in a turn."""
+        """Counts per turn."""
         return self.motor.params.increments_per_turn
 
     @property
     def turns(self) -> float:
-        """Where the motor is."""
+        """True position of the motor."""
         return self.motor.position / self.counts
 
     @property
@@ -43,17 +43,17 @@ class Shaft:
 
     @property
     def speed(self) -> float:
-        """The motor's own velocity in turns/s, whatever its encoder says."""
+        """True velocity of the motor in turns/s, even if its encoder is frozen."""
         return self.motor.velocity / self.counts
 
     @property
     def torque(self) -> float:
-        """N·m at the rotor."""
+        """Torque in N·m at the rotor."""
         return self.motor.torque / 1000.0 * RATED_TORQUE
 
     @property
     def count_in_turn(self) -> int:
-        """``encoder.count_in_cpr``: the absolute encoder's own count."""
+        """``encoder.count_in_cpr``: the absolute encoder's count within a turn."""
         turns = self.turns if self._frozen is None else self._frozen
         return math.floor(turns * self.counts) % self.counts
 
@@ -63,40 +63,40 @@ class Shaft:
         return round(self.estimate * self.counts) + self._linear
 
     def freeze(self, frozen: bool) -> None:
-        """Let the encoder stand still, or not."""
+        """Freeze the encoder's reading, or release it."""
         if not frozen:
             self._frozen = None
         elif self._frozen is None:
             self._frozen = self.turns
 
     def restart(self, zero: float, shadow_offset: int) -> None:
-        """Power-up: the turns are forgotten, only the place within one is known; ``zero`` is the user's within it, in turns."""
+        """Power up: only the position within a turn remains known; ``zero`` is the user's zero within the turn, in turns."""
         self.origin = math.floor(self.turns) + zero
         self._linear = shadow_offset
 
     def set_linear_count(self, count: int) -> None:
-        """Let the position be ``count`` from here on."""
+        """Define the present position as ``count``."""
         self.origin += self.estimate - count / self.counts
         self._linear = 0
 
     def seize(self) -> float:
-        """Begin to lead the motor from where it is; return the demand that fits, in turns as the estimate counts."""
+        """Begin to track from the motor's position; return the matching demand, in turns as the estimate counts."""
         return self.motor.seize() / self.counts - self.origin
 
     def rewind(self, velocity: float) -> float:
-        """Forget what a held motor has missed; return the demand that fits a velocity in turns/s."""
+        """Discard the accumulated error of a blocked motor; return the matching demand for a velocity in turns/s."""
         return self.motor.rewind(velocity * self.counts) / self.counts - self.origin
 
     def lead(self, demand: float, dt: float, limit: float) -> None:
-        """Let the motor follow a demand (turns) with at most ``limit`` N·m, for ``dt`` s."""
+        """Make the motor follow a demand (turns) with at most ``limit`` N·m, for ``dt`` s."""
         self.motor.track((demand + self.origin) * self.counts, dt, self._permille(limit))
 
     def push(self, torque: float, dt: float) -> None:
-        """Let ``torque`` N·m act."""
+        """Apply ``torque`` N·m for ``dt`` s."""
         self.motor.push(self._permille(torque), dt)
 
     def reach(self, limit: float) -> float:
-        """Return the acceleration (turns/s²) that ``limit`` N·m surely gives."""
+        """Return an acceleration (turns/s²) that is certainly possible with ``limit`` N·m."""
         params = self.motor.params
         permille = self._permille(limit)
         spare = max(0.1 * permille, permille - abs(params.load) - params.friction)

@@ -1,1 +1,1 @@
-"""Faults of stand-ins that are planned: when each begins and ends, and what it turns."""
+"""Planned faults of simulated nodes: when each begins and ends, and which settings it changes."""

@@ -1,4 +1,4 @@
-"""A line of stand-ins on a pseudo-terminal, in real time: what a program opens as its serial port leads to them."""
+"""A line of simulated modules on a pseudo-terminal, in real time; a program opens it like a serial port."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from contextlib import contextmanager, suppress
 from axisbus.errors import AdapterError
 from axisbus.sim.modbus.station import Station
 
-_STEP = 0.005  # s between two looks, while nothing comes
+_STEP = 0.005  # s between two steps, while no data arrive
 _PIECE = 4096  # bytes
 
 
 class Terminal:
-    """Serves stations on one line; holds both ends of the pseudo-terminal. ``path`` is what a program opens."""
+    """Serves stations on one line; holds both ends of the pseudo-terminal. ``path`` is the port for the program."""
 
     def __init__(self, stations: Sequence[Station]) -> None:
-        """Begin to serve, in a thread of its own.
+        """Start to serve, in a separate thread.
 
         Raises:
             AdapterError: this system has no pseudo-terminals.
@@ -37,7 +37,7 @@ class Terminal:
         self.lock = threading.Lock()  # held while a station is advanced
         self._line, self._program = (
             os.openpty()
-        )  # ours, and theirs: kept open, so that none of theirs is the last to leave
+        )  # server's and program's end; the latter stays open, so that the line survives when programs close it
         tty.setraw(self._program)
         os.set_blocking(self._line, False)
         self.path = os.ttyname(self._program)
@@ -46,7 +46,7 @@ class Terminal:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop, and give the terminal back. Harmless when repeated."""
+        """Stop, and close the terminal. Harmless when repeated."""
         if not self._over.is_set():
             self._over.set()
             self._thread.join()
@@ -68,13 +68,13 @@ class Terminal:
             station.take(data, now)
             answer = station.due(now)
             if answer:
-                with suppress(OSError):  # nobody reads: then it is lost, as on a cable
+                with suppress(OSError):  # without a reader the data are lost, as on a cable
                     os.write(self._line, answer)
 
 
 @contextmanager
 def served(*stations: Station) -> Iterator[Terminal]:
-    """Let stations live on a line while the block runs."""
+    """Serve stations on a line while the block runs."""
     terminal = Terminal(stations)
     try:
         yield terminal

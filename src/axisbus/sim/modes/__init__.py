@@ -1,1 +1,1 @@
-"""The modes of operation of the stand-in drive, one module each (velocity and torque modes in pairs)."""
+"""Modes of operation of the simulated drive, one module each (velocity and torque modes in pairs)."""

@@ -1,12 +1,13 @@
-"""Profile position mode (CiA 402-2 10): set-points by handshake, trapezoid moves.
+"""Profile position mode (CiA 402-2 10): set-points by handshake, trapezoidal moves.
 
 Theory of operation
 -------------------
-A rising edge of bit 4 presents a set-point, with its target and its limits as the objects are at that moment. It is *taken* when
-bit 12 rises: at once it becomes the active one (bit 5, or nothing under way), else it waits in a buffer of one. Bit 12 falls when
-bit 4 has fallen and the buffer is free. With bit 9 the active set-point is passed at profile velocity when another waits. With a
-profile velocity or acceleration of 0 a move is accepted and does not get on until both are set. With 6086h at 2 or 3 and a profile
-jerk (60A4h:01) above 0 the jerk is limited (``soft``); a halt is not.
+A rising edge of bit 4 presents a set-point, with the present values of its target and limits. The drive *accepts* it by raising bit
+12. The set-point becomes active at once if bit 5 is set or no other is active; otherwise it waits in a buffer for one set-point.
+    Bit 12 falls when bit 4 has fallen and the buffer is free. With bit 9, the active set-point is passed at profile velocity if
+    another one waits. With a profile velocity or acceleration of 0, a move is accepted but does not start until both are set. If
+    6086h is 2 or 3 and the profile jerk (60A4h:01) is above 0, the jerk of a move is limited (``SoftProfile``); that of a halt is
+    not.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from axisbus.sim.power import Effort
 from axisbus.sim.ramp import Profile, plan_move
 
 _NO_WINDOW = 0xFFFF_FFFF
-_SLOW = Effort.SLOW  # asked for in every step at rest
+_SLOW = Effort.SLOW  # used in every step at standstill
 
 
 class SetPoint(NamedTuple):
@@ -49,7 +50,7 @@ class SetPoint(NamedTuple):
 
 
 class ProfilePosition(Mode):
-    """Holds the handshake, the set-point under way and the one that waits."""
+    """The handshake, the active set-point and the waiting one."""
 
     code = PP
     supervised = True
@@ -96,7 +97,7 @@ class ProfilePosition(Mode):
         else:
             axis.brake(_SLOW, dt)
             if self._active is not None:
-                self._plan(axis, self._active)  # its limits were 0: perhaps they are set by now
+                self._plan(axis, self._active)  # its limits were 0: they may have been set since
         self._watch_window(axis, dt)
 
     def halt(self, axis: Axis, effort: Effort, dt: float) -> None:
@@ -121,7 +122,7 @@ class ProfilePosition(Mode):
     # Handshake.
 
     def _shows_acknowledge(self, axis: Axis) -> bool:
-        """Bit 12, as this drive shows it."""
+        """Return bit 12, including the fault settings."""
         dials, since_mode = axis.dials, axis.since_mode_write
         if since_mode < dials.mode_pulses_acknowledge:
             return True
@@ -154,7 +155,7 @@ class ProfilePosition(Mode):
         )
 
     def _base(self, axis: Axis) -> float:
-        """Return what bit 6 counts from (60F2h bits 0 and 1): the preceding target, the demand, or the actual position."""
+        """Return the reference of bit 6 (60F2h bits 0 and 1): the preceding target, the demand, or the actual position."""
         option = axis.settings.positioning_option & 3
         if option == 2:
             return axis.motor.position
@@ -245,7 +246,7 @@ class ProfilePosition(Mode):
             self._let_go(axis)
 
     def _drop(self, axis: Axis) -> None:
-        """A limit switch stands in the way: the move ends here, its target is never reached."""
+        """End the move at a limit switch; its target is never reached."""
         self._profile = self._active = self._buffer = None
         axis.clamped = True
 

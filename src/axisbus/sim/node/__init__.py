@@ -1,1 +1,1 @@
-"""The stand-in as a CANopen node: SDO, PDO, NMT, LSS and heartbeat around a simulated device."""
+"""The simulated drive as a CANopen node: SDO, PDO, NMT, LSS and heartbeat of a simulated device."""

@@ -1,11 +1,13 @@
-"""The LSS slave of a stand-in (CiA 305): node-ID and bit rate set over the bus; its own transitions, its own numbers.
+"""LSS slave of a simulated node (CiA 305): node-ID and bit rate set over the bus.
+
+It is independent of the master's code, with its own transitions and numbers.
 
 Theory of operation
 -------------------
-The slave is in *waiting* or in *configuration*. In *waiting* it hears switching and, without a node-ID, fast scan; in
-*configuration* it is configured and inquired. There are three node-IDs: the *active* one it answers under, the *pending* one that a
-reset of communication makes active, and the *stored* one that a restart makes pending. A node without an active one takes the
-pending one as soon as it is switched back to *waiting*.
+The slave is in state *waiting* or *configuration*. In *waiting* it accepts switching commands and, without a node-ID, fast scan; in
+*configuration* it accepts configuration and inquiry commands. There are three node-IDs: the *active* one under which it answers,
+the *pending* one that becomes active with a reset of communication, and the *stored* one that becomes pending with a restart. A
+node without an active node-ID takes the pending one as soon as it is switched back to *waiting*.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from collections.abc import Callable
 from axisbus.sim.fault_injection import LssDials
 
 NO_NODE_ID = 255
-# Bit/s by index in the standard's table.
+# Bit/s by index in the table of CiA 305.
 _RATES = {
     0: 1_000_000,
     1: 800_000,
@@ -35,14 +37,12 @@ Address = tuple[int, int, int, int]
 
 
 class LssSlave:
-    """Holds the state of the LSS slave: node-IDs, bit rates, what a master has asked so far, answers that are due."""
+    """State of the LSS slave: node-IDs, bit rates, the requests of a sequence so far, pending answers."""
 
     def __init__(self, address: Callable[[], Address], node_id: int, dials: LssDials, seed: int = 0) -> None:
-        """Make a slave; ``address`` tells its identity (1018h:1 to 4), ``node_id`` of 255 is none."""
+        """Make a slave; ``address`` returns its identity (1018h:1 to 4); ``node_id`` 255: no node-ID."""
         self.active = self.pending = self.stored = node_id
-        self.bit_rate = self.pending_bit_rate = self.stored_bit_rate = (
-            0  # bit/s; 0 is what it was switched on with
-        )
+        self.bit_rate = self.pending_bit_rate = self.stored_bit_rate = 0  # bit/s; 0: the bit rate at power-up
         self.configuring = False
         self.dials = dials
         self._address = address
@@ -57,11 +57,11 @@ class LssSlave:
 
     @property
     def ready(self) -> bool:
-        """Whether a node without a node-ID has been given one and may boot."""
+        """Whether a node without a node-ID has been assigned one and may boot."""
         return not self.configuring and self.active == NO_NODE_ID and self.pending != NO_NODE_ID
 
     def restart(self, *, whole: bool) -> int:
-        """Reset communication (``whole``: the node) and return the node-ID that is active from now on."""
+        """Reset communication (``whole``: the node) and return the new active node-ID."""
         if whole:
             self.pending = self.stored
         self.active = self.pending
@@ -70,7 +70,7 @@ class LssSlave:
         return self.active
 
     def on_frame(self, data: bytes, now: float) -> None:
-        """Take a request; one that is malformed, unknown or not for this state is passed over."""
+        """Take a request; malformed or unknown ones, and those not for this state, are ignored."""
         self._now = now
         if self.dials.absent or len(data) != 8 or now < self._silent_until or self._lost("lost_requests"):
             return
@@ -82,7 +82,7 @@ class LssSlave:
             self._answers.append((now + delay, answer.ljust(8, b"\0")))
 
     def take_answers(self, now: float) -> list[bytes]:
-        """Return the answers that are due, and carry out a change of bit rate that is."""
+        """Return the answers that are due, and change the bit rate if that is due."""
         if self._change is not None and now >= self._change[0]:
             self.bit_rate, self._change = self._change[1], None
         due = []
@@ -119,7 +119,7 @@ class LssSlave:
             self._selected.clear()
 
     def _identify(self, command: int, number: int) -> bytes | None:
-        """46h to 4Bh in a row: vendor-ID, product code, lowest and highest revision, lowest and highest serial number."""
+        """Process 46h to 4Bh in sequence: vendor-ID, product code, lowest and highest revision, lowest and highest serial."""
         if command == 0x46:
             self._asked = []
         if len(self._asked) != command - 0x46:

@@ -1,7 +1,7 @@
-"""The SDO server of a node (CiA 301 7.2.4): expedited, segmented and in blocks, one transfer at a time.
+"""SDO server of a simulated node (CiA 301 7.2.4): expedited, segmented and block transfers, one at a time.
 
-A block upload of few bytes is answered by a normal one, which CiA 301 lets a server do. A segment that belongs to no transfer is
-refused. Nothing here waits: when an answer leaves is the slave's affair.
+A block upload of few bytes is answered by a normal upload, which CiA 301 permits. A segment without a transfer is rejected. The
+server never waits: the slave decides when an answer is sent.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from axisbus.sim.node.sdo_block import BlockAbort, BlockDownload, BlockUpload
 
 TOGGLE = 0x0503_0000
 UNKNOWN_COMMAND = 0x0504_0001
-BLOCK_PATIENCE = 1.0  # seconds of silence after which a block transfer is forgotten
+BLOCK_PATIENCE = 1.0  # seconds of silence after which a block transfer is discarded
 
 
 class _Abort(Exception):
@@ -23,7 +23,7 @@ class _Abort(Exception):
 
 
 class SdoServer:
-    """Answers requests; holds the transfer under way."""
+    """Answers requests; holds the active transfer."""
 
     def __init__(self, dictionary: Dictionary, dials: NodeFaults) -> None:
         self._dictionary = dictionary
@@ -33,7 +33,7 @@ class SdoServer:
         self.reset()
 
     def reset(self) -> None:
-        """Forget a transfer under way."""
+        """Discard the active transfer."""
         self._upload: bytes | None = None
         self._download: bytearray | None = None
         self._announced: int | None = None
@@ -42,7 +42,7 @@ class SdoServer:
         self._block_up: BlockUpload | None = None
 
     def request(self, data: bytes, now: float = 0.0) -> list[bytes]:
-        """Return the answers to a frame of 8 bytes that came at ``now`` (seconds): mostly one, in a block none or many."""
+        """Return the answers to an 8-byte frame received at ``now`` (seconds): usually one, in a block transfer none or many."""
         if len(data) != 8:
             return []
         if now - self._heard > BLOCK_PATIENCE:
@@ -159,7 +159,7 @@ class SdoServer:
             return request[4 : 8 - (request[0] >> 2 & 0x03)]
         entry = self._dictionary.entries.get(self._object[0] << 8 | self._object[1])
         size = 4 if entry is None or entry.size is None else min(entry.size, 4)
-        return request[4 : 4 + size]  # the size was not said: as many bytes as the object has
+        return request[4 : 4 + size]  # size not indicated: use the object's size
 
     def _download_segment(self, request: bytes) -> bytes:
         if self._download is None:
@@ -179,7 +179,7 @@ class SdoServer:
         self._toggle ^= 0x10
 
     def _forced(self, index: int, subindex: int, *, writing: bool) -> None:
-        """Refuse what the dials say."""
+        """Reject the request if a fault setting requires that."""
         code = self._dials.refusal(index, subindex, writing=writing)
         if code is not None:
             raise _Abort(code)

@@ -1,4 +1,4 @@
-"""Block transfers as the server sees them (CiA 301 7.2.4.3.8 to 7.2.4.3.15): what is sent and taken between initiation and end."""
+"""Block transfers at the server's side (CiA 301 7.2.4.3.8 to 7.2.4.3.15): the frames between initiation and end."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LENGTH_WRONG = 0x0607_0010
 
 
 class BlockAbort(Exception):
-    """The server gives up the transfer with ``code``."""
+    """The server aborts the transfer with ``code``."""
 
     def __init__(self, code: int) -> None:
         super().__init__(code)
@@ -22,10 +22,10 @@ class BlockAbort(Exception):
 
 
 class BlockUpload:
-    """Data on its way to the client; holds how far the client has confirmed it."""
+    """An upload to the client; holds the number of segments that the client has confirmed."""
 
     def __init__(self, data: bytes, size: int, checksum: bool) -> None:
-        """``size`` is how many segments the client takes at a time; ``checksum``: both sides can do it."""
+        """``size``: number of segments that the client accepts at a time; ``checksum``: both sides support it."""
         self._segments = [data[at : at + 7] for at in range(0, len(data), 7)] or [b""]
         self._crc = crc16(data) if checksum else 0
         self._from = 0
@@ -48,7 +48,7 @@ class BlockUpload:
         raise BlockAbort(COMMAND_WRONG)
 
     def _confirmed(self, last: int, size: int) -> Answer:
-        if self._from < len(self._segments):  # else the client has missed our end, and confirms again
+        if self._from < len(self._segments):  # else the client has missed the end frame, and confirms again
             if last > self._under_way:
                 raise BlockAbort(SEQUENCE_WRONG)
             self._size = _checked(size)
@@ -68,21 +68,21 @@ class BlockUpload:
 
 
 class BlockDownload:
-    """Data on its way from the client; holds what came in order."""
+    """A download from the client; holds the segments received in order."""
 
     def __init__(self, dials: NodeFaults, announced: int | None, checksum: bool) -> None:
-        """``announced`` is the size that the client gave; ``checksum``: both sides can do it."""
+        """``announced``: size indicated by the client; ``checksum``: both sides support it."""
         self._dials = dials
         self._announced = announced
         self._checksum = checksum
         self._segments: list[bytes] = []
         self._size = _checked(dials.sdo_block_size)
-        self._came = 0  # in order, in this sub-block
+        self._came = 0  # segments in order, in this sub-block
         self._whole = False
-        self.data: bytes | None = None  # what is to be written, once the client has ended
+        self.data: bytes | None = None  # the data to write, after the client's end
 
     def take(self, frame: bytes) -> Answer:
-        """Take a segment or, behind the last one, the client's end."""
+        """Take a segment or, after the last one, the client's end."""
         if self._whole:
             return self._end(frame)
         number, last = frame[0] & 0x7F, frame[0] >= 0x80
@@ -110,7 +110,7 @@ class BlockDownload:
 
 
 def crc16(data: bytes) -> int:
-    """Return the checksum bit by bit as CiA 301 7.2.4.3.16 draws it: x^16 + x^12 + x^5 + 1, beginning with 0."""
+    """Return the checksum of CiA 301 7.2.4.3.16: x^16 + x^12 + x^5 + 1, initial value 0."""
     crc = 0
     for byte in data:
         crc = _STEP[crc >> 8 ^ byte] ^ (crc << 8 & 0xFF00)

@@ -1,4 +1,4 @@
-"""The watchdogs that a node keeps on its master: heartbeat consumer (1016h) and life guarding (100Ch, 100Dh)."""
+"""Watchdogs of a node for its master: heartbeat consumer (1016h) and life guarding (100Ch, 100Dh)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ _UNSEEN = -1.0
 
 
 class HeartbeatConsumer:
-    """Which producers are watched, and when each was heard last; watching begins with the first heartbeat."""
+    """Monitored producers, and the time of their last heartbeat; monitoring begins with the first heartbeat."""
 
     def __init__(self) -> None:
         self._limits: dict[int, float] = {}
@@ -15,11 +15,11 @@ class HeartbeatConsumer:
 
     @property
     def armed(self) -> frozenset[int]:
-        """Node IDs that are watched."""
+        """Node IDs of the monitored producers."""
         return frozenset(self._limits)
 
     def configure(self, values: list[int]) -> None:
-        """Take the values of 1016h: node ID in bits 16 to 23, time in ms in bits 0 to 15; 0 is off."""
+        """Take the values of 1016h: node ID in bits 16 to 23, time in ms in bits 0 to 15; 0: off."""
         limits = {}
         for value in values:
             node, time = value >> 16 & 0xFF, value & 0xFFFF
@@ -32,7 +32,7 @@ class HeartbeatConsumer:
         self._lost &= set(limits)
 
     def beat(self, node: int, now: float) -> bool:
-        """A heartbeat of ``node`` came; True when it had been lost."""
+        """Process a heartbeat of ``node``; return True if it had been lost."""
         if node not in self._limits:
             return False
         self._heard[node] = now
@@ -42,7 +42,7 @@ class HeartbeatConsumer:
         return False
 
     def overdue(self, now: float) -> bool:
-        """Whether a producer was lost since the last call."""
+        """Return whether a producer was lost since the last call."""
         found = False
         for node, stamp in self._heard.items():
             if node not in self._lost and now - stamp > self._limits[node]:
@@ -51,13 +51,13 @@ class HeartbeatConsumer:
         return found
 
     def reset(self) -> None:
-        """Begin anew, waiting for the first heartbeat."""
+        """Restart monitoring: wait for the first heartbeat."""
         self._heard.clear()
         self._lost.clear()
 
 
 class LifeGuard:
-    """Node guarding seen from the node: answers requests, and misses them when they stop."""
+    """Node guarding at the node's side: answers requests, and detects when they stop."""
 
     def __init__(self) -> None:
         self._limit = 0.0
@@ -65,7 +65,7 @@ class LifeGuard:
         self._toggle = 0
 
     def configure(self, guard_time: int, factor: int) -> None:
-        """Take 100Ch (ms) and 100Dh; a product of 0 is off."""
+        """Take 100Ch (ms) and 100Dh; a product of 0: off."""
         self._limit = guard_time * factor / 1000.0
 
     def answer(self, state: int, now: float) -> bytes:
@@ -76,13 +76,13 @@ class LifeGuard:
         return data
 
     def overdue(self, now: float) -> bool:
-        """Whether requests have stopped, told once."""
+        """Return whether requests have stopped, once."""
         if self._limit <= 0.0 or self._stamp == _UNSEEN or now - self._stamp <= self._limit:
             return False
         self._stamp = _UNSEEN
         return True
 
     def reset(self) -> None:
-        """Begin anew: toggle bit 0, waiting for the first request."""
+        """Restart: toggle bit 0, wait for the first request."""
         self._stamp = _UNSEEN
         self._toggle = 0

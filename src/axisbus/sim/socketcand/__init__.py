@@ -1,1 +1,1 @@
-"""A bus of stand-ins for other programs, served over TCP by the protocol of socketcand."""
+"""A bus of simulated nodes for other programs, served over TCP with the socketcand protocol."""

@@ -1,1 +1,1 @@
-"""CAN Simple, which a GIM6010-8 speaks when it leaves its factory: its messages as tables, read and written without any I/O."""
+"""CAN Simple, the factory protocol of a GIM6010-8: its messages as tables, encoded and decoded without any I/O."""

@@ -1,4 +1,4 @@
-"""Which nodes of CAN Simple and of CANopen can be on one bus: no identifier may have two owners (manual v2.2, 4.1.4)."""
+"""Compatibility of CAN Simple and CANopen nodes on one bus: no identifier may have two owners (manual v2.2, 4.1.4)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _OF_A_NODE = {
     cob.SDO_RX: "SDO",
     cob.HEARTBEAT: "heartbeat",
 }
-# The manual's own table: CANopen nodes from the first number on go with these nodes of CAN Simple.
+# The manual's table: CANopen nodes from the first number on are compatible with these CAN Simple nodes.
 MANUAL = {
     32: frozenset({0x10, 0x18, 0x20, 0x28}),
     64: frozenset({0x10, 0x11, 0x18, 0x19, 0x20, 0x21, 0x28, 0x29}),
@@ -29,7 +29,7 @@ MANUAL = {
 
 @dataclass(frozen=True, slots=True)
 class Clash:
-    """An identifier that a node of CAN Simple has for one of its commands, and CANopen for something else, in ``words``."""
+    """An identifier that a CAN Simple node uses for a command and CANopen for another purpose, described in ``words``."""
 
     node: int
     can_id: int
@@ -40,29 +40,29 @@ class Clash:
 
 
 def identifiers(node: int) -> range:
-    """Return the identifiers that belong to a node of CAN Simple (0 to 63): those of the commands 1 to 31.
+    """Return the identifiers of a CAN Simple node (0 to 63): those of the commands 1 to 31.
 
     Raises:
-        ArgumentError: the node is none.
+        ArgumentError: the node ID is invalid.
     """
     return range(can_id(node, COMMANDS.start + 1), can_id(node, COMMANDS.stop - 1) + 1)
 
 
 def sent_by(node: int) -> frozenset[int]:
-    """Return the identifiers on which a module sends, by itself or as answers; raises as ``identifiers``."""
+    """Return the identifiers on which a module sends, unasked or as answers; raises as ``identifiers``."""
     return frozenset(can_id(node, each.command) for each in MESSAGES if each.answer)
 
 
 def commands_to(node: int) -> frozenset[int]:
-    """Return the identifiers of what only a master sends to a module; raises as ``identifiers``."""
+    """Return the identifiers that only a master sends to a module; raises as ``identifiers``."""
     return frozenset(can_id(node, each.command) for each in MESSAGES if not each.answer)
 
 
 def canopen_identifiers(nodes: Collection[int]) -> dict[int, str]:
-    """Return what the predefined connection set (CiA 301 7.3.5) has for these nodes (1 to 127) and for the bus, in words.
+    """Return the predefined connection set (CiA 301 7.3.5) of these nodes (1 to 127) and of the bus, with descriptions.
 
     Raises:
-        ArgumentError: one of them is no node ID of CANopen.
+        ArgumentError: a node ID is invalid in CANopen.
     """
     for node in nodes:
         if node not in cob.NODE_IDS:
@@ -77,27 +77,27 @@ def canopen_identifiers(nodes: Collection[int]) -> dict[int, str]:
 def clashes(
     simple: Collection[int], canopen: Collection[int], cob_ids: Mapping[int, str] | None = None
 ) -> tuple[Clash, ...]:
-    """Return the identifiers that nodes of CAN Simple (0 to 63) and CANopen nodes (1 to 127) would both have, lowest first.
+    """Return the identifiers that both CAN Simple nodes (0 to 63) and CANopen nodes (1 to 127) would use, lowest first.
 
-    CANopen's are those of the predefined connection set, all of them, and beside them ``cob_ids`` that a cell configures
-    (identifier to words). Two modules with one node ID are not looked for here.
+    CANopen's identifiers are the whole predefined connection set, and the ``cob_ids`` that a cell configures (identifier to
+    description). Two modules with the same node ID are not detected here.
 
     Raises:
-        ArgumentError: a node ID is none.
+        ArgumentError: a node ID is invalid.
     """
     taken = canopen_identifiers(canopen) | dict(cob_ids or {})
     return tuple(sorted(_clashes(simple, taken), key=lambda each: each.can_id))
 
 
 def in_manual(simple: Collection[int], canopen: Collection[int]) -> bool:
-    """Whether the manual lists these node IDs as going together; it leaves out some that do not clash."""
+    """Return whether the manual lists these node IDs as compatible; it omits some that do not clash."""
     lowest = min(canopen, default=max(MANUAL))
     rows = [nodes for first, nodes in MANUAL.items() if first <= lowest]
     return any(set(simple) <= nodes for nodes in rows)
 
 
 def free_nodes(canopen: Collection[int], cob_ids: Mapping[int, str] | None = None) -> tuple[int, ...]:
-    """Return the node IDs of CAN Simple that clash with none of these, the manual's first."""
+    """Return the CAN Simple node IDs that clash with none of these, those in the manual's list first."""
     free = [node for node in range(64) if not clashes((node,), canopen, cob_ids)]
     return tuple(sorted(free, key=lambda node: not in_manual((node,), canopen)))
 

@@ -1,4 +1,4 @@
-"""Where the manual, owners and the maker's own programs say different things: what each says, what is taken, and what is sent."""
+"""Contradictions between the manual, owners and the maker's programs: each statement, and the data accepted and sent."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class ManualDiscrepancy:
-    """One contradiction, in words for a person; ``commands`` are the messages that it is about (none: the module as a whole)."""
+    """One contradiction, as text for the user; ``commands`` are the messages concerned (empty: the whole module)."""
 
     subject: str
     manual: str

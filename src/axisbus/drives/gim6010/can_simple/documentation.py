@@ -1,4 +1,4 @@
-"""The rows of the pages' tables: messages, error bits and contradictions, as cells of text."""
+"""Rows of the documentation's tables: messages, error bits and contradictions, as text cells."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Row = tuple[str, ...]
 
 
 def messages() -> Iterator[Row]:
-    """Yield for each message: ID, name, who sends its data, fields to the module, fields from it, and what it does."""
+    """Yield for each message: ID, name, sender of its data, fields to the module, fields from it, and its meaning."""
     for each in MESSAGES:
         command = f"{each.command:02X}h"
         yield (
@@ -27,14 +27,14 @@ def messages() -> Iterator[Row]:
 
 
 def error_bits() -> Iterator[Row]:
-    """Yield for each bit: category, bit, name, what it means, what to do."""
+    """Yield for each bit: category, bit, name, meaning, remedy."""
     for each in faults.FAULTS:
         compare = f"; compare `{each.parameter}`" if each.parameter else ""
         yield (each.category, f"{each.bits:08X}h", f"`{each.name}`", each.meaning, f"{each.remedy}{compare}")
 
 
 def contradictions() -> Iterator[Row]:
-    """Yield for each contradiction: subject, the manual's word, the field's, what is taken, what is sent."""
+    """Yield for each contradiction: subject, the manual's statement, the owners' reports, accepted data, sent data."""
     for each in NOTES:
         yield (each.subject, each.manual, each.field, each.taken, each.sent)
 

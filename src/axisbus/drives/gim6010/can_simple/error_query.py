@@ -1,4 +1,4 @@
-"""Get_Error: which error word is asked for, and its answer, which does not name it (manual v2.2, 4.1.2)."""
+"""Get_Error: the request for an error word, and its answer, which does not name the word (manual v2.2, 4.1.2)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ GET_ERROR = named("Get_Error")
 
 
 class ErrorType(IntEnum):
-    """The error words that can be asked for; that of the axis is in each heartbeat."""
+    """Error words that can be requested; the axis's is in each heartbeat."""
 
     MOTOR = 0
     ENCODER = 1
@@ -22,31 +22,31 @@ class ErrorType(IntEnum):
 
     @property
     def category(self) -> str:
-        """The category of its bits in the table of faults."""
+        """Category of its bits in the fault table."""
         return self.name.lower()
 
     @property
     def length(self) -> int:
-        """The bytes of its error word."""
+        """Number of bytes of its error word."""
         return 8 if self is ErrorType.MOTOR else 4
 
 
 def request(node: int, which: ErrorType) -> Outgoing:
-    """Return the frame that asks ``node`` (0 to 63) for an error word: its type in the first of eight bytes.
+    """Return the frame that requests an error word from ``node`` (0 to 63): its type is the first of eight bytes.
 
-    Remote and empty frames, which name no type, owners found unanswered. Ask for one at a time, and for the next when the answer
-    came or was given up.
+    By owners' reports, remote and empty frames, which contain no type, are not answered. Request one word at a time, and the next
+    after the answer or a time-out.
 
     Raises:
-        ArgumentError: the node is none.
+        ArgumentError: the node ID is invalid.
     """
     return encode(node, GET_ERROR, {"Error_Type": int(which)})
 
 
 def read(node: int, data: bytes, which: ErrorType) -> int | Unexpected:
-    """Return the error word that was asked for, 0 for no error, or what is wrong with the answer.
+    """Return the requested error word, 0 for no error, or the reason why the answer is invalid.
 
-    An answer of eight bytes to a type of four bytes must end with zeros; else it is the motor's, asked for before.
+    An eight-byte answer for a type of four bytes must end with zeros; otherwise it is the motor's word, requested before.
     """
     place = Identifier(node, GET_ERROR.command)
     if len(data) < which.length:

@@ -35,7 +35,7 @@ def can_id(node: int, command: int) -> int:
 
 
 def split(identifier: int) -> Identifier:
-    """Return the node and the command of an 11-bit identifier, whoever it belongs to.
+    """Return the node and the command of any 11-bit identifier, even one of another protocol.
 
     Raises:
         ArgumentError: it has more than 11 bits.

@@ -145,7 +145,7 @@ def _positive(name: str, byte: int, unit: str, path: str) -> MessageField:
 
 
 def _mit(name: str, kind: FieldType, start: int, unit: str, side: GearSide = _OUTPUT) -> MessageField:
-    """A value as steps of a range that is a setting, and so no number of the table: ``mit`` knows it."""
+    """Return a field whose value is a number of steps over a range; the range is a setting, which ``mit`` knows."""
     return MessageField(name, kind, start, f"steps of {unit}" if unit else "", side=side)
 
 
@@ -434,10 +434,10 @@ BY_NAME = {each.name: each for each in MESSAGES}
 
 
 def named(name: str) -> Message:
-    """Return a message by the manual's name of it.
+    """Return a message by its name in the manual.
 
     Raises:
-        ArgumentError: there is none of that name.
+        ArgumentError: no message has this name.
     """
     if name not in BY_NAME:
         raise ArgumentError(f"CAN Simple has no message {name!r}", remedy=f"there are {', '.join(BY_NAME)}")

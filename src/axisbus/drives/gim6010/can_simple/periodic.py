@@ -1,4 +1,4 @@
-"""The messages that a module sends by itself, how often, and what they take of a bus (manual v2.2, 4.1.5)."""
+"""The messages that a module sends periodically, their periods, and their bus load (manual v2.2, 4.1.5)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from axisbus.drives.gim6010.can_simple.messages import LENGTH
 
 @dataclass(frozen=True, slots=True)
 class Periodic:
-    """One of them: the parameter with its period in ms (0: not sent), the factory's value, and its command where there is one."""
+    """One such message: the parameter with its period in ms (0: not sent), the factory setting, and its command if it has one."""
 
     name: str
     parameter: str
@@ -36,9 +36,9 @@ FACTORY = {each.name: each.factory_ms for each in PERIODIC}
 
 
 def load(periods_ms: Mapping[str, int], bitrate: int) -> float:
-    """Return the part of a bus of ``bitrate`` bit/s (0 to 1) that one module takes with these periods in ms.
+    """Return the load (0 to 1) of a bus with ``bitrate`` bit/s by one module with these periods in ms.
 
-    Frames count with the most stuff bits that they can have; a period of 0 counts nothing.
+    Frames count with the maximum number of stuff bits; a period of 0 adds no load.
     """
     per_second = sum(1000 / period for period in periods_ms.values() if period > 0)
     return per_second * worst_bits(LENGTH) / bitrate

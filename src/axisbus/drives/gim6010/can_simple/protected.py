@@ -1,4 +1,4 @@
-"""Parameters and functions that are touched only when they are named one by one: calibration, what belongs to one module, acts."""
+"""Parameters and functions accessed only if named one by one: calibration, data of one specimen, communication, actions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from axisbus.cia301.tables import rows
 
 @dataclass(frozen=True, slots=True)
 class Protected:
-    """A row of the table: a path in which * stands for any characters, its ``kind`` (calibration, unit, link, act), and why."""
+    """A row of the table: a path in which * matches any characters, its ``kind`` (calibration, unit, link, act), and the reason."""
 
     path: str
     kind: str
@@ -21,5 +21,5 @@ TABLE = tuple(Protected(row["path"], row["kind"], row["why"]) for row in rows(__
 
 
 def protected(path: str) -> Protected | None:
-    """Return why a path (without ``odrv0.``) is protected; None where it is not."""
+    """Return the row that protects a path (without ``odrv0.``); None if it is not protected."""
     return next((each for each in TABLE if fnmatchcase(path, each.path)), None)

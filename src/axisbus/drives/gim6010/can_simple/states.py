@@ -1,4 +1,4 @@
-"""The states of the axis, and which can be asked for (manual v2.2, 4.1.2; owners' reports have the names of the others)."""
+"""States of the axis, and those that can be requested (manual v2.2, 4.1.2; the other names are from owners' reports)."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ STATES = {
     15: "encoder linearisation",
     16: "motor dead-time calibration",
 }
-# The manual lists 0 (undefined) too, which nobody has a reason to ask for.
+# The manual also lists 0 (undefined), for which there is no use.
 REQUESTED_STATES = {state: STATES[state] for state in (IDLE, 3, 4, 7, CLOSED_LOOP)}
-CALIBRATIONS = frozenset({3, 4, 7})  # the motor turns by itself, and must have no load
+CALIBRATIONS = frozenset({3, 4, 7})  # the motor may turn, and must have no load
 
 
 def state_words(state: int) -> str:
-    """Return the name of a state; of one that is not known its number."""
+    """Return the name of a state; for an unknown state, its number."""
     return STATES.get(state, f"state {state}, which the manual does not name")

@@ -1,4 +1,4 @@
-"""A list of endpoints that is shown to fit the module: without this, nothing is read, written or called by it."""
+"""An endpoint list that is verified to fit the module: without it, no endpoint is read, written or called."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, EndpointList, 
 from axisbus.errors import ArgumentError
 
 _USB_PREFIX = "odrv0."
-# The same in every list that is known: the one way to learn a module's firmware before its list is known.
+# The same in every known list: so the firmware version can be read before the list is known.
 VERSION_ENDPOINTS = {"fw_version_major": 9, "fw_version_minor": 10, "fw_version_revision": 11}
-SERIAL_ENDPOINT = 5  # serial_number; of its 64 bits the lowest 32 travel over CAN
+SERIAL_ENDPOINT = 5  # serial_number; CAN transfers the lowest 32 of its 64 bits
 _Found = TypeVar("_Found", Endpoint, FirmwareFunction)
 
 
 class Firmware(NamedTuple):
-    """A firmware's version."""
+    """Version of a firmware."""
 
     major: int
     minor: int
@@ -30,10 +30,10 @@ class Firmware(NamedTuple):
 
     @classmethod
     def parse(cls, text: str) -> Firmware:
-        """Return the version that a text is: ``0.5.13``, ``v0.5.13``.
+        """Return the version in a text: ``0.5.13``, ``v0.5.13``.
 
         Raises:
-            ArgumentError: it is none.
+            ArgumentError: the text is not a version.
         """
         found = re.fullmatch(r"v?(\d{1,3})\.(\d{1,3})\.(\d{1,3})", text.strip(), re.ASCII)
         if found is None:
@@ -42,17 +42,17 @@ class Firmware(NamedTuple):
 
 
 def proposed_version(file_name: str) -> Firmware | None:
-    """Return the version in a list's file name (``endpoints_0.5.13.json``), to be proposed to a person; None without one."""
+    """Return the version in a list's file name (``endpoints_0.5.13.json``), as a proposal for the user; None without one."""
     found = re.search(r"(?<![\d.])(\d{1,3}\.\d{1,3}\.\d{1,3})(?![\d]|\.\d)", file_name, re.ASCII)
     return None if found is None else Firmware.parse(found[1])
 
 
 @dataclass(frozen=True, slots=True)
 class FittedList:
-    """A list that was ``made_for`` the firmware which the module ``reported``; there is no other way to have one.
+    """A list that was ``made_for`` the firmware version that the module ``reported``; it can be made only if they agree.
 
     Raises:
-        ArgumentError: the two versions differ, or the list has the version itself elsewhere than every list that is known.
+        ArgumentError: the two versions differ, or the numbers of the version's endpoints are not those of all known lists.
     """
 
     listed: EndpointList
@@ -93,10 +93,10 @@ class FittedList:
 
 
 def found_in(found: Mapping[str, _Found], path: str, kind: str, source: str) -> _Found:
-    """Return what a list has by a path, with or without ``odrv0.``; ``kind`` and ``source`` are for messages.
+    """Return the entry of a list for a path, with or without ``odrv0.``; ``kind`` and ``source`` are for messages.
 
     Raises:
-        ArgumentError: it has none; similar ones are named.
+        ArgumentError: it does not exist; the message names similar ones.
     """
     path = path.removeprefix(_USB_PREFIX)
     if path in found:

@@ -1,1 +1,1 @@
-"""What all have in common that move one module by messages, outside a cell: its heartbeat, and how its power is taken away."""
+"""Common parts of procedures that move one module by messages, outside a cell: monitoring its heartbeat, removing its power."""

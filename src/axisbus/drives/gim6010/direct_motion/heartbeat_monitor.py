@@ -1,4 +1,4 @@
-"""The heartbeat of one module that is moved: what it said last, and whether it is still there, alone, and not restarted."""
+"""Monitors the heartbeat of one module in motion: its last state, and whether it is present, unique, and not restarted."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ _KEPT = 32
 
 
 class HeartbeatMonitor:
-    """Holds the heartbeats of one node ID; times are s of the clock of their frames."""
+    """The heartbeats of one node ID; times are s of the clock of their frames."""
 
     def __init__(self, node: int) -> None:
         """``node`` 0 to 63.
 
         Raises:
-            ArgumentError: it is none.
+            ArgumentError: the node ID is invalid.
         """
         if isinstance(node, bool) or node not in NODES:
             raise ArgumentError(f"{node!r} is no node ID of CAN Simple", remedy="give a number from 0 to 63")
@@ -49,36 +49,36 @@ class HeartbeatMonitor:
 
     @property
     def last(self) -> Heartbeat | None:
-        """The last one."""
+        """The last heartbeat."""
         return self._beats.last
 
     @property
     def at(self) -> float:
-        """When it came; -inf: none did."""
+        """Time of the last heartbeat; -inf if there was none."""
         return self._stamps[-1][0] if self._stamps else -math.inf
 
     @property
     def period(self) -> float:
-        """The mean of its periods in s; 0 where it is not known."""
+        """Mean period in s; 0 if unknown."""
         if len(self._stamps) < 2:
             return 0.0
         return (self._stamps[-1][0] - self._stamps[0][0]) / (len(self._stamps) - 1)
 
     def is_silent(self, now: float) -> bool:
-        """Whether none came for so long that it has left."""
+        """Whether the last heartbeat is so old that the module counts as lost."""
         return now - self.at > max(_SILENCE, PERIODS * self.period)
 
     def settle(self) -> None:
-        """Restarts count from now on."""
+        """Count restarts from now on."""
         self._restarts = self._beats.restarts
 
     @property
     def restarted(self) -> bool:
-        """Whether its count of heartbeats began anew since ``settle``."""
+        """Whether its life counter has restarted since ``settle``."""
         return self._beats.restarts > self._restarts
 
     def against(self, now: float) -> str:
-        """Why it is not to be moved; empty where one module is heard, idle and without an error."""
+        """Return the reason not to move the module; empty if exactly one module sends heartbeats, is idle and has no error."""
         last = self.last
         if last is None or self.is_silent(now):
             return f"module {self.node} sends no heartbeat, by which alone it can be followed"
@@ -90,7 +90,7 @@ class HeartbeatMonitor:
         return f"module {self.node} has errors: {'; '.join(found)}" if found else ""
 
     def lost(self, now: float) -> str:
-        """Why it cannot be followed any longer; empty where it can."""
+        """Return the reason why the module can no longer be monitored; empty if it can."""
         if self.is_silent(now):
             return "the module is no longer heard"
         if self.restarted:
@@ -98,7 +98,7 @@ class HeartbeatMonitor:
         return "" if self.alone else "a second module of this node ID is heard"
 
     def errors(self) -> list[str]:
-        """Return what its last heartbeat reports, a sentence each."""
+        """Return the errors in its last heartbeat, a sentence each."""
         last = self.last
         if last is None:
             return []

@@ -1,4 +1,4 @@
-"""Taking the power away from a module: idle until its heartbeat shows it, then ESTOP, and how it was left."""
+"""Removes the power of a module: idle until its heartbeat shows it, then ESTOP; reports the final state."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from axisbus.drives.gim6010.direct_motion.heartbeat_monitor import HeartbeatMoni
 
 _STATE, _ESTOP = named("Set_Axis_State"), named("Estop")
 _AGAIN = 0.05  # s between two frames
-RUNG = 1.5  # s for idle, then for ESTOP, to be seen; with two periods of its heartbeat
+RUNG = 1.5  # s, plus two periods of the heartbeat: deadline for idle, then for ESTOP
 
 
 def idle(node: int) -> Outgoing:
-    """Return the frame that asks a module for idle."""
+    """Return the frame that requests idle."""
     return encode(node, _STATE, {"Axis_Requested_State": IDLE})
 
 
 class PowerOff:
-    """Holds how far it is; ``left`` is empty until it is over, ``confirmed`` whether the module was seen to be idle."""
+    """Progress of removing the power; ``left`` is empty until the end, ``confirmed`` whether the module was seen to be idle."""
 
     def __init__(self, pulse: HeartbeatMonitor) -> None:
         self.left = ""
         self.confirmed = False
         self._pulse = pulse
         self._estop = False
-        self._start: float | None = None  # of the rung
-        self._last = 0.0  # when a frame went out
+        self._start: float | None = None  # of the step
+        self._last = 0.0  # time of the last frame
 
     @property
     def over(self) -> bool:
@@ -34,12 +34,12 @@ class PowerOff:
         return bool(self.left)
 
     def escalate(self) -> None:
-        """Go on to ESTOP at once; harmless when repeated."""
+        """Skip to ESTOP at once; harmless when repeated."""
         if not self._estop:
             self._estop, self._start = True, None
 
     def step(self, now: float) -> Outgoing | None:
-        """Let time pass, and return what is to be sent now."""
+        """Advance to ``now``, and return the frame to be sent now."""
         if self._start is None:
             self._start, self._last = now, now - _AGAIN
         if self._is_idle(self._start):
@@ -53,7 +53,7 @@ class PowerOff:
         return None
 
     def _is_idle(self, start: float) -> bool:
-        """By a heartbeat that came well after the first frame, when the second one was out."""
+        """Whether a heartbeat shows idle that arrived well after the first frame, when the second one had been sent."""
         last = self._pulse.last
         return self._pulse.at > start + _AGAIN and last is not None and last.state == IDLE
 

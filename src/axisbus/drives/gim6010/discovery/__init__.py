@@ -1,1 +1,1 @@
-"""Finding modules on a bus: what listening tells, what is asked within bounds, and what is told of each; all of it pure."""
+"""Finding modules on a bus: by listening, by a limited number of requests, and as a report; without I/O."""

@@ -1,9 +1,9 @@
-"""Whether one identifier's heartbeats come from several modules of one node ID.
+"""Detects several modules with the same node ID by the heartbeats of one identifier.
 
-Theory of operation. Two modules of one ID beat on one identifier. Where a heartbeat counts (firmware 0.5.12 and later), its frames
-then are two counts laid into each other: each frame is given to the count that it continues, and one that continues none begins a
-new one. Where it does not count there are two beats in each period, so that a short step and a long one take turns. Two that beat
-in the same instant, or half a period apart, look like one; those are found by their answers, of which there are two.
+Theory of operation. Two modules with the same node ID send heartbeats with one identifier. If the heartbeats contain a life counter
+(firmware 0.5.12 and later), the frames are two interleaved counts: each frame is assigned to the count that it continues, or starts
+a new one. Without a counter there are two heartbeats in each period, so that short and long intervals alternate. Two modules whose
+heartbeats coincide, or are half a period apart, look like one; they are detected by their two answers to one request.
 """
 
 from __future__ import annotations
@@ -12,28 +12,26 @@ import itertools
 from collections.abc import Sequence
 from statistics import median
 
-ENOUGH = 4  # frames of each that make a count
-_LOST = 3  # beats from one frame to the next, where some were lost
+ENOUGH = 4  # frames of a count
+_LOST = 3  # counts from one frame to the next at most, if some were lost
 _LIFE, _ROUND = 7, 256
-_EVEN = 0.1  # of the period, by which the beats of one module may be early or late
-_APART = 0.2  # of the period, by which the two steps have to differ
+_EVEN = 0.1  # share of the period by which heartbeats of one module may be early or late
+_APART = 0.2  # share of the period by which the two intervals must differ
 
 
 def count_senders(beats: Sequence[tuple[float, bytes]]) -> int:
-    """Return how many modules at least sent these heartbeats (time in s, eight bytes each), oldest first."""
+    """Return the minimum number of modules that sent these heartbeats (time in s, eight bytes each), oldest first."""
     lives = [data[_LIFE] for _, data in beats]
     return max(_counting(lives), _paced([time for time, _ in beats]) if len(set(lives)) == 1 else 1)
 
 
 def _counting(lives: Sequence[int]) -> int:
-    """Return how many counts ran at the same time; one that ends before another begins is a module that restarted."""
-    counts: list[list[int]] = []  # places in ``lives``
+    """Return the number of simultaneous counts; a count that ends before another begins is a module that restarted."""
+    counts: list[list[int]] = []  # indices into ``lives``
     for place, life in enumerate(lives):
         steps = [((life - lives[each[-1]]) % _ROUND, -each[-1], each) for each in counts]
         fitting = [each for each in steps if 1 <= each[0] <= _LOST]
-        if (
-            fitting
-        ):  # the one that it goes on from with the fewest lost, and of those the one that was heard last
+        if fitting:  # the count with the fewest lost frames, then the most recent one
             min(fitting)[2].append(place)
         else:
             counts.append([place])
@@ -45,7 +43,7 @@ def _counting(lives: Sequence[int]) -> int:
 
 
 def _paced(times: Sequence[float]) -> int:
-    """Return 2 where a short and a long step take turns, each of its length; 1 also where one beats late now and then."""
+    """Return 2 if short and long intervals alternate regularly; otherwise 1, also if one module is sometimes late."""
     steps = [after - before for before, after in itertools.pairwise(times)]
     if len(steps) < 2 * ENOUGH:
         return 1

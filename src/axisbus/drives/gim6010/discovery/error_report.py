@@ -1,4 +1,4 @@
-"""The errors of a module in full: each category with its word, each bit with what it means and what to check."""
+"""The errors of a module in full: each category with its word, each bit with its meaning and remedy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from axisbus.drives.gim6010.discovery.results import DiscoveredModule, Protocols
 from axisbus.errors import ArgumentError
 
 CATEGORIES = tuple(dict.fromkeys(each.category for each in faults.FAULTS))
-# Where a word is read that a module did not tell over CAN.
+# Paths over USB of the words that a module may not report over CAN.
 _OVER_USB = {
     "system": "odrv0.error",
     "axis": "odrv0.axis0.error",
@@ -21,7 +21,7 @@ _LONGEST = {"motor": 64}  # bits; the others have 32
 
 
 def lines(finding: DiscoveredModule) -> Iterator[str]:
-    """Yield the errors of one module, for people."""
+    """Yield the errors of one module, as lines of text."""
     where = " or ".join(map(str, finding.addresses))
     yield f"node {where}: {finding.protocol.value}"
     if finding.protocol is ProtocolsFound.CAN_SIMPLE:
@@ -46,17 +46,17 @@ def _categories(finding: DiscoveredModule) -> Iterator[str]:
 
 
 def of_words(words: Iterable[tuple[str, int]]) -> Iterator[str]:
-    """Yield what error words say: the word, then each bit of it."""
+    """Yield each error word, then the meaning of each of its bits."""
     for category, word in words:
         yield f"  {category}: {word:08X}h" + ("" if word else ", no error")
         yield from (f"    {each}" for each in faults.words(category, word))
 
 
 def parse(text: str) -> tuple[str, int]:
-    """Return the category and the word of ``axis=0x40``.
+    """Return the category and the word from a text such as ``axis=0x40``.
 
     Raises:
-        ArgumentError: it is written otherwise, there is no such category, or its word is not as long.
+        ArgumentError: the format is wrong, the category does not exist, or the word is too long.
     """
     category, _, number = text.partition("=")
     try:

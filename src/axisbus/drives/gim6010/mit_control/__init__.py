@@ -1,1 +1,1 @@
-"""Leading one module by MIT control, from the first look to its way out; pure functions of frames and time."""
+"""MIT control of one module, from the first heartbeat to ESTOP; pure functions of frames and time."""

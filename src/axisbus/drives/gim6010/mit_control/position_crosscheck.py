@@ -1,4 +1,4 @@
-"""Whether a module's two ways to tell its position agree: by MIT control's ranges, and by the encoder's message without any."""
+"""Compares the two position values of a module: by MIT control's ranges, and by the encoder's message, which has no ranges."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from axisbus.drives.gim6010.can_simple.mit import MitFeedback
 from axisbus.drives.gim6010.mit_control.settings import MitSettings
 
 ESTIMATES = named("Get_Encoder_Estimates").command
-_NEAR, _LATE = 0.05, 0.03  # rad, and s by which one may be older than the other
-_TOGETHER = 0.015  # s
+_NEAR, _LATE = 0.05, 0.03  # tolerance in rad, and s of motion that are added to it
+_TOGETHER = 0.015  # s at most between answer and estimate
 _ENOUGH = 5  # disagreements in a row
 
 
 class PositionCrossCheck:
-    """Holds how often they disagreed in a row: ranges or a gear that are not the module's own show by it, away from 0.
+    """Number of consecutive disagreements: wrong ranges or a wrong gear show as disagreements away from position 0.
 
-    The message is dead as soon as the module leaves closed loop, which its heartbeat tells later: so one that shows closed loop has
-    to come after the first disagreement, and eight bytes of 0 say nothing.
+    The encoder's message becomes invalid as soon as the module leaves closed loop, which its heartbeat shows only later. Therefore
+    a heartbeat with closed loop must follow the first disagreement, and eight bytes of 0 are ignored.
     """
 
     def __init__(self, settings: MitSettings) -> None:
         self._settings = settings
         self._row = 0
-        self._since = math.inf  # of the row
+        self._since = math.inf  # begin of the consecutive disagreements
 
     def take(self, frame: CanFrame, feedback: MitFeedback, feedback_at: float, closed_at: float) -> str:
-        """Take an estimate beside the newest answer; return why it is not to be gone on, or nothing.
+        """Compare an estimate with the newest answer; return the reason to stop, or an empty text.
 
-        ``feedback_at`` is when that came, ``closed_at`` when a heartbeat showed closed loop last (s). Where the two came too far
-        apart in time they are not compared: the output turns meanwhile.
+        ``feedback_at`` is the time of that answer, ``closed_at`` the time of the last heartbeat with closed loop (s). If answer and
+        estimate are too far apart in time, they are not compared: the output turns meanwhile.
         """
         found = decode(frame.can_id, frame.data, from_module=True)
         if (

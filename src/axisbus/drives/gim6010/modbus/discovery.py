@@ -1,4 +1,4 @@
-"""Who is on a line: one node ID after the other is asked, once, and who answers how it is. Nothing is written."""
+"""Finds the modules on a line: sends one request to each node ID, and reads the state of those that answer. Writes nothing."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from axisbus.errors import NodeError
 
 @dataclass(frozen=True, slots=True)
 class Present:
-    """A module that answers: its node ID, state and supply voltage (V); ``trouble``: why no more is known of it, or its errors."""
+    """A module that answers: its node ID, state and supply voltage (V); ``trouble``: its errors, or why its data are incomplete."""
 
     device: int
     state: int | None = None
@@ -27,9 +27,9 @@ class Present:
 
 
 def present(wire: Wire, devices: Iterable[int]) -> Iterator[Present | int]:
-    """Ask each of ``devices`` (1 to 247); yield who is there, and the number of each that does not answer.
+    """Send a request to each of ``devices`` (1 to 247); yield the modules found, and the number of each that does not answer.
 
-    Blocks for the wire's ``timeout`` for each that is silent.
+    Blocks for the wire's ``timeout`` for each that does not answer.
 
     Raises:
         AdapterError: the line is gone.

@@ -1,4 +1,4 @@
-"""The rows of the pages' tables about Modbus: registers and open points, as cells of text."""
+"""Rows of the documentation's tables about Modbus: registers and open points, as text cells."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _ACCESS = {"r": "read", "w": "write", "rw": "read, write"}
 
 
 def registers() -> Iterator[Row]:
-    """Yield for each value: addresses, name, bank, access, type, unit with its side, what it is."""
+    """Yield for each value: addresses, name, bank, access, type, unit with its side of the gear, description."""
     for each in REGISTERS:
         unit = ", ".join(filter(None, (each.field.unit, each.field.side.value)))
         yield (
@@ -27,7 +27,7 @@ def registers() -> Iterator[Row]:
 
 
 def open_points() -> Iterator[Row]:
-    """Yield for each open point: subject, what the manual says, what is done."""
+    """Yield for each open point: subject, the manual's statement, the solution used."""
     for each in NOTES:
         yield (each.subject, each.said, each.done)
 

@@ -1,4 +1,4 @@
-"""What the manual leaves open about Modbus, or says in two ways: what is said, and what is done here."""
+"""Points about Modbus that the manual leaves open or contradicts: its statement, and the solution used here."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class OpenPoint:
-    """One open point, in words for a person."""
+    """One open point, as text for the user."""
 
     subject: str
     said: str

@@ -1,7 +1,7 @@
-"""The registers of Modbus RTU as one table (manual v2.2, 4.3.2, 4.3.3): all that reads, writes and documents them comes from it.
+"""The Modbus RTU registers as one table (manual v2.2, 4.3.2, 4.3.3), from which they are read, written and documented.
 
-What the manual does not say of a register, but of the parameter of the same name over USB and CAN Simple (its unit, its side of the
-gear, its bounds), is taken from there; ``notes`` says so.
+If the manual does not document a property of a register, but that of the parameter with the same name over USB and CAN Simple
+(unit, side of the gear, bounds), the table uses the latter; ``open_points`` lists these cases.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from axisbus.drives.gim6010.can_simple.messages import CONTROL_MODES, HIGHEST_CU
 from axisbus.errors import ArgumentError
 
 _BITS = 16  # of one register
-HIGHEST_NODE_ID = 63  # the module's ID is that of CAN Simple too, which has six bits
-FACTORY_RATE = 115200  # bit/s, which is the highest too (4.3)
+HIGHEST_NODE_ID = 63  # the node ID is the same as in CAN Simple, where it has six bits
+FACTORY_RATE = 115200  # bit/s, also the highest (4.3)
 RATES = (9600, 19200, 38400, 57600, FACTORY_RATE)
-HIGHEST_DEVICE = 247  # Modbus over serial line, 2.2: 0 is everybody, and nobody answers
+HIGHEST_DEVICE = 247  # Modbus over serial line, 2.2; 0 is broadcast, without answers
 
 
 class Bank(Enum):
-    """Which registers an address counts in, with the function code that reads them (4.3.1)."""
+    """Address space of a register, with the function code that reads it (4.3.1)."""
 
     INPUT = 0x04
     HOLDING = 0x03
 
 
 class RegisterKind(Enum):
-    """What a register is to who reads or writes it."""
+    """Purpose of a register."""
 
     MEASURED = "is measured"
     SETTING = "is a setting"
@@ -53,10 +53,10 @@ class RegisterKind(Enum):
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Register:
-    """One value: its first address, the manual's ``title`` of it, and the field with its name, type, unit, side and bounds.
+    """One value: its first address, the manual's ``title``, and the field with its name, type, unit, side of the gear and bounds.
 
-    ``access`` is what the manual shows requests for: r, w or rw. A value of several registers has its highest 16 bits at the lowest
-    address, and is only ever read or written whole.
+    ``access`` are the requests that the manual shows: r, w or rw. A value of several registers has its highest 16 bits at the
+    lowest address, and is always read or written as a whole.
     """
 
     address: int
@@ -72,36 +72,36 @@ class Register:
 
     @property
     def name(self) -> str:
-        """The name by which it is read and written here."""
+        """Name for reading and writing it."""
         return self.field.name
 
     @property
     def count(self) -> int:
-        """How many registers it takes."""
+        """Number of registers."""
         return self.field.type.bits // _BITS
 
     @property
     def readable(self) -> bool:
-        """Whether the manual shows how it is read."""
+        """Whether the manual shows a read."""
         return "r" in self.access
 
     @property
     def writable(self) -> bool:
-        """Whether the manual shows how it is written."""
+        """Whether the manual shows a write."""
         return "w" in self.access
 
     def words(self, value: Number) -> tuple[int, ...]:
-        """Return its registers for a value in its unit, highest first.
+        """Return its registers for a value in its unit, most significant first.
 
         Raises:
-            ArgumentError: not a number, not finite, or none of the values that the manual lists.
+            ArgumentError: not a number, not finite, or not in the manual's list of values.
             LimitError: beyond its bounds or its type.
         """
         raw = self.field.raw(value + 0.0 if self.field.type is FLOAT32 else value)  # no negative zero
         return tuple(raw >> _BITS * place & 0xFFFF for place in reversed(range(self.count)))
 
     def value(self, words: tuple[int, ...]) -> Number:
-        """Return the value that its registers hold, in its unit; a float32 may be NaN or infinite, as the module has it."""
+        """Return the value of its registers, in its unit; a float32 may be NaN or infinite, if the module reports that."""
         raw = 0
         for word in words:
             raw = raw << _BITS | word
@@ -113,7 +113,7 @@ _CONFIG, _TRAJECTORY = "axis0.controller.config", "axis0.traj_traj.config"
 _MODES = {mode: words for mode, words in CONTROL_MODES.items() if mode}  # 4.3.3 lists no voltage control
 _INPUTS = {mode: INPUT_MODES[mode] for mode in (1, 2, 3, 5, 6)}  # nor MIT
 _FLAG_BITS = "its upper byte is 0; bits 0 to 4: an error of motor, encoder, controller, system, axis"
-_ASKED = {1: "idle", 8: "closed loop"}  # what is ever asked for here: the others turn the motor by themselves
+_ASKED = {1: "idle", 8: "closed loop"}  # the only states requested here: the others move the motor
 
 
 def _input(

@@ -1,4 +1,4 @@
-"""Another node ID for a module on Modbus: nobody may have it, and the module is found under it before anything is saved."""
+"""Changes a module's node ID over Modbus: the new ID must be unused, and the module must answer under it before it is saved."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ _NODE_ID = named("node_id")
 
 
 def set_node_id(module: ModbusModule, new: int, *, save: bool = True) -> ModbusModule:
-    """Give a module the node ID ``new`` (1 to 63), and return it under the address at which it answers then; blocks.
+    """Change a module's node ID to ``new`` (1 to 63), and return the module under its new address; blocks.
 
-    Cut off before it is saved, the module has the new ID until it is switched off, and the old one after.
+    If this is interrupted before saving, the module has the new ID until it is switched off, and the old one afterwards.
 
     Raises:
-        ArgumentError, LimitError: it is no ID. StateError: the module is not idle, or somebody answers to ``new`` already.
-        NodeError: no answer, or it does not take the ID.
+        ArgumentError, LimitError: the ID is invalid. StateError: the module is not idle, or a module already answers to ``new``.
+        NodeError: no answer, or it does not accept the ID.
     """
     request = requests.write(_NODE_ID, new)
     moved = ModbusModule(module.wire, new)
@@ -38,7 +38,7 @@ def set_node_id(module: ModbusModule, new: int, *, save: bool = True) -> ModbusM
 
 
 def _found(module: ModbusModule, moved: ModbusModule, new: int) -> ModbusModule:
-    """Return the module under the address at which it answers, with the new ID in its register."""
+    """Return the module under the address at which it answers with the new ID in its register."""
     for each in (moved, module):
         if each.answers() and int(each.read(_NODE_ID.name)) == new:
             return each

@@ -1,1 +1,1 @@
-"""The parameters of a module by name, whatever brings them: what may be written, backups, and what differs."""
+"""The parameters of a module by name, over any interface: write protection, backups, and differences."""

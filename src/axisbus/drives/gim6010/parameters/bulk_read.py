@@ -1,4 +1,4 @@
-"""Reading many parameters: which they are, and what became of each."""
+"""Reads many parameters, with the result of each."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from axisbus.drives.gim6010.parameters.interface import ModuleParameters, Value
 from axisbus.errors import NodeTimeout, StateError
 
 Told = Callable[[int, int], None]
-_MOST = 5  # parameters in a row that are not answered: then the module no longer is
+_MOST = 5  # consecutive parameters without an answer, after which the module counts as lost
 
 
 @dataclass(slots=True)
 class BulkRead:
-    """The values that were read, by path, and the paths that were not answered."""
+    """The values read, by path, and the paths that were not answered."""
 
     values: dict[str, Value] = field(default_factory=dict)
     silent: list[str] = field(default_factory=list)
 
 
 def read_all(module: ModuleParameters, endpoints: Iterable[Endpoint], tell: Told | None = None) -> BulkRead:
-    """Read these parameters, those that travel this way; blocks. ``tell`` is told how far it is.
+    """Read those of these parameters that the interface can transfer; blocks. ``tell`` is called with the progress.
 
     Raises:
-        BusError: the module restarted or left meanwhile, or answers several in a row no longer.
+        BusError: the module restarted or was disconnected meanwhile, or several parameters in a row were not answered.
     """
     wanted = [each for each in endpoints if each.readable and rules.travels(each, module.widest)]
     many, row = BulkRead(), 0
@@ -49,7 +49,7 @@ def take(module: ModuleParameters, tell: Told | None = None) -> ParameterBackup:
     """Return a backup of a module's settings; blocks.
 
     Raises:
-        StateError: a setting was not answered: a backup with holes is none.
+        StateError: a setting was not answered; an incomplete backup is useless.
         BusError: as ``read_all``.
     """
     many = read_all(module, filter(rules.kept, module.listed.endpoints.values()), tell)

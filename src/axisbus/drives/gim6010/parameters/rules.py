@@ -1,4 +1,4 @@
-"""Which parameters are written at all, which only by name, and which belong to a backup."""
+"""Rules for parameters: which are never written, which only by name, and which belong to a backup."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ NARROW = 4  # bytes of a value over CAN Simple and Modbus
 
 
 def travels(endpoint: Endpoint, most: int = NARROW) -> bool:
-    """Whether a value of its type is a number of at most so many bytes."""
+    """Whether a value of its type is a number of at most ``most`` bytes."""
     letter = FORMATS[endpoint.type]
     return bool(letter) and struct.calcsize(f"<{letter}") <= most
 
 
 def acts(path: str) -> bool:
-    """Whether writing it does something: such a parameter is never written here, named or not."""
+    """Whether writing it starts an action; such a parameter is never written here, even by name."""
     found = protected(path)
     return found is not None and found.kind == "act"
 
 
 def kept(endpoint: Endpoint) -> bool:
-    """Whether it belongs to a backup: it can be read and written, and holds a setting."""
+    """Whether it belongs to a backup: it is a setting that can be read and written."""
     return endpoint.readable and endpoint.writable and travels(endpoint) and not acts(endpoint.path)
 
 
@@ -33,7 +33,7 @@ def require_writable(path: str, *, by_name: bool) -> None:
     """Check that a parameter may be written.
 
     Raises:
-        ArgumentError: it acts, or is protected and was not named by itself.
+        ArgumentError: it starts an action, or it is protected and was not named explicitly.
     """
     found = protected(path)
     if found is None:
@@ -68,7 +68,7 @@ def require_setting(endpoint: Endpoint, *, by_name: bool) -> None:
 
 
 def unfitting(node: int, found: object) -> ArgumentError:
-    """Return the error of a list by which a module has the node ID ``found``, and not that by which it answers."""
+    """Return the error for a list with which the module's node ID reads as ``found``, although it answers as ``node``."""
     return ArgumentError(
         f"the list does not fit module {node}: by it the module's node ID is {found}",
         observed="the version is the same, and the numbers of its endpoints are not",

@@ -1,4 +1,4 @@
-"""Values of parameters as text, and whether two of them are the same to the module."""
+"""Values of parameters as text and as JSON, and their equality for a module."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _WILD = {"nan", "inf", "-inf"}
 
 
 def parse(endpoint: Endpoint, text: str) -> Value:
-    """Return the value that a text is, of the endpoint's type.
+    """Convert a text to a value of the endpoint's type.
 
     Raises:
-        ArgumentError: it is none.
+        ArgumentError: the text is not such a value.
     """
     found: Value | None
     try:
@@ -35,14 +35,14 @@ def parse(endpoint: Endpoint, text: str) -> Value:
 
 
 def show(value: Value) -> str:
-    """Return a value for people; a float with as many digits as it has in 32 bits."""
+    """Return a value as text; a float with seven significant digits, the precision of 32 bits."""
     if isinstance(value, bool):
         return "true" if value else "false"
     return f"{value:.7g}" if isinstance(value, float) else str(value)
 
 
 def same(one: Value, other: Value) -> bool:
-    """Whether two values are the same to a module, whose floats have 32 bits; NaN is the same as NaN."""
+    """Return whether two values are equal for a module, whose floats have 32 bits; NaN equals NaN."""
     if isinstance(one, float) or isinstance(other, float):
         return _single(one) == _single(other)
     return one == other
@@ -57,15 +57,15 @@ def _single(value: Value) -> object:
 
 
 def plain(value: Value) -> Value | str:
-    """Return a value as JSON has it: NaN and infinities, which JSON has not, as text."""
+    """Return a value for JSON: NaN and infinities, which JSON does not support, as text."""
     return value if not isinstance(value, float) or math.isfinite(value) else str(value)
 
 
 def of_plain(path: str, value: object, source: str) -> Value:
-    """Return a value out of JSON.
+    """Return a value from JSON.
 
     Raises:
-        ArgumentError: it is none.
+        ArgumentError: it is not a parameter's value.
     """
     if isinstance(value, bool | int | float):
         return value

@@ -1,1 +1,1 @@
-"""What a commissioning sets in a module: which parameters, in which order, what stands against it, and what is to be said of it."""
+"""Commissioning settings of a module: the parameters of each, their order, preconditions and remarks."""

@@ -1,4 +1,4 @@
-"""Another bit rate for a module: a parameter that holds from its next start on, so that it is saved at once."""
+"""Bit rate of a module: a parameter that takes effect with the next restart, so that it is saved at once."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ RATES = (
     250_000,
     500_000,
     1_000_000,
-)  # of CiA 301, from 125 kbit/s up to the module's 1 Mbit/s (manual v2.2, 4.1)
+)  # bit rates of CiA 301, from 125 kbit/s up to the module's 1 Mbit/s (manual v2.2, 4.1)
 NAMED = frozenset({500_000, 1_000_000})
 _UNNAMED = "the manual names 500000 and 1000000 bit/s alone: if the module does not take this rate, it is reached over USB only"
 
 
 def wanted(rate: int) -> ParameterBatch:
-    """Return what sets a bit rate (bit/s).
+    """Return the parameters that set a bit rate (bit/s).
 
     Raises:
-        ArgumentError: it is none that is set here.
+        ArgumentError: the bit rate is not in ``RATES``.
     """
     if rate not in RATES:
         raise ArgumentError(
@@ -34,10 +34,10 @@ def wanted(rate: int) -> ParameterBatch:
 
 
 def require_alone(finder: Finder, found: Sequence[DiscoveredModule], node: int) -> None:
-    """Check that nobody is on the bus but one module: it comes back at a rate at which it would destroy what others say.
+    """Check that a module is alone on its bus: with another bit rate it would destroy the frames of other nodes.
 
     Raises:
-        StateError: somebody is.
+        StateError: it is not alone.
     """
     others = [
         f"{each.protocol.value} node {' or '.join(map(str, each.addresses))}"

@@ -1,4 +1,4 @@
-"""The module's own two limit switches: LW1 at the lowest position, LW2 at the highest (manual v2.2, 2.4.8 and 3.1.8)."""
+"""The module's two limit switch inputs: LW1 at the lowest position, LW2 at the highest (manual v2.2, 2.4.8 and 3.1.8)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from axisbus.errors import ArgumentError, StateError
 
 _PINS = {"min": 1, "max": 2}  # by the manual
 PATHS = tuple(f"axis0.{end}_endstop.config.{what}" for end in _PINS for what in ("gpio_num", "enabled"))
-_WITHOUT = (3, 7)  # the hardware that the manual has without them
+_WITHOUT = (3, 7)  # latest hardware without them, by the manual
 _HARDWARE = ("hw_version_major", "hw_version_minor")
 _TOLD = "a switch that is reached is an error of the axis (MIN_ENDSTOP_PRESSED, MAX_ENDSTOP_PRESSED): whoever leads it has to act"
 _UNTRIED = "whether the motor is stopped by it the manual does not say: try it slowly before you count on it"
@@ -16,7 +16,7 @@ _CONFLICT = "pulse and direction inputs use the same place: only one of both can
 
 
 def wanted(lowest: bool | None, highest: bool | None) -> ParameterBatch:
-    """Return what switches each of the two on or off; None leaves one.
+    """Return the parameters that switch each input on or off; None: unchanged.
 
     Raises:
         ArgumentError: neither is given.
@@ -34,10 +34,10 @@ def wanted(lowest: bool | None, highest: bool | None) -> ParameterBatch:
 
 
 def require_hardware(module: ModuleParameters) -> None:
-    """Check that the module's hardware has the switches, where its list tells its version; blocks.
+    """Check that the module's hardware has the inputs, if its endpoint list contains the hardware version; blocks.
 
     Raises:
-        StateError: it has not. BusError: as ``ModuleParameters.read``.
+        StateError: it does not have them. BusError: as ``ModuleParameters.read``.
     """
     if not all(path in module.listed.endpoints for path in _HARDWARE):
         return

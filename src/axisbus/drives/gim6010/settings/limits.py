@@ -1,4 +1,4 @@
-"""The module's own limits of velocity and motor current, which hold whatever commands it (manual v2.2, 3.1.3)."""
+"""The module's own limits of velocity and motor current, which apply to every kind of command (manual v2.2, 3.1.3)."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _TORQUE = (
 
 
 def wanted(velocity: float | None, current: float | None) -> ParameterBatch:
-    """Return what sets the limits: ``velocity`` in turns/s of the rotor, ``current`` in A, 50 at most; None leaves one.
+    """Return the parameters that set the limits: ``velocity`` in rotor turns/s, ``current`` in A, at most 50; None: unchanged.
 
     Raises:
-        ArgumentError: neither is given, or one is not above 0. LimitError: more current than the module bears.
+        ArgumentError: neither is given, or one is not above 0. LimitError: the current is above the module's maximum.
     """
     check(velocity, current)
     given: dict[str, Value | None] = {VELOCITY: velocity, CURRENT: current}
@@ -30,7 +30,7 @@ def wanted(velocity: float | None, current: float | None) -> ParameterBatch:
 
 
 def check(velocity: float | None, current: float | None) -> None:
-    """Check limits that are to be set; raises as ``wanted``."""
+    """Check limits before setting them; raises as ``wanted``."""
     if velocity is None and current is None:
         raise ArgumentError(
             "no limit is given", remedy="give --velocity in turns/s of the rotor, --current in A, or both"

@@ -1,4 +1,4 @@
-"""Parameters that are set together: written and read back one by one, or told as the steps over USB."""
+"""Parameters that are set together: written and read back one by one, or listed as steps over USB."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Tell = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class ParameterBatch:
-    """Parameters by path with their values, in the order in which they are written; ``notes`` are what a person has to know."""
+    """Parameters by path with their values, in the order of writing; ``notes`` are remarks for the user."""
 
     values: tuple[tuple[str, Value], ...]
     notes: tuple[str, ...] = ()
@@ -30,10 +30,10 @@ class ParameterBatch:
 
 
 def check(module: ModuleParameters, wanted: ParameterBatch) -> None:
-    """Check that all of it can be written, before the first is.
+    """Check that all parameters can be written, before writing the first.
 
     Raises:
-        ArgumentError, LimitError: a parameter is not there, not for writing, or a value is not of its type.
+        ArgumentError, LimitError: a parameter does not exist, is not writable, or a value is not of its type.
     """
     for path, value in wanted.values:
         endpoint = module.endpoint(path)
@@ -42,11 +42,12 @@ def check(module: ModuleParameters, wanted: ParameterBatch) -> None:
 
 
 def apply(module: ModuleParameters, wanted: ParameterBatch, tell: Tell) -> None:
-    """Write all of it into RAM, each read back; ``tell`` hears of each one that is there. Blocks.
+    """Write all parameters into RAM, and read each back; ``tell`` is called for each written one. Blocks.
 
     Raises:
-        ArgumentError, LimitError: as ``check``; nothing is written then.
-        StateError: the module is not idle. BusError: no answer, another value is held, or the module restarted or left.
+        ArgumentError, LimitError: as ``check``; nothing was written then.
+        StateError: the module is not idle.
+        BusError: no answer, the module stores another value, or it restarted or was disconnected.
     """
     check(module, wanted)
     for path, value in wanted.values:
@@ -56,6 +57,6 @@ def apply(module: ModuleParameters, wanted: ParameterBatch, tell: Tell) -> None:
 
 
 def shown(module: ModuleParameters, paths: tuple[str, ...]) -> Iterator[str]:
-    """Yield the present values of parameters, as they are in RAM; blocks, raises as ``ModuleParameters.read``."""
+    """Yield the present values of parameters in RAM; blocks, raises as ``ModuleParameters.read``."""
     for path in paths:
         yield f"{path} = {values.show(module.read(path))}"

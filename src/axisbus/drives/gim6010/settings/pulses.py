@@ -1,6 +1,7 @@
-"""A module that follows pulses and a direction, as a stepping motor's driver does (manual v2.2, 4.5): what a pulse is.
+"""A module that follows pulse and direction signals, like a stepper driver (manual v2.2, 4.5): the pulse size, and the setup steps.
 
-The interface is CAN's, and the modes of the pins are names that only USB has: so these are steps for USB.
+The step/direction input replaces the CAN interface, and the modes of the pins have names only over USB. Therefore the steps are for
+USB.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from axisbus.drives.gim6010.make import GEAR_RATIO
 from axisbus.errors import ArgumentError
 from axisbus.wording import counted
 
-FASTEST = 50_000.0  # pulses/s that the manual recommends at most
+FASTEST = 50_000.0  # pulses/s: the manual's recommended maximum
 _INTERFACE = 2  # config.comm_intf_mux
 _STEP, _DIRECTION = 6, 7  # pins
 _NOTES = (
@@ -26,7 +27,7 @@ _NOTES = (
 
 @dataclass(frozen=True, slots=True)
 class Pulses:
-    """``per_turn`` pulses are a turn of the rotor; set-points begin anew after ``turns`` of it where they are ``circular``."""
+    """``per_turn`` pulses are one turn of the rotor; if ``circular``, set-points wrap around after ``turns``."""
 
     per_turn: int
     turns: int
@@ -44,12 +45,12 @@ class Pulses:
 
     @property
     def in_all(self) -> int:
-        """Pulses in all of the range."""
+        """Number of pulses in the whole range."""
         return self.per_turn * self.turns
 
     @property
     def table(self) -> tuple[str, ...]:
-        """What a pulse and the fastest pulses are, as lines."""
+        """Size of a pulse and the maximum velocity, as lines."""
         output = self.per_turn * GEAR_RATIO
         fastest = FASTEST / self.per_turn
         return (
@@ -60,7 +61,7 @@ class Pulses:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a person has to know of it."""
+        """Remarks for the user."""
         whole = math.isclose(self.turns % GEAR_RATIO, 0.0)
         odd = (
             f"after {counted(self.turns, 'turn')} of the rotor the output does not stand where it began, at {GEAR_RATIO}:1",
@@ -69,7 +70,7 @@ class Pulses:
 
     @property
     def steps(self) -> tuple[str, ...]:
-        """The steps over USB; the interface comes last, since over CAN the module is not reached then."""
+        """The steps over USB; the interface comes last, since afterwards the module cannot be reached over CAN."""
         controller = "odrv0.axis0.controller.config"
         return (
             "connect it by USB and open odrivetool; it must be idle",

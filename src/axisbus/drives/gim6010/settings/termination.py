@@ -1,4 +1,4 @@
-"""The module's own terminating resistor of 120 Ω, which it switches (manual v2.2, 3.1.8)."""
+"""The module's switchable terminating resistor of 120 Ω (manual v2.2, 3.1.8)."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ _FACTORY = "from the factory it is on in every module, so that more than two on 
 
 
 def wanted(*, on: bool) -> ParameterBatch:
-    """Return what switches the resistor on or off."""
+    """Return the parameters that switch the resistor on or off."""
     return ParameterBatch(((ENABLED, on),), (_ENDS, _FACTORY))
 
 
 def require_switch(module: ModuleParameters) -> None:
-    """Check that the pin which switches the resistor is the manual's; blocks.
+    """Check that the resistor is switched by the pin given in the manual; blocks.
 
     Raises:
-        StateError: it is another. BusError: as ``ModuleParameters.read``.
+        StateError: it is another pin. BusError: as ``ModuleParameters.read``.
     """
     pin = module.read(PIN)
     if pin != _PIN:

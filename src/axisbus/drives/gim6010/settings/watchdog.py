@@ -1,9 +1,9 @@
-"""What makes a module notice that nobody commands it any more: ``break_timeout``, and the axis's watchdog.
+"""A module's watchdogs against a dead master: ``break_timeout``, and the axis's watchdog.
 
-Theory of operation. Both count the time since the last set-point; requests, reads and heartbeats do not feed them.
-``break_timeout`` (ms, 0: off) was seen on another joint of the maker: another value arms it at once, whatever the axis does, and
-its trip latches as CAN_BUS_FAILED. Of ``watchdog_timeout`` (s) the maker says that it has no effect in new firmware. So what is
-armed here is written, read back and told with what is not known of it; that it works has to be tried on the machine.
+Theory of operation. Both count the time since the last set-point; requests, reads and heartbeats do not reset them.
+``break_timeout`` (ms, 0: off) was observed on another product of the maker: a changed value arms it at once, in any state of the
+axis, and its trip latches as CAN_BUS_FAILED. The maker says that ``watchdog_timeout`` (s) has no effect in new firmware. Therefore
+the settings are written, read back and reported together with the open questions; test on the machine that they work.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ BREAK = "can.config.break_timeout"
 ENABLED, AXIS = "axis0.config.enable_watchdog", "axis0.config.watchdog_timeout"
 PATHS = (BREAK, ENABLED, AXIS)
 LATCHED = 0x0010_0000 | 0x0000_0800  # CAN_BUS_FAILED, WATCHDOG_TIMER_EXPIRED
-_LONGEST = 0xFFFF  # ms that the parameter holds
+_LONGEST = 0xFFFF  # ms: maximum of the parameter
 _MS = 1000.0
 _ARMED = (
     "it counts from now on, whatever the axis does, and only set-points feed it: a module that nobody leads trips by itself, with "
@@ -29,10 +29,10 @@ _OFF = "nothing in this module notices a dead master any more; of older firmware
 
 
 def wanted(broken: float | None, axis: float | None) -> ParameterBatch:
-    """Return what arms them: ``broken`` for ``break_timeout``, ``axis`` for the axis's watchdog, both in s; None leaves one.
+    """Return the parameters that arm them: ``broken`` for ``break_timeout``, ``axis`` for the axis's watchdog (s; None: unchanged).
 
     Raises:
-        ArgumentError: neither is given, one is not above 0, or ``broken`` is no whole number of ms up to 65535.
+        ArgumentError: neither is given, one is not above 0, or ``broken`` is not a whole number of ms up to 65535.
     """
     if broken is None and axis is None:
         raise ArgumentError(
@@ -46,7 +46,7 @@ def wanted(broken: float | None, axis: float | None) -> ParameterBatch:
 
 
 def off() -> ParameterBatch:
-    """Return what switches both off."""
+    """Return the parameters that switch both off."""
     return ParameterBatch(((BREAK, 0), (ENABLED, False)), (_OFF,))
 
 

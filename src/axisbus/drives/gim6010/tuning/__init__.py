@@ -1,1 +1,1 @@
-"""Trying a module's gains: a step there and back, measured; what it does, what it came to, and what the manual has one try next."""
+"""Trying a module's gains with a step there and back: the trial, its measured response, and the manual's advice."""

@@ -1,4 +1,4 @@
-"""What the manual has one try next (v2.2, 3.1.3): more until it oscillates or overshoots, then less."""
+"""The manual's advice on the next gain (v2.2, 3.1.3): raise it until it oscillates or overshoots, then lower it."""
 
 from __future__ import annotations
 
@@ -6,24 +6,24 @@ from axisbus.drives.gim6010.tuning.trial import Loop
 from axisbus.step_response import Response
 
 MORE, LESS, HALF = 1.3, 0.85, 0.5
-_RIPPLE = 0.1  # of the step: what is taken for an oscillation
-_OVERSHOOT = 0.05  # of the step
+_RIPPLE = 0.1  # share of the step: more counts as an oscillation
+_OVERSHOOT = 0.05  # share of the step
 
 
 def is_too_much(loop: Loop, response: Response) -> bool:
-    """Whether a step was none that a gain may make: it oscillates or does not settle; of a position, it overshoots."""
+    """Return whether the gain is too high: the step oscillates or does not settle, or, for a position, overshoots."""
     if loop is Loop.VELOCITY:
         return response.ripple > _RIPPLE or response.settled is None
     return response.overshoot > _OVERSHOOT or response.ripple > _RIPPLE
 
 
 def lowered(loop: Loop) -> float:
-    """Return the factor by which the gain of a loop is lowered, where it is too much."""
+    """Return the factor by which a too high gain of a loop is lowered."""
     return HALF if loop is Loop.VELOCITY else LESS
 
 
 def worse(*responses: Response | None) -> Response | None:
-    """Return the worst of those that were measured; None where none was."""
+    """Return the worst of the measured responses; None if there is none."""
     return max(
         (each for each in responses if each is not None),
         key=lambda each: (each.settled is None, each.overshoot + each.ripple),
@@ -32,7 +32,7 @@ def worse(*responses: Response | None) -> Response | None:
 
 
 def following(loop: Loop, response: Response, gain: float | None) -> str:
-    """Return what to try next; ``gain`` is the one that was tried (vel_gain or pos_gain), None where it is not known."""
+    """Return the next step as text; ``gain`` is the gain tried (vel_gain or pos_gain), None if unknown."""
     more, less = _value(gain, MORE), _value(gain, lowered(loop))
     if loop is Loop.VELOCITY:
         if is_too_much(loop, response):

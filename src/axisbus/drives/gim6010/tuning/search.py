@@ -1,4 +1,4 @@
-"""The manual's way to a gain (v2.2, 3.1.3), one trial after the other: less until it is smooth, more until it is not, then less."""
+"""The manual's search for a gain (v2.2, 3.1.3), one trial after the other: lower it until smooth, raise it until not, then lower it."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ class _Phase(Enum):
 
 @dataclass(slots=True)
 class GainSearch:
-    """Holds the gain that is to be tried ``next`` (None: it is over, and ``ends`` says how), and the best that was smooth.
+    """The gain to try ``next`` (None: the search is over, and ``ends`` is the result), and the best smooth gain.
 
-    ``first`` is tried first, and nothing above ``most``.
+    ``first`` is tried first; no gain is above ``most``.
 
     Raises:
-        ArgumentError: one of both is no gain above 0, or the first is above the other.
+        ArgumentError: a gain is not above 0, or the first is above the highest.
     """
 
     loop: Loop
@@ -50,11 +50,11 @@ class GainSearch:
 
     @property
     def name(self) -> str:
-        """The gain's, as the firmware has it."""
+        """Name of the gain in the firmware."""
         return _NAMES[self.loop]
 
     def take(self, response: Response) -> None:
-        """Take what the step with the gain ``next`` was, the worse of both sides."""
+        """Take the response to the gain ``next``, the worse of both halves."""
         assert self.next is not None
         gain = self.next
         self.trials.append((gain, response))
@@ -68,7 +68,7 @@ class GainSearch:
     def _is_too_much(self, gain: float) -> None:
         if self._phase is _Phase.RAISING:
             self._phase = _Phase.LOWERING
-        self.best = None  # what was smooth is not looked at as the manual has it: the gain comes from the one that is too much
+        self.best = None  # the manual does not return to the smooth gain: the next one is derived from the one that was too high
         self.next = gain * lowered(self.loop)
 
     def _is_smooth(self, gain: float) -> None:

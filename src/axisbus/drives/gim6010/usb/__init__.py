@@ -1,1 +1,1 @@
-"""A module on its USB port: the tree of its parameters, which it describes itself."""
+"""A module on its USB port: its object tree, which the module describes itself."""

@@ -1,4 +1,4 @@
-"""The tree of a module on a USB port, by the package ``odrive``, with which its maker has it commissioned (manual v2.2, 3.1)."""
+"""The object tree of a module on a USB port, by the package ``odrive``, which its maker uses for commissioning (manual v2.2, 3.1)."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from axisbus.drives.gim6010.parameters.interface import Value
 from axisbus.drives.gim6010.usb.tree import Gone
 from axisbus.errors import AdapterError, NodeTimeout, StateError, UserError
 
-FIND = 10.0  # s until a module that is there is found
-ALONE = 1.0  # s in which a second one would be
-_LIST = "_dev"  # where odrive's objects have what they were read from; there is no public name for it
+FIND = 10.0  # s to find a connected module
+ALONE = 1.0  # s to find a second one
+_LIST = "_dev"  # attribute of odrive's objects with the device data; there is no public one
 
 
 class OdriveTree:
@@ -22,7 +22,7 @@ class OdriveTree:
     def __init__(
         self, found: Any, find: Callable[[str, float], Any], gone: tuple[type[Exception], ...]
     ) -> None:
-        """``find`` looks for a serial number, for so many seconds; ``gone`` is what odrive raises of a device that was lost."""
+        """``find`` searches a serial number for so many seconds; ``gone`` are odrive's exceptions for a lost device."""
         self._found = found
         self._find = find
         self._gone = gone
@@ -56,7 +56,7 @@ class OdriveTree:
         return OdriveTree(self._find(self._name, seconds), self._find, self._gone)
 
     def _at(self, path: str) -> tuple[Any, str]:
-        """Return the object that has the last part of a path, and that part."""
+        """Return the object that contains the last part of a path, and that part."""
         *folders, name = path.split(".")
         return functools.reduce(getattr, folders, self._found), name
 
@@ -69,7 +69,7 @@ class OdriveTree:
 
 
 def open_tree(serial: str | None) -> OdriveTree:
-    """Find the module on USB, the one of this serial number (hexadecimal, as odrive shows it) where several may be; blocks.
+    """Find the module on USB, with this serial number (hexadecimal, as odrive shows it) if several are connected; blocks.
 
     Raises:
         UserError: the extra ``usb`` is not installed. NodeTimeout: it was not found within ``FIND``.
@@ -82,7 +82,7 @@ def open_tree(serial: str | None) -> OdriveTree:
             return odrive.find_sync(serial_number=wanted, timeout=limit)
         except TimeoutError:
             _not_found(wanted, limit)
-        except Exception as error:  # its driver raises anything, such as of a port that somebody else has
+        except Exception as error:  # its driver raises any type, for example if another program uses the port
             raise AdapterError(
                 "USB cannot be used",
                 observed=f"{type(error).__name__}: {error}",
@@ -97,7 +97,7 @@ def open_tree(serial: str | None) -> OdriveTree:
 
 
 def _require_alone(odrive: Any) -> None:
-    """Look for a second module: nobody said which one is meant."""
+    """Check that no second module is connected, since no serial number selects one."""
     try:
         several = odrive.find_sync(count=2, timeout=ALONE)
     except TimeoutError:

@@ -1,4 +1,7 @@
-"""The tree of a module on USB: what it says that it has, and one value at a time; a USB port is one, arithmetic another."""
+"""Interface to the object tree of a module on USB: its contents, and access to one value at a time.
+
+Implementations are a USB port, and a simulation for tests.
+"""
 
 from __future__ import annotations
 
@@ -8,26 +11,26 @@ from typing import Any, Protocol
 from axisbus.drives.gim6010.parameters.interface import Value
 
 
-class Gone(Exception):  # what happened; nobody but ``parameters`` sees it
+class Gone(Exception):  # named for what happened; only ``parameters`` catches it
     """The module is no longer on the port: it restarts, or was unplugged."""
 
 
 class Tree(Protocol):
-    """One module; used by one thread. Paths are those of its own list, without ``odrv0.``."""
+    """Object tree of one module; use it from one thread only. Paths are those of its own list, without ``odrv0.``."""
 
     @property
     def serial(self) -> int:
-        """The serial number by which its port names it."""
+        """Serial number, as reported by the port."""
 
     @property
     def members(self) -> Mapping[str, Mapping[str, Any]]:
-        """Its own list of endpoints: by path, what the list's JSON has of each parameter and function."""
+        """Its endpoint list: by path, the JSON data of each parameter and function."""
 
     def read(self, path: str) -> Value:
         """Return a value; blocks.
 
         Raises:
-            Gone: it is no longer there. NodeError: it does not tell it.
+            Gone: the module is no longer there. NodeError: it does not report the value.
         """
 
     def write(self, path: str, value: Value) -> None:
@@ -37,8 +40,8 @@ class Tree(Protocol):
         """Call a function without arguments; blocks. Raises as ``read``."""
 
     def again(self, seconds: float) -> Tree:
-        """Return the same module once it is back on the port; blocks for at most so many seconds.
+        """Return the same module once it is back on the port; blocks for at most ``seconds``.
 
         Raises:
-            NodeTimeout: it is not.
+            NodeTimeout: it did not come back.
         """

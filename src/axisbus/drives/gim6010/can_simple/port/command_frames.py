@@ -1,4 +1,4 @@
-"""The frames that a port sends to its module, of which none but ``closed_loop`` gives power, and none calibrates."""
+"""The frames that a port sends to its module; only ``closed_loop`` switches on the power, and none calibrates."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ VELOCITY, TORQUE = (2, 2), (1, 6)
 
 
 class Orders:
-    """Makes the frames of one module; turns, turns/s and N·m are those of the rotor."""
+    """Makes the frames of one module; turns, turns/s and N·m are at the rotor."""
 
     def __init__(self, settings: ModuleSettings) -> None:
         self._settings = settings
 
     def closed_loop(self) -> Outgoing:
-        """Ask for closed loop."""
+        """Request closed loop."""
         return self._frame("Set_Axis_State", CLOSED_LOOP)
 
     def idle(self) -> Outgoing:
-        """Take the power away: the motor coasts."""
+        """Remove the power: the motor coasts."""
         return self._frame("Set_Axis_State", IDLE)
 
     def estop(self) -> Outgoing:
-        """Take the power away, with an error that stays."""
+        """Remove the power, with a latched error."""
         return self._frame("Estop")
 
     def clear(self) -> Outgoing:
@@ -50,19 +50,19 @@ class Orders:
         return [self._frame("Set_Traj_Vel_Limit", speed), self._frame("Set_Traj_Accel_Limits", up, down)]
 
     def position(self, turns: float) -> Outgoing:
-        """Give a target position; nothing is fed forward, so that what holds is this position when no other one follows."""
+        """Send a target position; feed-forward is 0, so that the module holds this position if no other follows."""
         return self._frame("Set_Input_Pos", turns, 0.0, 0.0)
 
     def velocity(self, velocity: float) -> Outgoing:
-        """Give a target velocity."""
+        """Send a target velocity."""
         return self._frame("Set_Input_Vel", velocity, 0.0)
 
     def torque(self, torque: float) -> Outgoing:
-        """Give a target torque."""
+        """Send a target torque."""
         return self._frame("Set_Input_Torque", torque)
 
     def brake(self) -> list[Outgoing]:
-        """Bring it to rest on its own ramp, whatever it is doing; in idle this does nothing."""
+        """Brake to standstill on the module's own ramp, from any motion; no effect in idle."""
         return [self.mode(VELOCITY), self.velocity(0.0)]
 
     def _frame(self, name: str, *values: Number) -> Outgoing:

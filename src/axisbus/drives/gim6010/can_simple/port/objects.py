@@ -1,4 +1,4 @@
-"""The objects of a module as a drive: what motion, a boot-up or a person may read and write of it, by index and sub-index."""
+"""Object dictionary of a module as a drive: the objects that motion, boot-up and users may read and write."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ Address = tuple[int, int]
 Read = Callable[[], int | None]
 Obey = Callable[[int], None]
 
-# The reactions of the module, which no message changes: see docs/gim6010-8.md.
+# Reactions of the module, which no message can change: see docs/gim6010-8.md.
 _RAMP, _RAMP_HOLD = 2, 6  # 605Ah
 _COAST, _SLOW = 0, 1
 
 
 def constants(settings: ModuleSettings) -> dict[Address, int]:
-    """Return what never changes: reactions, ramps, units, and the modes that there are (6502h)."""
+    """Return the constant objects: reactions, ramps, units, and the supported modes (6502h)."""
     words = sum(1 << FACTS[ModeOfOperation(mode)].supported_bit for mode in modes_of(settings))
     return {
         (o.SHUTDOWN_OPTION, 0): _COAST,
@@ -41,7 +41,7 @@ def constants(settings: ModuleSettings) -> dict[Address, int]:
 
 
 class ModuleObjects:
-    """Reads and writes them; holds nothing but the way to what does."""
+    """Reads and writes the objects; stores only constants, and refers to the other values."""
 
     def __init__(
         self,
@@ -50,7 +50,7 @@ class ModuleObjects:
         live: dict[Address, Read],
         orders: dict[Address, Obey],
     ) -> None:
-        """``live`` are values as they are now, ``orders`` what is obeyed at once where it is written."""
+        """``live`` are functions that return present values, ``orders`` functions that execute a write at once."""
         self._constants = constants(settings)
         self._profile = profile
         self._live = live
@@ -58,23 +58,23 @@ class ModuleObjects:
 
     @property
     def indices(self) -> frozenset[int]:
-        """All that there are."""
+        """All indices."""
         addresses = [*self._constants, *self._live, *self._orders]
         return frozenset({index for index, _ in addresses} | set(self._profile.values))
 
     @property
     def addresses(self) -> frozenset[Address]:
-        """All of their entries."""
+        """All entries, by index and sub-index."""
         return frozenset({*self._constants, *self._live, *self._orders}) | {
             (index, 0) for index in self._profile.values
         }
 
     def constant(self, index: int, subindex: int = 0) -> int | None:
-        """Return a value that never changes; None of any other."""
+        """Return the value of a constant object; None for any other."""
         return self._constants.get((index, subindex))
 
     def read(self, index: int, subindex: int = 0) -> tuple[int | None, int | None]:
-        """Return the value and None, or None and the abort code: there is no such object, or no value of it."""
+        """Return the value and None, or None and the abort code if the object does not exist or has no value."""
         address = (index, subindex)
         if address in self._live:
             value = self._live[address]()
@@ -86,7 +86,7 @@ class ModuleObjects:
         return None, self._missing(index)
 
     def write(self, index: int, subindex: int, value: int) -> int | None:
-        """Write; return the abort code, None where it was taken."""
+        """Write a value; return the abort code, or None on success."""
         address = (index, subindex)
         if address in self._orders:
             self._orders[address](value)
@@ -94,13 +94,13 @@ class ModuleObjects:
         if index in self._profile.values and not subindex:
             return self._set(index, value)
         if self._constants.get(address) == value:
-            return None  # it is so already
+            return None  # unchanged
         return abort.READ_ONLY if address in {*self._live, *self._constants} else self._missing(index)
 
     def _set(self, index: int, value: int) -> int | None:
         signed = index == o.HOME_OFFSET or index == o.HOMING_METHOD
         if (value < 0 and not signed) or (index == o.END_VELOCITY and value):
-            return _VALUE_REFUSED  # a trapezoid of the module ends at rest
+            return _VALUE_REFUSED  # the module's trapezoids end at standstill
         self._profile.values[index] = value
         return None
 
@@ -109,7 +109,7 @@ class ModuleObjects:
 
 
 def error_objects(words: error_words.ModuleErrors) -> dict[Address, Read]:
-    """Return the objects that tell of a fault."""
+    """Return the objects that report a fault."""
     found: dict[Address, Read] = {
         address: lambda subindex=address[1]: words.value(subindex)  # type: ignore[misc]
         for address in error_words.ADDRESSES

@@ -1,4 +1,4 @@
-"""The objects of a profile that motion writes, in increments, and the same as the module's turns."""
+"""Objects of a profile that motion writes, in increments, and their values in the module's turns."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN as TURN
 
 
 class ModuleProfile:
-    """Holds what was written last; 0 is what nobody has written yet, and never stands for a velocity or ramp of its own."""
+    """The values written last; 0 means not yet written, and is never used as a velocity or ramp."""
 
     def __init__(self, settings: ModuleSettings) -> None:
         self._settings = settings
@@ -34,31 +34,31 @@ class ModuleProfile:
 
     @property
     def down(self) -> float:
-        """6084h in turns/s²; as long as nobody has written it, the module's own velocity ramp: braking must be possible."""
+        """6084h in turns/s²; if not written yet, the module's own velocity ramp: braking must always be possible."""
         return self.values[o.PROFILE_DECELERATION] / TURN or self._settings.velocity_ramp
 
     @property
     def complete(self) -> bool:
-        """Whether a move by a trapezoid is known in all its limits."""
+        """Whether velocity and acceleration of a trapezoid are known."""
         return self.speed > 0.0 and self.up > 0.0
 
     @property
     def slope(self) -> float:
-        """6087h as N·m/s of the rotor, at most the module's own ramp; that where 6087h is 0."""
+        """6087h as N·m/s of the rotor, at most the module's own ramp, which is also used if 6087h is 0."""
         torque = self._settings.torque
-        assert torque is not None  # else there is no torque to be asked for
+        assert torque is not None  # without it, torque is not available
         asked = self.values[o.TORQUE_SLOPE] / 1000.0 * torque.rated
         return min(asked, torque.ramp) if asked > 0.0 else torque.ramp
 
     def torque(self, permille: int) -> float:
-        """Return a torque in ‰ as N·m of the rotor, at most 6072h."""
+        """Convert a torque in ‰ to N·m of the rotor, limited to 6072h."""
         torque = self._settings.torque
         assert torque is not None
         most = self.values[o.MAX_TORQUE]
         return max(-most, min(most, permille)) / 1000.0 * torque.rated
 
     def permille(self, current: float) -> int:
-        """Return a current (A) as torque in ‰."""
+        """Convert a current (A) to a torque in ‰."""
         torque = self._settings.torque
         assert torque is not None
         return round(current * torque.constant / torque.rated * 1000.0)

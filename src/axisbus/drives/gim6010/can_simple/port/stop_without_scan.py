@@ -1,4 +1,4 @@
-"""Stopping a module without the scan that led it: velocity 0 on its own ramp, idle, ESTOP, until it is seen to stand."""
+"""Stops a module when the scan that controlled it has ended: velocity 0 on its own ramp, idle, ESTOP, until standstill is seen."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
 from axisbus.drives.gim6010.can_simple.port.setpoints import MOVES
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 
-_AGAIN = 0.05  # s: another master may be alive, and command it
-_STILL = 0.1  # s of rest that are standing
+_AGAIN = 0.05  # s between two commands, which are repeated because another master may be alive and command the module
+_STILL = 0.1  # s without motion, for standstill
 
 
 class RescueStep(Enum):
-    """What is being sent, with the seconds that it may take."""
+    """Step of the stop sequence, with its deadline in seconds."""
 
     BRAKE = 2.0
     IDLE = 3.0
-    ESTOP = 3.0001  # members of one value would be one
+    ESTOP = 3.0001  # members with equal values would be aliases
 
 
 class ModuleRescue:
-    """One module on its way to rest, a pure function of frames and time; ``text`` says how it was left, once that is known."""
+    """Stop sequence of one module, a pure function of frames and time; ``text`` is the final state, empty until it is known."""
 
     def __init__(self, settings: ModuleSettings) -> None:
         self._settings = settings
@@ -38,11 +38,11 @@ class ModuleRescue:
         self._was_still = False
 
     def receive(self, frame: CanFrame, time: float) -> None:
-        """Take a frame that was received at ``time`` (s of the clock of ``step``)."""
+        """Take a frame received at ``time`` (s, the clock of ``step``)."""
         self._hearing.take(frame, time)
 
     def step(self, now: float) -> list[Outgoing]:
-        """Return what is to be sent at ``now`` (s); to be called every few ms until there is a ``text``."""
+        """Return the frames to send at ``now`` (s); call it every few ms until there is a ``text``."""
         if self._since is None:
             self._since, self._sent = now, now - _AGAIN
         if self.rung is not RescueStep.BRAKE:

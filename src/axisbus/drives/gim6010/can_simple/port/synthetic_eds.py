@@ -1,6 +1,6 @@
-"""The drive that a port makes of its module, as an EDS: what of CiA 402 it has, and what of that never changes.
+"""EDS of the drive that a port emulates for its module: its CiA 402 objects, with the values of constant ones.
 
-The module itself has no object dictionary. This one is for whoever judges an axis by the objects of its drive.
+The module itself has no object dictionary. The EDS is for code that judges an axis by its drive's objects.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ AccessType=ro
 DefaultValue={VENDOR_ID:#x}
 """
 
-# A module as motion and people see it: its faults are asked for, and told, otherwise than those of a CANopen node of the make.
+# The plug-in of the emulated drive: its faults are read and explained differently from those of a CANopen GIM6010-8.
 MAKE = Make(
     name=f"{GIM6010.name} (CAN Simple)",
     vendor_id=VENDOR_ID,
@@ -55,7 +55,7 @@ MAKE = Make(
 
 @cache
 def description(settings: ModuleSettings) -> Eds:
-    """Return the drive that the port of these settings makes."""
+    """Return the EDS of the drive that the port emulates with these settings."""
     objects = ModulePort(settings).objects
     parts = [_HEAD, _IDENTITY]
     for index, addresses in groupby(sorted(objects.addresses), key=lambda address: address[0]):

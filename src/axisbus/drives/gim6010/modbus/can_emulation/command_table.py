@@ -1,4 +1,4 @@
-"""What each order of CAN Simple comes to on a serial line, as a table: registers and values, in the order of their writing."""
+"""Translates each CAN Simple command for a serial line: registers and values, in the order of writing."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from axisbus.drives.gim6010.modbus.motion.driver import BRAKE
 
 Writes = tuple[tuple[str, Number], ...]
 _BRAKED = (2, 2)  # velocity control by ramp
-# Each field of a message with its register; what is fed forward is not among them, and must be 0.
+# Each field of a message with its register; feed-forward values have none, and must be 0.
 _VALUES: Mapping[str, tuple[tuple[str, str], ...]] = {
     "Set_Limits": (("velocity_limit", "Velocity_Limit"), ("current_limit", "Current_Limit")),
     "Set_Traj_Vel_Limit": (("trajectory_velocity", "Traj_Vel_Limit"),),
@@ -29,7 +29,7 @@ _ACTS = {"Estop": "emergency_stop", "Clear_Errors": "clear_errors"}
 
 
 class RegisterCommandKind(Enum):
-    """How an order is carried out; those that stop come before all others, and end what waits."""
+    """Execution of a command; stops come before all others, and cancel waiting commands."""
 
     STOP = "written at once, whether it is answered or not"
     MODES = "written in idle alone, and read back"
@@ -40,14 +40,14 @@ class RegisterCommandKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class RegisterCommand:
-    """One order: its registers with their values."""
+    """One command: its registers with their values."""
 
     kind: RegisterCommandKind
     writes: Writes
 
 
 def order(told: DecodedMessage) -> RegisterCommand | None:
-    """Return what a message to a module comes to; None where it is none that goes over a line."""
+    """Return the register command for a message to a module; None if the relay does not support the message."""
     name, values = told.message.name, told.values
     if name == "Set_Controller_Mode":
         return _modes(int(values["Control_Mode"]), int(values["Input_Mode"]))
@@ -70,6 +70,6 @@ def _modes(control: int, inputs: int) -> RegisterCommand:
 
 
 def _state(state: int) -> RegisterCommand | None:
-    """Idle and closed loop; whatever else would turn the motor by itself."""
+    """Return the command for idle or closed loop; None for all other states, which could move the motor."""
     kinds = {IDLE: RegisterCommandKind.STOP, CLOSED_LOOP: RegisterCommandKind.POWER}
     return RegisterCommand(kinds[state], (("state_control", state),)) if state in kinds else None

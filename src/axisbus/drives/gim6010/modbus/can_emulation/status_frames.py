@@ -1,4 +1,4 @@
-"""What a module on a serial line tells, as the frames in which it would tell it on a bus."""
+"""Converts register values of a module on a serial line into the CAN frames that it would send on a bus."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from axisbus.drives.gim6010.can_simple.messages import HEARTBEAT_FIELDS, named
 from axisbus.drives.gim6010.modbus.registers import ERROR_FLAGS, OTHER_FLAGS
 
 Told = tuple[int, bytes]
-FIRST_LIFE = 0x10  # a life counter from here on is taken for none of the flags of older firmware
+FIRST_LIFE = 0x10  # a life counter from here on cannot be mistaken for the flags of older firmware
 _FAULTS = {"motor": "Motor_Fault", "encoder": "Encoder_Fault", "controller": "Controller_Fault"}
 
 
 def heartbeat(node: int, state: int, flags: int, axis_error: int, life: int) -> Told:
-    """Return a heartbeat, in the layout of the newest firmware; flags that the manual reserves are a fault of the system."""
+    """Return a heartbeat in the newest firmware's layout; flags that the manual reserves count as a system fault."""
     parts = {category for bit, (_, category) in ERROR_FLAGS.items() if flags >> bit & 1}
     system = "system" in parts or bool(flags & OTHER_FLAGS)
-    # an axis's flag whose word is 0 is a fault all the same
+    # the axis's flag is a fault even if its word is 0
     system = system or ("axis" in parts and not axis_error)
     values: dict[str, Number] = {
         "Axis_Error": axis_error,
@@ -34,7 +34,7 @@ def heartbeat(node: int, state: int, flags: int, axis_error: int, life: int) -> 
 
 
 def message(node: int, name: str, values: Mapping[str, Number]) -> Told:
-    """Return the answer of a message, with all of its fields."""
+    """Return a module's message with all of its fields."""
     found = named(name)
     return can_id(node, found.command), pack_places(each.place(values[each.name]) for each in found.answer)
 
