@@ -1,4 +1,4 @@
-"""Stand-ins from any EDS: which modes a drive really has, and a motor that fits its resolution and units."""
+"""Makes simulated nodes from any EDS: the modes that a drive really has, and a motor that fits its resolution and units."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from axisbus.sim.modes.catalogue import IMPLEMENTED
 from axisbus.sim.motor import MotorParams
 from axisbus.sim.settings import AXIS_SPAN
 
-# What a mode cannot do without (CiA 402-2 table of objects by mode); the cyclic ones need an interpolation time to be meant.
+# Objects that a mode needs (CiA 402-2 table of objects by mode); a cyclic mode is assumed only with an interpolation time.
 _REQUIRED: dict[int, tuple[int, ...]] = {
     PP: (0x607A, 0x6081, 0x6083),
     PV: (0x60FF, 0x6083),
@@ -24,10 +24,10 @@ _REQUIRED: dict[int, tuple[int, ...]] = {
     CSV: (0x60FF, 0x60C2),
     CST: (0x6071, 0x60C2),
 }
-# Makers whose 6502h does not agree with the modes that their drives have: the objects decide.
+# Vendors whose 6502h does not agree with the modes of their drives: the objects decide.
 _WRONG_6502 = frozenset({0x000C_0B00})
 
-_TURN = 16384  # increments, where a file does not say
+_TURN = 16384  # increments, if the file does not define them
 _TURNS_PER_S2 = 125.0  # at rated torque
 _BRISK_TURNS = 20.0  # turns/s
 _SHORTEST_LAG = 1e-5  # s
@@ -46,7 +46,7 @@ def drive_from_eds(
     dials: DriveFaults | None = None,
     seed: int = 0,
 ) -> Drive:
-    """Make one axis of a drive as its EDS describes it; ``params`` replaces the motor that is derived from the EDS."""
+    """Make one axis of a drive from its EDS; ``params`` replaces the motor that is derived from the EDS."""
     return Drive(
         eds,
         node_id,
@@ -69,7 +69,7 @@ def device_from_eds(
 ) -> Device:
     """Make a whole node, with as many axes as its EDS has controlwords; ``params`` replaces every derived motor.
 
-    ``node_id`` 255 and ``serial``: see ``Device``.
+    For ``node_id`` 255 and ``serial``: see ``Device``.
     """
     axes = count_axes(eds)
     return Device(
@@ -85,7 +85,7 @@ def device_from_eds(
 
 
 def modes_of(eds: Eds, axis: int = 0) -> frozenset[int]:
-    """Return the modes that the drive has: as 6502h claims them, or as its objects allow where it claims nothing."""
+    """Return the modes of the drive: those in 6502h, or those that its objects permit if 6502h is 0 or known to be wrong."""
     offset = axis * AXIS_SPAN
     claimed = _default(eds, 0x6502 + offset) or 0
     by_word = frozenset(mode for mode in IMPLEMENTED if claimed >> mode - 1 & 1)
@@ -97,7 +97,7 @@ def modes_of(eds: Eds, axis: int = 0) -> frozenset[int]:
 
 
 def motor_from_eds(eds: Eds, axis: int = 0) -> MotorParams:
-    """Return a motor with the resolution of 608Fh and the velocity unit of 60A9h (increments/s where it says nothing)."""
+    """Return a motor with the resolution of 608Fh and the velocity unit of 60A9h (increments/s if it is not defined)."""
     offset = axis * AXIS_SPAN
     turn = _increments_per_turn(eds, offset)
     unit = _velocity_unit(_default(eds, 0x60A9 + offset) or 0, turn)
@@ -119,7 +119,7 @@ def _increments_per_turn(eds: Eds, offset: int) -> int:
 
 
 def _lag(window: int | None, turn: int) -> float:
-    """Return a tracking lag that keeps the following error within half the drive's own window at 20 turns/s."""
+    """Return a tracking lag with which the following error is at most half the drive's window at 20 turns/s."""
     usual = MotorParams().lag
     if not window or window >= _NO_WINDOW:
         return usual

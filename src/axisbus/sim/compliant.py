@@ -1,11 +1,11 @@
-"""A motor that is held by a spring: a controller of finite stiffness, or a soft shaft, behind which the load droops and rings.
+"""A motor on a spring: a controller of finite stiffness, or a soft shaft, with which the load droops and rings.
 
 Theory of operation
 -------------------
-The torque is ``stiffness`` times the way to the demand, and a damper on the difference of the two velocities. Behind a demand that
-moves evenly within the step the deviation from the equilibrium (``load / stiffness`` below the demand) is a damped oscillation,
-advanced in closed form: the step width does not matter. Where that would take more torque than allowed, or something holds the
-motor, the same equation is advanced in small steps. Pushed by a torque, or not energised, it moves as every motor does.
+The torque is ``stiffness`` times the distance to the demand, plus a damper on the difference of the velocities. If the demand moves
+evenly within the step, the deviation from the equilibrium (``load / stiffness`` below the demand) is a damped oscillation, computed
+by a closed formula: the step width does not matter. If that would need more torque than allowed, or if the motor is held, the same
+equation is integrated in small steps. When it is pushed by a torque, or not energised, it moves like every motor.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from axisbus.sim.motor import Motor, MotorParams
 
 _LONGEST_STEP = 0.001  # s
 _STEPS_PER_RADIAN = 20.0
-_AT_REST = 1e-3  # increments: a deviation below it is none
-_MOST_DAMPING = 0.99  # of the critical
+_AT_REST = 1e-3  # increments: a deviation below it counts as 0
+_MOST_DAMPING = 0.99  # share of the critical damping
 
 
 def make_motor(params: MotorParams) -> Motor:
-    """Return the motor that the parameters describe."""
+    """Return the motor for these parameters."""
     return CompliantMotor(params) if params.stiffness > 0.0 else Motor(params)
 
 
 class CompliantMotor(Motor):
-    """A motor on a spring; holds the mechanical state as every motor does."""
+    """A motor on a spring, with the mechanical state of ``Motor``."""
 
     __slots__ = (
         "_cosine",
@@ -53,19 +53,19 @@ class CompliantMotor(Motor):
         self._step_dt = self._cosine = self._sine = 0.0
 
     def seize(self) -> float:
-        """Begin with the torque as it is; a load then lets the motor sag until the spring holds it."""
+        """Begin with the present torque; a load then lets the motor sag until the spring holds it."""
         self._push = 0.0
         self._demand = self.position + self.torque / self._spring
         return self._demand
 
     def rewind(self, velocity: float) -> float:  # noqa: ARG002 - a spring does not trail at constant velocity
-        """Keep no more deviation than the torque explains; return the demand that fits."""
+        """Limit the deviation to the value that the torque explains; return the matching demand."""
         return self.seize()
 
     def track(self, demand: float, dt: float, limit: float, ahead: float = 0.0, push: float = 0.0) -> None:  # noqa: ARG002
-        """Be drawn towards a demand that runs evenly to ``demand`` within ``dt`` (> 0 s), with at most ``limit`` ‰ of torque.
+        """Follow a demand that moves evenly to ``demand`` within ``dt`` (> 0 s), with at most ``limit`` ‰ of torque.
 
-        ``push`` (‰) is added to what the spring asks for. Its damper knows the demand's velocity already: ``ahead`` adds nothing.
+        ``push`` (‰) is added to the torque of the spring. Its damper uses the demand's velocity already: ``ahead`` has no effect.
         """
         before, self._demand = self._demand, demand
         self._push = push
@@ -102,7 +102,7 @@ class CompliantMotor(Motor):
         return before + rate * dt - self._droop - after, rate - slip
 
     def _crawl(self, before: float, rate: float, dt: float, limit: float) -> None:
-        """Advance in small steps, with limited torque, against what holds the motor."""
+        """Advance in small steps, with limited torque, against friction, brake or a block."""
         self.saturated = False
         steps = math.ceil(dt / min(_LONGEST_STEP, 1.0 / (_STEPS_PER_RADIAN * self._ringing)) - 1e-9)
         h = dt / max(1, steps)
@@ -115,7 +115,7 @@ class CompliantMotor(Motor):
         self._stop_at_ends()
 
     def _yield_to(self, net: float, h: float) -> None:
-        """One small step with what the torque leaves over the load."""
+        """Advance one small step with the torque in excess of the load."""
         holding = self._brake_torque()
         if self.blocked or (self.velocity == 0.0 and abs(net) <= holding + self.sticks):
             self.velocity = 0.0

@@ -1,10 +1,10 @@
-"""The bits of controlword and statusword as the stand-in drive knows them, typed from CiA 402-2 and shared with nobody."""
+"""Bits of controlword and statusword for the simulated drive, copied from CiA 402-2 and independent of the master's code."""
 
 from __future__ import annotations
 
 # Controlword 6040h.
 CW_ENABLE_VOLTAGE = 0x0002
-CW_QUICK_STOP_LOW = 0x0004  # 0 asks for a quick stop
+CW_QUICK_STOP_LOW = 0x0004  # 0 requests a quick stop
 CW_BIT_4 = 0x0010  # new set-point (pp), homing start (hm)
 CW_IMMEDIATELY = 0x0020
 CW_RELATIVE = 0x0040
@@ -12,7 +12,7 @@ CW_FAULT_RESET = 0x0080
 CW_HALT = 0x0100
 CW_CHANGE_ON_SET_POINT = 0x0200
 
-# Statusword 6041h, beside the state.
+# Statusword 6041h, without the state.
 SW_VOLTAGE = 0x0010
 SW_WARNING = 0x0080
 SW_REMOTE = 0x0200

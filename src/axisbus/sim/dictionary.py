@@ -1,4 +1,4 @@
-"""The object dictionary of a stand-in: values by index and sub-index, with the checks and abort codes of CiA 301."""
+"""Object dictionary of a simulated node: values by index and sub-index, with the checks and abort codes of CiA 301."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Hook = Callable[[int], None]
 
 
 class Refused(Exception):
-    """A check's answer to a value that the drive does not take; never leaves the dictionary, which makes ``SdoAbort`` of it."""
+    """Rejection of a value by a check; the dictionary converts it to ``SdoAbort``, so that it never leaves the dictionary."""
 
     def __init__(self, code: int) -> None:
         super().__init__(f"0x{code:08X}")
@@ -38,7 +38,7 @@ class Refused(Exception):
 
 
 class Entry(NamedTuple):
-    """What the drive must know of one entry; ``size`` in bytes is None where it varies, ``low`` and ``high`` where free."""
+    """Properties of one entry; ``size`` in bytes is None if it varies, ``low`` and ``high`` are None without a limit."""
 
     data_type: DataType
     size: int | None
@@ -52,12 +52,12 @@ class Entry(NamedTuple):
 
 
 def key_of(index: int, subindex: int = 0) -> int:
-    """Return the number under which an entry is kept."""
+    """Return the key of an entry."""
     return index << 8 | subindex
 
 
 class Dictionary:
-    """Holds the values of one node; ``live`` entries are read from the drive, ``hooks`` hear of every accepted write."""
+    """Values of one node; ``live`` entries are read from the drive, ``hooks`` are called after every accepted write."""
 
     def __init__(self, eds: Eds, node_id: int) -> None:
         self.node_id = node_id
@@ -66,8 +66,8 @@ class Dictionary:
         self.live: dict[int, Read] = {}
         self.hooks: dict[int, list[Hook]] = {}
         self.checks: dict[int, list[Hook]] = {}
-        self.takers: dict[int, Callable[[bytes], None]] = {}  # who takes the bytes of an entry instead of it
-        self.given: set[int] = set()  # entries to which the file gives a value
+        self.takers: dict[int, Callable[[bytes], None]] = {}  # they process the written bytes of an entry
+        self.given: set[int] = set()  # entries with a value in the file
         self.indices: set[int] = set()
         for item in eds:
             self.indices.add(item.index)
@@ -83,7 +83,7 @@ class Dictionary:
         return index << 8 | subindex in self.entries
 
     def give_default(self, index: int, subindex: int, value: int) -> None:
-        """Set the default of an existing entry for which the file gives none."""
+        """Set the default of an existing entry for which the file has none."""
         key = index << 8 | subindex
         if key in self.entries and key not in self.given:
             self.values[key] = self.defaults[key] = value
@@ -96,7 +96,7 @@ class Dictionary:
         """Call ``check`` with the integer before each write; it may raise ``Refused``."""
         self.checks.setdefault(key, []).append(check)
 
-    # What SDO does.
+    # Access by SDO.
 
     def upload(self, index: int, subindex: int) -> bytes:
         """Return the bytes of an entry as SDO reads it.
@@ -113,7 +113,7 @@ class Dictionary:
         return self._encode(entry, self.get(index << 8 | subindex))
 
     def raw(self, index: int, subindex: int) -> bytes:
-        """Return the bytes of an entry without asking whether it may be read.
+        """Return the bytes of an entry, even if it is not readable.
 
         Raises:
             SdoAbort: it does not exist.
@@ -128,7 +128,7 @@ class Dictionary:
         """Write bytes as SDO does; hooks have run when it returns.
 
         Raises:
-            SdoAbort: it does not exist, is read-only, has another size, or its value is out of range or not taken.
+            SdoAbort: it does not exist, is read-only, has another size, or its value is out of range or rejected.
         """
         try:
             entry = self._find(index, subindex)
@@ -157,7 +157,7 @@ class Dictionary:
             raise self.abort("written", index, subindex, refused.code) from None
 
     def read(self, index: int, subindex: int = 0) -> int:
-        """Read an integer with the checks of SDO (0 for an entry that is no integer).
+        """Read an integer with the checks of SDO (an entry of another type: its first eight bytes as an integer).
 
         Raises:
             SdoAbort: as ``upload``.
@@ -183,7 +183,7 @@ class Dictionary:
             raise self.abort("written", index, subindex, code)
         self.download(index, subindex, encode(value, entry.data_type))
 
-    # What the drive itself does.
+    # Access by the drive.
 
     def get(self, key: int) -> Value:
         """Return the value without any check."""
@@ -191,7 +191,7 @@ class Dictionary:
         return live() if live is not None else self.values[key]
 
     def get_int(self, index: int, subindex: int = 0, absent: int = 0) -> int:
-        """Return an integer value, ``absent`` where the entry does not exist or is no integer."""
+        """Return an integer value, or ``absent`` if the entry does not exist or is not an integer."""
         key = index << 8 | subindex
         if key not in self.entries:
             return absent
@@ -206,7 +206,7 @@ class Dictionary:
                 hook(value)
 
     def write_mapped(self, key: int, value: int) -> bool:
-        """Write an integer as an RPDO does; False (and nothing changed) where the value is not taken."""
+        """Write an integer as an RPDO does; False (and nothing changed) if the value is rejected."""
         entry = self.entries[key]
         try:
             self.check(key, entry, value)
@@ -216,14 +216,14 @@ class Dictionary:
         return True
 
     def encoded_int(self, key: int) -> int:
-        """Return the value as the unsigned number that travels in a PDO (0 for an entry that is no integer)."""
+        """Return the value as the unsigned number in a PDO (an entry of another type: its first eight bytes as an integer)."""
         value = self.get(key)
         if isinstance(value, int):
             return value
         return int.from_bytes(self._encode(self.entries[key], value)[:8], "little")
 
     def check(self, key: int, entry: Entry, value: int) -> None:
-        """Raise ``Refused`` where the range of the file or a check of the drive forbids ``value``."""
+        """Raise ``Refused`` if the range in the file or a check of the drive forbids ``value``."""
         if entry.high is not None and value > entry.high:
             raise Refused(TOO_HIGH)
         if entry.low is not None and value < entry.low:
@@ -232,17 +232,17 @@ class Dictionary:
             check(value)
 
     def snapshot(self) -> dict[int, Value]:
-        """Return what 1010h stores: the values of everything that can be written."""
+        """Return the values that 1010h stores: those of all writable entries."""
         return {key: value for key, value in self.values.items() if self.entries[key].writable}
 
     def load(self, values: dict[int, Value], low: int = 0, high: int = 0xFFFF) -> None:
-        """Set all entries with an index in ``low`` to ``high`` to ``values``, else to their defaults, and run the hooks."""
+        """Set all entries with an index in ``low`` to ``high`` to ``values``, or to their defaults, and run the hooks."""
         for key, default in self.defaults.items():
             if low <= key >> 8 <= high:
                 self.set(key, values.get(key, default))
 
     def renumber(self, eds: Eds, node_id: int) -> None:
-        """Take the defaults and limits that ``eds`` gives for another node-ID; values change with the next ``load``."""
+        """Take the defaults and limits of ``eds`` for another node-ID; values change with the next ``load``."""
         self.node_id = node_id
         for item in eds:
             for variable in item.subs.values():
@@ -283,7 +283,7 @@ class Dictionary:
             return (value % (1 << 8 * entry.size)).to_bytes(entry.size, "little")
         try:
             return encode(value, entry.data_type)
-        except AxisbusError:  # a type without a codec, such as TIME_OF_DAY, that the file gave a number
+        except AxisbusError:  # a type without a codec, such as TIME_OF_DAY, to which the file gives a number
             return int(value).to_bytes(entry.size or 4, "little") if isinstance(value, int) else b""
 
 
@@ -292,7 +292,7 @@ def _entry(variable: Variable, node_id: int) -> Entry:
     domain = variable.object_type is ObjectType.DOMAIN
     low, high = _limit(variable.low, node_id), _limit(variable.high, node_id)
     if low is not None and high is not None and low >= high:
-        low = high = None  # 0 and 0 in many files: meant as "none"
+        low = high = None  # 0 and 0 in many files: means no limits
     return Entry(
         data_type,
         None if domain else size_in_bytes(data_type),

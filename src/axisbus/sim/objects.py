@@ -1,4 +1,4 @@
-"""Which objects show and take the values of one axis of a drive."""
+"""Connects the objects of one axis with the values of its drive."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from axisbus.sim.touch_probe import FALLING, RISING, TouchProbe
 
 
 class Drive(Protocol):
-    """What of a drive its objects show, set and call."""
+    """The members of a drive that its objects read, write and call."""
 
     axis: Axis
     touch_probe: TouchProbe
@@ -36,13 +36,13 @@ class Drive(Protocol):
     maker_bits: int
 
     def hear(self) -> None:
-        """Hear a controlword now."""
+        """Evaluate the controlword now."""
 
     def check_mode(self, value: int) -> None:
-        """Refuse a mode that the drive does not have."""
+        """Reject a mode that the drive does not have."""
 
 
-# Objects that only show: index to value. Where a file lacks one, nothing shows it.
+# Read-only objects: index to value. An object that the file does not contain is omitted.
 SHOWN: dict[int, Callable[[Drive], int]] = {
     0x603F: lambda drive: drive.error_code,
     0x6041: lambda drive: drive.statusword,
@@ -69,7 +69,7 @@ SHOWN: dict[int, Callable[[Drive], int]] = {
     0x60FC: lambda drive: drive.position_demand,
     0x60FD: lambda drive: drive.axis.digital_inputs,
 }
-# The maker's error bits, at the first axis only: low and high 32 bits.
+# The manufacturer's error bits, of the first axis only: low and high 32 bits.
 MAKER_SHOWN: dict[int, Callable[[Drive], int]] = {
     0x203F: lambda drive: drive.maker_bits & 0xFFFF_FFFF,
     0x203E: lambda drive: drive.maker_bits >> 32,
@@ -102,7 +102,7 @@ def _probe_function(drive: Drive, value: int) -> None:
     drive.touch_probe.take(value & 0xFFFF)
 
 
-# Objects that the master writes: index to (shown value, what a write does). Signed as in the standard, whatever a file says.
+# Objects that the master writes: index to (value, write function). Signed as in the standard, regardless of the file.
 TAKEN: dict[int, tuple[Callable[[Drive], int], Callable[[Drive, int], None]]] = {
     0x6040: (lambda drive: drive.controlword, _controlword),
     0x6060: (lambda drive: drive.mode, _mode),
@@ -114,7 +114,7 @@ TAKEN: dict[int, tuple[Callable[[Drive], int], Callable[[Drive, int], None]]] = 
 
 
 def connect(drive: Drive) -> None:
-    """Put the axis's values into its node's dictionary."""
+    """Connect the axis's values with its node's dictionary."""
     dictionary = drive.dictionary
     offset = drive.axis_number * AXIS_SPAN
     for index, value in SHOWN.items():

@@ -1,10 +1,10 @@
-"""Trapezoid moves and velocity ramps in closed form.
+"""Trapezoidal moves and velocity ramps by closed formulas.
 
 Theory of operation
 -------------------
-A ``Profile`` is planned once, from any velocity, as at most five pieces of constant acceleration, and then evaluated at any time:
-the step width does not matter, and the end is the target itself. A change of target or limits plans anew from where the motion
-is. All values are floats in increments, increments/s and increments/s².
+A ``Profile`` is planned once, from any velocity, as at most five segments of constant acceleration, and then evaluated at any time:
+the step width does not matter, and the end is exactly the target. After a change of target or limits, a new profile is planned from
+the present position and velocity. All values are floats in increments, increments/s and increments/s².
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import math
 
 
 class Profile:
-    """A move under way; holds the time that has passed in it."""
+    """An active move; holds its elapsed time."""
 
     __slots__ = (
         "_base",
@@ -28,7 +28,7 @@ class Profile:
     )
 
     def __init__(self, start: float, target: float, pieces: list[tuple[float, float, float]]) -> None:
-        """Take pieces of (duration in s, velocity at the beginning, acceleration); ``target`` is where they end."""
+        """``pieces``: segments of (duration in s, initial velocity, acceleration); ``target``: their end position."""
         self.target = target
         self._base = []
         time, position, velocity = 0.0, start, pieces[0][1] if pieces else 0.0
@@ -48,7 +48,7 @@ class Profile:
     def advance(self, dt: float) -> tuple[float, float]:
         """Return position and velocity ``dt`` seconds (>= 0) later; at the end, exactly the target.
 
-        A profile with an end velocity is left at its target; the time that was left over is not carried on.
+        A profile with an end velocity ends at its target; the rest of the last step is not used.
         """
         self._time = time = self._time + dt
         if time >= self.duration:
@@ -62,11 +62,11 @@ class Profile:
 
     @property
     def joints(self) -> list[float]:
-        """When each piece begins, in seconds."""
+        """Begin of each segment, in seconds."""
         return [begin for begin, _ in self._base]
 
     def at(self, time: float) -> tuple[float, float]:
-        """Return position and velocity at any ``time`` >= 0; behind the end the target."""
+        """Return position and velocity at any ``time`` >= 0; after the end, the target."""
         if time >= self.duration:
             return self.target, self.end_velocity
         index = sum(1 for begin, _ in self._base if begin <= time) - 1
@@ -88,16 +88,16 @@ def plan_move(
     deceleration: float,
     end_velocity: float = 0.0,
 ) -> Profile:
-    """Plan the quickest trapezoid from ``start``, moving at ``velocity``, to ``target``.
+    """Plan the fastest trapezoid from ``start``, moving at ``velocity``, to ``target``.
 
     ``limit``, ``acceleration`` and ``deceleration`` are > 0; ``end_velocity`` (>= 0) is the speed, in the direction of the move, at
-    which the target is passed. A motion that cannot stop before the target runs over it and comes back.
+    which the target is passed. A motion that cannot stop before the target overshoots and returns.
     """
     passing = end_velocity > 0.0 and velocity * (target - start) > 0.0
     rest = start if passing else start + velocity * abs(velocity) / (2.0 * deceleration)
     way = target - rest
     if abs(way) < 1e-9:
-        way = velocity  # it stops there by braking alone
+        way = velocity  # braking alone ends at the target
     direction = 1.0 if way >= 0.0 else -1.0
     pieces = _pieces(
         (target - start) * direction,
@@ -113,7 +113,7 @@ def plan_move(
 def _pieces(
     distance: float, velocity: float, limit: float, acceleration: float, deceleration: float, end: float
 ) -> list[tuple[float, float, float]]:
-    """Plan in the direction of the move: ``distance`` to go, ``velocity`` negative when it must turn round first."""
+    """Plan in the direction of the move: ``distance`` to go, ``velocity`` negative if it must reverse first."""
     pieces = []
     if velocity < 0.0:
         pieces.append((-velocity / deceleration, velocity, deceleration))
@@ -144,9 +144,9 @@ def _pieces(
 def ramp_velocity(
     velocity: float, target: float, acceleration: float, deceleration: float, dt: float
 ) -> tuple[float, float]:
-    """Return the velocity after ``dt`` seconds on the way to ``target``, and the distance covered.
+    """Return the velocity after ``dt`` seconds of a ramp to ``target``, and the distance covered.
 
-    Away from zero ``acceleration`` holds, towards zero ``deceleration``; with a rate of 0 the velocity does not change.
+    Away from zero ``acceleration`` applies, towards zero ``deceleration``; with a rate of 0 the velocity does not change.
     """
     distance = 0.0
     while dt > 0.0 and velocity != target:

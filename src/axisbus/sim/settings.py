@@ -1,4 +1,4 @@
-"""The parameters of one axis, read from its objects once and kept as plain attributes by write hooks."""
+"""Parameters of one axis, read from its objects once and kept up to date as attributes by write hooks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from axisbus.sim.dictionary import Dictionary
 _OFF = 0xFFFF_FFFF
 AXIS_SPAN = 0x800
 
-# Attribute: (index, sub-index, value where the object is absent).
+# Attribute: (index, sub-index, value if the object does not exist).
 OBJECTS: dict[str, tuple[int, int, int]] = {
     "abort_connection_option": (0x6007, 0, 1),
     "quick_stop_option": (0x605A, 0, 2),
@@ -57,7 +57,7 @@ OBJECTS: dict[str, tuple[int, int, int]] = {
     "negative_torque_limit": (0x60E1, 0, 0),
     "positioning_option": (0x60F2, 0, 0),
 }
-# What CiA 402-2 gives as default where a file has the object and no value for it.
+# Defaults of CiA 402-2, used if a file has the object but no value for it.
 STANDARD_DEFAULTS: dict[tuple[int, int], int] = {
     (0x6007, 0): 1,
     (0x605A, 0): 2,
@@ -70,7 +70,7 @@ STANDARD_DEFAULTS: dict[tuple[int, int], int] = {
     (0x60C2, 1): 1,
     (0x60C2, 2): -3,
 }
-# Signed in the standard, whatever a file says; with its size there.
+# Signed in the standard, regardless of the file; with the size in the standard.
 _SIGNED = {
     **dict.fromkeys((0x605A, 0x605B, 0x605C, 0x605D, 0x605E, 0x6007, 0x60B2), as_int16),
     **dict.fromkeys((0x607C, 0x607D, 0x60B0, 0x60B1), as_int32),
@@ -132,7 +132,7 @@ class Settings:
     __slots__ = (*OBJECTS, "changes")
 
     def __init__(self, dictionary: Dictionary, axis: int) -> None:
-        """Read the objects of ``axis`` (from 0) and follow their writes; ``changes`` counts them."""
+        """Read the objects of ``axis`` (from 0) and follow their writes; ``changes`` counts the writes."""
         self.changes = 0
         offset = axis * AXIS_SPAN
         for (index, subindex), value in STANDARD_DEFAULTS.items():
@@ -152,7 +152,7 @@ class Settings:
 
 
 class _Follower:
-    """A write hook that carries one object's value into its attribute."""
+    """A write hook that copies an object's value to its attribute."""
 
     __slots__ = ("_args", "_settings")
 
@@ -165,7 +165,7 @@ class _Follower:
 
 
 def place(dictionary: Dictionary, index: int, subindex: int = 0) -> int:
-    """Return the key of an object of the standard; where a file makes an array of a VAR, its first element serves."""
+    """Return the key of an object of the standard; if a file defines an array instead of a VAR, the key of its first element."""
     if subindex == 0 and dictionary.has(index, 1):
         return index << 8 | 1
     return index << 8 | subindex

@@ -1,4 +1,4 @@
-"""The statusword that a stand-in shows: state, common bits, and the bits of its mode."""
+"""Statusword of a simulated drive: state, common bits, and the bits of its mode."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from axisbus.sim.fault_injection import DriveFaults
 from axisbus.sim.modes.base import Mode
 from axisbus.sim.power import PowerStage, Stage
 
-_ENABLED, _QUICK_STOP = Stage.ENABLED, Stage.QUICK_STOP  # looked at in every step
+_ENABLED, _QUICK_STOP = Stage.ENABLED, Stage.QUICK_STOP  # used in every step
 
 
 def compose(
     power: PowerStage, dials: DriveFaults, mode: Mode, axis: Axis, *, halted: bool, warning: bool
 ) -> int:
-    """Return the value of 6041h; mode bits and the internal limit are shown while enabled."""
+    """Return the value of 6041h; mode bits and the internal limit are included while enabled."""
     word = power.pattern
     if not dials.no_voltage:
         word |= SW_VOLTAGE

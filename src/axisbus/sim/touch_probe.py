@@ -1,7 +1,7 @@
-"""The touch probe of one axis: two inputs, and the zero pulse, whose edges latch where the motor truly is at that moment.
+"""Touch probe of one axis: two inputs, and the zero pulse, whose edges latch the true position of the motor at that moment.
 
-Positions of ``marks`` are the motor's own (increments): an edge within a step latches the place of the mark, and not where the step
-has ended.
+``marks`` have positions of the motor (increments): an edge within a step latches the position of the mark, not the position at the
+end of the step.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ Crossing = tuple[float, bool]
 
 
 class TouchProbe:
-    """Holds 60B8h to 60BDh and the edge counters of an axis, and what its inputs are wired to.
+    """60B8h to 60BDh and the edge counters of an axis, and the signals of its inputs.
 
-    ``marks``: of an input, from where to where (motor increments) it is high. ``positions`` and ``counts`` are as the objects hold
-    them, by input (1 or 2) and edge.
+    ``marks``: ranges of the motor's position (increments) in which an input is high. ``positions`` and ``counts`` have the format
+    of the objects, by input (1 or 2) and edge.
     """
 
     def __init__(self, axis: Axis, dials: DriveFaults) -> None:
@@ -38,13 +38,13 @@ class TouchProbe:
         self.restart()
 
     def restart(self) -> None:
-        """Power-up: nothing is armed, nothing is latched."""
+        """Power up: nothing is armed, nothing is latched."""
         self.function = self.status = 0
         self.positions = {(number, edge): 0 for number in INPUTS for edge in _SAMPLE}
         self.counts = dict(self.positions)
 
     def take(self, function: int) -> None:
-        """Take 60B8h: what is switched off, or on, forgets what it has latched."""
+        """Take 60B8h: an input that is switched off or on discards its latched edges."""
         before, self.function = self.function, function
         for number in INPUTS:
             self._arm(number, before >> 8 * (number - 1) & 0xFF, function >> 8 * (number - 1) & 0xFF)
@@ -69,17 +69,17 @@ class TouchProbe:
     # The signals.
 
     def put_mark(self, number: int, low: float, high: float) -> None:
-        """Let input ``number`` be high where the motor is between ``low`` and ``high``, increments of its own."""
+        """Make input ``number`` high while the motor is between ``low`` and ``high``, in motor increments."""
         self.marks[number].append((low, high))
 
     def set_input(self, number: int, level: bool) -> None:
-        """Give input ``number`` (1 or 2) a level, now: a change of it is an edge where the motor is."""
+        """Set the level of input ``number`` (1 or 2) now: a change is an edge at the motor's position."""
         before, self._levels[number] = self._levels[number], level
         if level is not before and not self._by_zero_pulse(number):
             self._edge(number, level, self._axis.motor.position)
 
     def pass_over(self, before: float, after: float) -> None:
-        """The motor has gone from ``before`` to ``after``: by marks, or where the encoder has its zero pulse."""
+        """Process the edges of a motion from ``before`` to ``after``: at marks, or at the encoder's zero pulse."""
         if before == after:
             return
         for number in INPUTS:
@@ -113,7 +113,7 @@ class TouchProbe:
 
 
 def _edges_of(marks: list[tuple[float, float]], before: float, after: float) -> Iterator[Crossing]:
-    """Yield where a motor that goes from ``before`` to ``after`` comes upon a mark or leaves it."""
+    """Yield the positions at which a motor moving from ``before`` to ``after`` enters or leaves a mark."""
     for low, high in marks:
         if after > before:
             begins, ends = low, high

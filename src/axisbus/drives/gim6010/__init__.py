@@ -1,1 +1,1 @@
-"""The GIM6010-8 joint module."""
+"""Drive plug-in of the GIM6010-8 joint module."""

@@ -1,6 +1,6 @@
-"""The numbers of CAN Simple as the manual prints them: commands, states, modes and the bits of the error words.
+"""Numbers of CAN Simple as printed in the manual: commands, states, modes and the bits of the error words.
 
-Typed off for the stand-in alone (manual 4.1.2, 5.7); what a master makes of them is tested against these.
+Copied for the simulation alone (manual 4.1.2, 5.7); the master's encoding is tested against these.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class InputMode(IntEnum):
 
 
 class Protocol(IntEnum):
-    """``can.config.protocol``; what the 29-bit protocol of firmware 0.6.8 has there is not known: 3 is ours."""
+    """``can.config.protocol``; the value for the 29-bit protocol of firmware 0.6.8 is unknown: 3 is chosen here."""
 
     CAN_SIMPLE = 1
     CANOPEN = 2
@@ -96,7 +96,7 @@ class ErrorType(IntEnum):
 
 
 class AxisError(IntFlag):
-    """``axis0.error``; bit 20 stands in no manual, an owner has seen it."""
+    """``axis0.error``; bit 20 is not in the manual, but was seen by an owner."""
 
     INVALID_STATE = 0x1
     MOTOR_FAILED = 0x40

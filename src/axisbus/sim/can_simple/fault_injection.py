@@ -1,4 +1,4 @@
-"""What a stand-in of a module is made to do wrong, or does as some owners saw and others did not; turned at any time."""
+"""Fault settings of a simulated module, and behaviour on which owners' reports differ; may be changed at any time."""
 
 from __future__ import annotations
 
@@ -7,30 +7,31 @@ from dataclasses import dataclass
 
 @dataclass(slots=True)
 class ModuleDials:
-    """Switches of one module; the defaults are the manual's, or what two owners measured where that differs.
+    """Fault settings of one module; the defaults are the manual's, or two owners' measurements if these differ.
 
-    ``dead``: silent and deaf. ``blocked``: the rotor is held. ``bus_voltage`` in V, ``temperature`` of the drive board in °C.
-    ``line_bitrate``: of the wire in bit/s; a module with another ``baud_rate`` says and hears nothing (None: any will do).
+    ``dead``: neither sends nor receives. ``blocked``: the rotor is held. ``bus_voltage`` in V, ``temperature`` of the drive board
+    in °C. ``line_bitrate``: bit rate of the wire in bit/s; a module with another ``baud_rate`` neither sends nor receives (None:
+    any fits).
 
-    ``endpoints``: RxSdo is obeyed and answered; many modules do neither. ``endpoint_answer``: command on which the answer comes,
-    0x04 or 0x05. ``protocol_by_usb``: ``can.config.protocol`` cannot be written over CAN. ``protocol_at_once``: it takes effect
-    when it is written, else with the restart after it was saved. ``restart_time`` in s: for how long a restart silences it.
+    ``endpoints``: RxSdo is executed and answered; many modules do neither. ``endpoint_answer``: command of the answer, 0x04 or
+    0x05. ``protocol_by_usb``: ``can.config.protocol`` cannot be written over CAN. ``protocol_at_once``: it takes effect when it is
+    written, otherwise with the restart after it was saved. ``restart_time`` in s: duration of silence during a restart.
 
-    ``get_error_answered``: Get_Error with its type byte has an answer. ``dead_in_idle``: 0x09 says 0 but for closed loop.
-    ``shadow_offset``: counts by which Shadow_Count is off the position. ``branch``: rotor turns by which the position is off
-    after every other restart. ``done_bit``: of *trajectory done* in the heartbeat of 0.5.11, 7 by the manual, 3 elsewhere.
-    ``flags_inverted``: a 1 in the heartbeat's flags means no fault. ``heartbeat_stops``, ``estimates_stop``: it sends none.
+    ``get_error_answered``: Get_Error with its type byte is answered. ``dead_in_idle``: 0x09 contains 0 except in closed loop.
+    ``shadow_offset``: counts between Shadow_Count and the position. ``branch``: deviation of the position in rotor turns after
+    every other restart. ``done_bit``: bit of *trajectory done* in the heartbeat of 0.5.11, 7 by the manual, 3 by owners.
+    ``flags_inverted``: a 1 in the heartbeat's flags means no fault. ``heartbeat_stops``, ``estimates_stop``: none are sent.
 
-    ``runaway_after``: seconds without a set-point, in input mode 1 with ``break_timeout`` 0, after which it runs off to the highest
-    negative speed (None: it holds). ``watchdog_works``: None asks the firmware, where 0.6.0 and later have none.
+    ``runaway_after``: seconds without a set-point, in input mode 1 with ``break_timeout`` 0, after which the motor accelerates to
+    the highest negative speed (None: it holds). ``watchdog_works``: None: as in the firmware, where 0.6.0 and later have none.
     ``break_when_zero``: seconds that a ``break_timeout`` of 0 means; 0: off.
 
-    ``calibration_time``: by what its calibrations last longer than some seconds. ``calibration_motor_error`` and
-    ``calibration_encoder_error``: bits with which that of the motor or encoder ends. ``calibration_one_way``: the rotor turns
-    forward and does not come back.
+    ``calibration_time``: factor on the durations of the calibrations. ``calibration_motor_error`` and
+    ``calibration_encoder_error``: error bits with which the motor's or encoder's calibration ends. ``calibration_one_way``: the
+    rotor turns forward and not back.
 
-    ``encoder_error`` and ``motor_error``: bits that appear and persist. ``encoder_frozen``: the position no longer changes.
-    ``wont_start``: closed loop is refused in silence.
+    ``encoder_error`` and ``motor_error``: error bits that appear and persist. ``encoder_frozen``: the position does not change any
+    more. ``wont_start``: a request for closed loop is ignored.
     """
 
     dead: bool = False

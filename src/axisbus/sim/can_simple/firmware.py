@@ -1,4 +1,4 @@
-"""Versions of the firmware, and what depends on them."""
+"""Versions of the firmware, and their differences."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Firmware(NamedTuple):
-    """A version; they compare as numbers."""
+    """A version; versions compare as numbers."""
 
     major: int
     minor: int
@@ -14,10 +14,10 @@ class Firmware(NamedTuple):
 
     @classmethod
     def read(cls, text: str) -> Firmware:
-        """Return the version that a text like ``0.5.13`` gives.
+        """Return the version in a text like ``0.5.13``.
 
         Raises:
-            ValueError: it is no version of three numbers up to 255.
+            ValueError: it is not a version of three numbers up to 255.
         """
         parts = text.split(".")
         if len(parts) != 3 or not all(
@@ -30,10 +30,10 @@ class Firmware(NamedTuple):
         return f"{self.major}.{self.minor}.{self.revision}"
 
 
-OLD_HEARTBEAT = Firmware(0, 5, 11)  # the last one with flags in three bytes (manual 4.1.2)
-SYSTEM_FLAG = Firmware(0, 5, 13)  # the first whose heartbeat has the flag of the system's errors
+OLD_HEARTBEAT = Firmware(0, 5, 11)  # last version with flags in three bytes (manual 4.1.2)
+SYSTEM_FLAG = Firmware(0, 5, 13)  # first version whose heartbeat has the system error flag
 MIT_RANGES = Firmware(
     0, 6, 0
-)  # the first in which the ranges of MIT are parameters, and the watchdog does nothing
-EXTENDED = Firmware(0, 6, 8)  # the first that was seen with the 29-bit protocol
+)  # first version with the ranges of MIT as parameters, and without effect of the watchdog
+EXTENDED = Firmware(0, 6, 8)  # first version seen with the 29-bit protocol
 FACTORY = Firmware(0, 5, 13)

@@ -8,7 +8,7 @@ from axisbus.sim.can_simple.firmware import OLD_HEARTBEAT, SYSTEM_FLAG, Firmware
 
 
 def heartbeat(axis: ModuleAxis, firmware: Firmware, dials: ModuleDials, life: int) -> bytes:
-    """Return its 8 bytes; ``life`` counts heartbeats."""
+    """Return the 8 bytes of a heartbeat; ``life`` is the life counter."""
     head = int(axis.error).to_bytes(4, "little") + bytes([axis.state & 0xFF])
     faults = [bool(axis.motor_error), bool(axis.encoder_error), bool(axis.controller_error)]
     if firmware >= SYSTEM_FLAG:

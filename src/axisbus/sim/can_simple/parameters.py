@@ -1,7 +1,8 @@
-"""The parameters of a module by the names of the USB tree: in RAM, in flash, and from the factory.
+"""Parameters of a simulated module by the names of the USB tree: in RAM, in flash, and factory settings.
 
-The numbers of the endpoints move between versions: a list is called by its version, and one made for another is wrong from some
-number on. Of lists other than v8 only some numbers were published; what lies between is shifted as its published neighbours are.
+The numbers of the endpoints differ between versions: a list is named by its version, and the list of another version is wrong from
+some number on. Of lists other than v8 only some numbers were published; numbers in between are shifted like their published
+neighbours.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from axisbus.sim.can_simple.firmware import Firmware
 
 Value = float | int
 
-# By type: struct format of the value; the wire has four bytes for it, so that of 64 bits only the low half is seen.
+# By type: struct format of the value. The wire has four bytes for it, so that only the low half of 64 bits is transferred.
 FORMATS = {
     "float": "<f",
     "uint32": "<I",
@@ -27,7 +28,7 @@ FORMATS = {
 }
 CALIBRATED = ("axis0.motor.config.pre_calibrated", "axis0.encoder.config.pre_calibrated")
 _FIRST_V8 = Firmware(0, 6, 1)
-# By list: by how much the numbers from a v8 number on are lower.
+# By list: (first v8 number, amount by which the numbers from there on are lower).
 _SHIFTS: dict[str, tuple[tuple[int, int], ...]] = {
     "0.5.13": ((500, 49), (361, 38), (281, 13), (131, 4), (0, 0)),
     "0.6.0": ((500, 29), (361, 24), (281, 4), (131, 1), (0, 0)),
@@ -46,13 +47,13 @@ class Row(NamedTuple):
 
     @property
     def is_function(self) -> bool:
-        """Whether it is called, not written."""
+        """Whether it is called instead of written."""
         return self.access == "x"
 
 
 @cache
 def rows() -> tuple[Row, ...]:
-    """Return the table ``parameters.tsv``, which lies beside this module."""
+    """Return the table ``parameters.tsv``, which is stored beside this module."""
     text = Path(__file__).with_suffix(".tsv").read_text("utf-8")
     return tuple(_row(line) for line in text.splitlines() if line and not line.startswith("#"))
 
@@ -64,19 +65,19 @@ def _row(line: str) -> Row:
 
 
 def list_of(firmware: Firmware) -> str:
-    """Return the name of the list of endpoints that belongs to a version."""
+    """Return the name of the endpoint list for a version."""
     if firmware < (0, 6, 0):
         return "0.5.13"
     return "0.6.0" if firmware < _FIRST_V8 else "v8"
 
 
 def number_in(name: str, number: int) -> int:
-    """Return the number in the list called ``name`` of what has ``number`` in v8."""
+    """Return the number in the list ``name`` of the entry with ``number`` in v8."""
     return next(number - shift for first, shift in _SHIFTS[name] if number >= first)
 
 
 def fitted(kind: str, value: Value) -> Value | None:
-    """Return a value as its type holds it; None where it does not fit."""
+    """Return a value as its type stores it; None if it does not fit."""
     try:
         stored = struct.unpack(FORMATS[kind], struct.pack(FORMATS[kind], value))[0]
     except (struct.error, OverflowError):
@@ -85,10 +86,10 @@ def fitted(kind: str, value: Value) -> Value | None:
 
 
 class Parameters:
-    """Values in RAM by path, and those in flash, which a restart brings back."""
+    """Values in RAM by path, and those in flash, which a restart restores."""
 
     def __init__(self, **given: Value) -> None:
-        """From the factory; ``given``: what differs, by its path or the last part of it (``node_id=5``; the first such row).
+        """Start with the factory settings; ``given``: other values, by path or its last part (``node_id=5``; the first such row).
 
         Raises:
             KeyError: there is no such parameter.
@@ -109,18 +110,18 @@ class Parameters:
 
     @property
     def node_id(self) -> int:
-        """``axis0.config.can.node_id``; of a larger one only the six bits that fit an identifier."""
+        """``axis0.config.can.node_id``; only the six bits that fit into an identifier."""
         return int(self.values["axis0.config.can.node_id"]) & 0x3F
 
     def save(self) -> None:
-        """RAM into flash."""
+        """Copy RAM to flash."""
         self._flash = dict(self.values)
 
     def load(self) -> None:
-        """Flash into RAM, as a restart does."""
+        """Copy flash to RAM, as a restart does."""
         self.values = dict(self._flash)
 
     def erase(self) -> None:
-        """Flash as from the factory, but without what was calibrated there; RAM stays as it is."""
+        """Reset flash to the factory settings, and clear the calibration flags; RAM is not changed."""
         written = {row.path: row.factory for row in rows() if row.access == "rw"}
         self._flash |= written | dict.fromkeys(CALIBRATED, 0)

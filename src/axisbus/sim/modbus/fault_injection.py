@@ -1,4 +1,4 @@
-"""What a stand-in on RS485 is made to do wrong, or does where the manual is silent; turned at any time."""
+"""Fault settings of a simulated module on RS485, and behaviour that the manual leaves open; may be changed at any time."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from dataclasses import dataclass, field
 
 @dataclass(slots=True)
 class LineDials:
-    """Switches of one module on the line; those of the module itself are its ``ModuleDials``.
+    """Fault settings of one module on the line; those of the module itself are its ``ModuleDials``.
 
-    ``silent``: for so many requests (-1: for all) there is no answer, though they are obeyed; ``deaf``: so many are not even
-    obeyed. ``wrong_checksum``: so many answers end with another one. ``delay`` in s: of each answer. ``late``: by position of a
-    request, from 0, the seconds by which its answer alone comes later. ``exceptions``: by first address and whether it is written,
-    the exception code of all requests for it. ``short``: so many answers to reads have a register less than was asked for.
+    ``silent``: so many requests (-1: all) are executed but not answered; ``deaf``: so many are not even executed.
+    ``wrong_checksum``: so many answers have a wrong checksum. ``delay`` in s: of each answer. ``late``: by number of a request,
+    from 0, the additional delay in s of its answer. ``exceptions``: by first address and whether it is a write, the exception code
+    of all such requests. ``short``: so many answers to reads have one register too few.
 
-    ``dead_in_idle``: position and velocity are 0 but in closed loop, as over CAN. ``keeps_target``: entering closed loop the module
-    goes to the set-point that was written before, as no firmware should. ``node_id_at_once``: a new one holds when it is written,
-    else from the restart on. ``save_restarts``. ``number_hidden``: A1h cannot be read. ``clamps``: by address, the highest value
-    that is kept.
+    ``dead_in_idle``: position and velocity are 0 except in closed loop, as over CAN. ``keeps_target``: when it enters closed loop,
+    the module moves to the last set-point, which no firmware should do. ``node_id_at_once``: a new node ID takes effect when it is
+    written, otherwise with the restart. ``save_restarts``: saving restarts the module. ``number_hidden``: A1h cannot be read.
+    ``clamps``: by address, the highest value that is stored.
     """
 
     silent: int = 0

@@ -1,17 +1,17 @@
-"""RTU frames: their checksum, and where one ends in the bytes that come (Modbus over serial line V1.02, 2.5)."""
+"""RTU frames: their checksum, and their end in the received bytes (Modbus over serial line V1.02, 2.5)."""
 
 from __future__ import annotations
 
 _READS = (0x03, 0x04)
 _WRITE_ONE, _WRITE_SEVERAL = 0x06, 0x10
 _SHORTEST = 4  # address, function, checksum
-_REQUEST = 8  # of reads, and of a write of one register
-_COUNT_AT = 6  # of the byte that says how many bytes are written
-_GAP = 0.02  # s of silence that end a frame; 3.5 characters are less, but a computer pauses
+_REQUEST = 8  # length of reads, and of a write of one register
+_COUNT_AT = 6  # position of the byte count of a write
+_GAP = 0.02  # s of silence that end a frame; longer than 3.5 characters, because a computer may pause
 
 
 def checksum(data: bytes) -> bytes:
-    """Return the two bytes that end a frame, lowest first."""
+    """Return the two bytes of the checksum, lowest first."""
     found = 0xFFFF
     for byte in data:
         found ^= byte
@@ -29,15 +29,15 @@ def framed(data: bytes) -> bytes:
 
 
 class Frames:
-    """Cuts what comes into frames; holds the beginning of one."""
+    """Splits received bytes into frames; holds an incomplete frame."""
 
     def __init__(self) -> None:
         self._waiting = b""
         self._last = 0.0
-        self.broken = 0  # frames whose checksum was wrong
+        self.broken = 0  # frames with a wrong checksum
 
     def take(self, data: bytes, now: float) -> list[bytes]:
-        """Take bytes that came at ``now`` (s); return the frames that are complete and right, without their checksum."""
+        """Take bytes received at ``now`` (s); return the complete and correct frames, without their checksum."""
         if self._waiting and now - self._last > _GAP:
             self._waiting = b""
         self._waiting += data
@@ -49,12 +49,12 @@ class Frames:
                 found.append(frame[:-2])
             else:
                 self.broken += 1
-                self._waiting = b""  # where the next one begins nobody knows before the line was silent
+                self._waiting = b""  # the begin of the next frame is unknown until the line was silent
         return found
 
 
 def _size(data: bytes) -> int:
-    """Return how long the request is that begins here; 0: not known yet."""
+    """Return the length of the request that begins here; 0: not known yet."""
     if len(data) < 2:
         return 0
     function = data[1]
@@ -62,4 +62,4 @@ def _size(data: bytes) -> int:
         return _REQUEST
     if function == _WRITE_SEVERAL:
         return _COUNT_AT + 1 + data[_COUNT_AT] + 2 if len(data) > _COUNT_AT else 0
-    return max(_SHORTEST, len(data))  # a function that a module does not know: whatever came together
+    return max(_SHORTEST, len(data))  # unknown function: all bytes received together

@@ -1,6 +1,6 @@
-"""The registers of a module as the manual prints them (4.3.2, 4.3.3), typed off for the stand-in: address, type, parameter.
+"""Registers of a module as printed in the manual (4.3.2, 4.3.3), copied for the simulation: address, type, parameter.
 
-Addresses of several registers are those of the first; the type's letter is struct's, highest byte first.
+The address of a value in several registers is that of the first; the type is struct's letter, highest byte first.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 
 class Act(IntEnum):
-    """Holding registers where any value does something."""
+    """Holding registers that start an action when any value is written."""
 
     EMERGENCY_STOP = 0x61
     REBOOT = 0x7E
@@ -19,7 +19,7 @@ class Act(IntEnum):
 
 
 class RegisterAddress(NamedTuple):
-    """One value: struct's letter, and the path of the parameter in the USB tree that it is; empty where it is none."""
+    """One value: struct's letter, and the path of its parameter in the USB tree; empty if it is not a parameter."""
 
     kind: str
     path: str

@@ -1,4 +1,4 @@
-"""Which modes of operation the stand-in drive can have."""
+"""Modes of operation that the simulated drive supports."""
 
 from __future__ import annotations
 
@@ -25,5 +25,5 @@ IMPLEMENTED = frozenset(mode.code for mode in _MODES if mode.code)
 
 
 def make_modes() -> dict[int, Mode]:
-    """Return a fresh mode for each value of 6060h, 0 (none) among them."""
+    """Return a new mode object for each value of 6060h, including 0 (none)."""
     return {kind.code: kind() for kind in _MODES}

@@ -9,7 +9,7 @@ from axisbus.sim.power import Effort
 
 
 class CyclicPosition(Mode):
-    """Reaches each target when the next is due (60C2h), and stays at the last one: nothing is extrapolated."""
+    """Reaches each target when the next is due (60C2h), and holds the last one: nothing is extrapolated."""
 
     code = CSP
     cyclic = True
@@ -28,7 +28,7 @@ class CyclicPosition(Mode):
         self.enter(axis)
 
     def target(self, axis: Axis) -> int:
-        """Return what the master has written last."""
+        """Return the last target written by the master."""
         return axis.target_position
 
     def sync(self, axis: Axis, period: float) -> None:

@@ -1,8 +1,8 @@
 """Homing mode (CiA 402-2 11) by methods 17, 18, 33, 34, 35 and 37; any other ends with a homing error.
 
-A search runs in phases: towards the switch at the speed of 6099h:1, off it again at 6099h:2 until its edge, or straight to the
-next index pulse at 6099h:2; where the edge or pulse was, home is; then the axis comes to rest. Home reads as the home offset
-(607Ch). A speed or acceleration of 0 does not get on until it is set.
+A search has several phases: to the switch at the speed of 6099h:1, then off it at 6099h:2 until its edge; or directly to the next
+index pulse at 6099h:2. The position of the edge or pulse becomes home; then the axis brakes to standstill. The home position has
+the value of the home offset (607Ch). With a speed or acceleration of 0 the search waits until it is set.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ IN_PLACE = (35, 37)
 
 
 class Phase(IntEnum):
-    """Where a homing is."""
+    """Phase of a homing run."""
 
     IDLE = 0  # not started, or interrupted
     TO_SWITCH = 1
@@ -36,7 +36,7 @@ _RUNNING = (Phase.TO_SWITCH, Phase.OFF_SWITCH, Phase.TO_INDEX, Phase.STOPPING)
 
 
 class Homing(Mode):
-    """Holds the phase; the result of the last homing stays in the bits until a new one starts."""
+    """Homing with its phase; the result of the last homing stays in the bits until a new one starts."""
 
     code = HM
 
@@ -134,7 +134,7 @@ class Homing(Mode):
             self.phase = Phase.STOPPING
 
     def _define(self, axis: Axis, home: float) -> None:
-        """The motor position ``home`` is to read as the home offset."""
+        """Give the motor position ``home`` the value of the home offset."""
         axis.offset += axis.settings.home_offset - axis.to_user(home)
 
     def _acceleration(self, axis: Axis) -> float:
@@ -142,7 +142,7 @@ class Homing(Mode):
         return axis.acceleration if value < 0 else value / axis.params.acceleration_unit
 
     def _rate(self, axis: Axis) -> float:
-        """Return the deceleration: the homing acceleration, and never 0."""
+        """Return the deceleration: the homing acceleration, but never 0."""
         return self._acceleration(axis) or axis.braking(Effort.SLOW)
 
 

@@ -11,14 +11,14 @@ _SLOW = Effort.SLOW
 
 
 class InterpolatedPosition(CyclicPosition):
-    """Interpolates while bit 4 of the controlword is set (*interpolation active*, bit 12); else it comes to rest, and holds."""
+    """Interpolates while bit 4 of the controlword is set (*interpolation active*, bit 12); otherwise brakes and holds."""
 
     code = IP
 
     def __init__(self) -> None:
         super().__init__()
         self._active = False
-        self._asked: float | None = None  # since how many seconds bit 4 is set
+        self._asked: float | None = None  # seconds since bit 4 was set
 
     def enter(self, axis: Axis) -> None:
         super().enter(axis)

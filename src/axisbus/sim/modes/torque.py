@@ -10,7 +10,7 @@ from axisbus.sim.ramp import slope
 
 
 class ProfileTorque(Mode):
-    """Brings the torque to 6071h on the slope 6087h (‰/s): with 0 it does not change, without the object it jumps."""
+    """Ramps the torque to 6071h with the slope 6087h (‰/s): with 0 it does not change, without the object it jumps."""
 
     code = TQ
     by_torque = True
@@ -26,7 +26,7 @@ class ProfileTorque(Mode):
         self._towards(axis, float(axis.target_torque), dt)
 
     def halt(self, axis: Axis, _effort: Effort, dt: float) -> None:
-        """The torque goes to zero on its slope; the motor coasts."""
+        """Ramp the torque to zero on its slope; then the motor coasts."""
         self._towards(axis, 0.0, dt)
 
     def bits(self, axis: Axis) -> int:
@@ -41,7 +41,7 @@ class ProfileTorque(Mode):
 
 
 class CyclicTorque(Mode):
-    """Gives the torque of each SYNC, and holds it when no other comes."""
+    """Applies the torque of each SYNC, and holds it if no other arrives."""
 
     code = CST
     cyclic = True

@@ -1,6 +1,6 @@
-"""Profile velocity (CiA 402-2 13) and cyclic synchronous velocity (15): a velocity demand that ramps, or comes with SYNC.
+"""Profile velocity (CiA 402-2 13) and cyclic synchronous velocity (15): a velocity demand by a ramp, or by SYNC.
 
-With 6086h at 2 or 3 and a profile jerk (60A4h:01) above 0 the ramps have a limited jerk (``soft``); a halt has not.
+If 6086h is 2 or 3 and the profile jerk (60A4h:01) is above 0, the ramps have limited jerk (``SoftVelocity``); a halt has not.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _SAME = 1e-6  # increments/s
 
 
 class ProfileVelocity(Mode):
-    """Ramps to 60FFh with 6083h and 6084h; holds the timers of its two windows, and the ramp under way."""
+    """Ramps to 60FFh with 6083h and 6084h; holds the timers of its two windows, and the active ramp."""
 
     code = PV
 
@@ -24,9 +24,9 @@ class ProfileVelocity(Mode):
         self._fast = 0.0
         self._reached = False
         self._zero = True
-        self._soft: SoftVelocity | None = None  # while nothing but the ramp moves the axis
-        self._former = 0  # the last 60FFh that was another than 0
-        self._written: int | None = None  # 60FFh as it is while the former one holds
+        self._soft: SoftVelocity | None = None  # valid while only the ramp moves the axis
+        self._former = 0  # the last 60FFh other than 0
+        self._written: int | None = None  # unchanged 60FFh while the former velocity applies
 
     def enter(self, _axis: Axis) -> None:
         self._inside = self._fast = 0.0
@@ -74,7 +74,7 @@ class ProfileVelocity(Mode):
         return target
 
     def _watch(self, axis: Axis, dt: float) -> None:
-        """Bit 10 by 606Dh and 606Eh, bit 12 by 606Fh and 6070h."""
+        """Update bit 10 by 606Dh and 606Eh, bit 12 by 606Fh and 6070h."""
         settings = axis.settings
         actual = axis.user_velocity(axis.motor.velocity)
         if abs(axis.target_velocity - actual) <= settings.velocity_window:
@@ -91,7 +91,7 @@ class ProfileVelocity(Mode):
 
 
 class CyclicVelocity(Mode):
-    """Goes evenly to the velocity of each SYNC within the interpolation time, and holds it when no other comes."""
+    """Changes evenly to the velocity of each SYNC within the interpolation time, and holds it if no other arrives."""
 
     code = CSV
     cyclic = True

@@ -1,4 +1,4 @@
-"""What a node remembers of its errors: error register 1001h, history 1003h, and the emergency messages still to be sent."""
+"""Errors of a node: error register 1001h, history 1003h, and the pending emergency messages."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ def register_bits(code: int) -> int:
 
 
 class ErrorHistory:
-    """The errors of one node, shared by its axes; holds which are active, the newest ones, and the queue of messages."""
+    """Errors of one node, shared by its axes: the active ones, the newest ones, and the queue of messages."""
 
     def __init__(self, capacity: int = 8) -> None:
         self.capacity = capacity
         self.entries: list[int] = []  # newest first, as 1003h:1 upwards
-        self._active: dict[tuple[int, int], int] = {}  # (who, code): bits
+        self._active: dict[tuple[int, int], int] = {}  # (axis, code): bits
         self._queue: list[tuple[int, int, bytes]] = []
 
     @property
@@ -51,11 +51,11 @@ class ErrorHistory:
         return value
 
     def entry(self, number: int) -> int:
-        """Return entry ``number`` of the history, from 0 for the newest; 0 where there is none."""
+        """Return entry ``number`` of the history, from 0 for the newest; 0 if it does not exist."""
         return self.entries[number] if number < len(self.entries) else 0
 
     def report(self, who: int, code: int, maker_bits: int = 0, register: int | None = None) -> None:
-        """Enter an error of axis ``who`` (-1: the communication) and queue its message with five bytes of the maker's."""
+        """Add an error of axis ``who`` (-1: communication) and queue its message with five manufacturer-specific bytes."""
         bits = register_bits(code) if register is None else register
         self._active[who, code] = bits
         data = (maker_bits & 0xFF_FFFF_FFFF).to_bytes(5, "little")
@@ -64,7 +64,7 @@ class ErrorHistory:
         self._put(code, data)
 
     def settle(self, who: int) -> None:
-        """The errors of axis ``who`` are gone: message 0000h, once, with the register as it is then."""
+        """Remove the errors of axis ``who``, and queue message 0000h once, with the resulting register."""
         mine = [key for key in self._active if key[0] == who]
         for key in mine:
             del self._active[key]
@@ -72,22 +72,22 @@ class ErrorHistory:
             self._put(0x0000, bytes(5))
 
     def clear(self) -> None:
-        """Forget everything, as a restart does."""
+        """Clear everything, as a restart does."""
         self.entries.clear()
         self._active.clear()
         self._queue.clear()
 
     def take(self) -> list[tuple[int, int, bytes]]:
-        """Return the messages (code, register, five bytes) that were queued since, and forget them."""
+        """Return the queued messages (code, register, five bytes), and clear the queue."""
         queue, self._queue = self._queue, []
         return queue
 
     def waiting(self, now: float) -> tuple[Emcy, ...]:
-        """Return those messages as values received at ``now``, and keep them."""
+        """Return the queued messages as values received at ``now``, without clearing the queue."""
         return tuple(Emcy(code, register, data, now) for code, register, data in self._queue)
 
     def take_emcy(self, now: float) -> tuple[Emcy, ...]:
-        """Return the same as values received at ``now``."""
+        """Return the queued messages as values received at ``now``, and clear the queue."""
         if not self._queue:
             return ()
         messages = self.waiting(now)

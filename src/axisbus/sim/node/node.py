@@ -1,7 +1,7 @@
-"""A stand-in as a ``canopen.LocalNode``: its objects are the device's, its frames go through the slave.
+"""A simulated node as a ``canopen.LocalNode``: its objects are the device's, its frames pass through the slave.
 
-``LocalNode`` itself would answer SDO while stopped, start a heartbeat thread of its own and know neither SYNC nor boot-up; so it
-subscribes to nothing here, and serves for what it is good at: ``node.sdo[...]`` as local access, and a place in the network.
+``LocalNode`` itself would answer SDO while stopped, start its own heartbeat thread, and support neither SYNC nor boot-up. Therefore
+it subscribes to nothing here, and is only used for local access by ``node.sdo[...]`` and as a member of the network.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from axisbus.sim.node.slave import Slave
 
 
 class StandInNode(canopen.LocalNode):
-    """One device on a ``canopen.Network``; ``lock`` guards the device against the thread that steps it."""
+    """One device on a ``canopen.Network``; ``lock`` protects the device against the thread that steps it."""
 
     def __init__(self, device: Device, lock: RLock) -> None:
         super().__init__(device.node_id, object_dictionary(device.eds, device.node_id))
@@ -29,14 +29,14 @@ class StandInNode(canopen.LocalNode):
         self._lock = lock
 
     def associate_network(self, network: canopen.Network) -> None:
-        """Join the network without LocalNode's subscriptions: the slave hears and answers."""
+        """Join the network without the subscriptions of LocalNode: the slave receives and answers."""
         self.network = network
 
     def remove_network(self) -> None:
         """Leave the network."""
 
     def get_data(self, index: int, subindex: int, check_readable: bool = False) -> bytes:
-        """Return an entry's bytes, live from the drive.
+        """Return an entry's bytes, with the present value of the drive.
 
         Raises:
             canopen.SdoAbortedError: it does not exist, or (``check_readable``) cannot be read.
@@ -51,10 +51,10 @@ class StandInNode(canopen.LocalNode):
                 raise SdoAbortedError(abort.code) from None
 
     def set_data(self, index: int, subindex: int, data: bytes, check_writable: bool = False) -> None:
-        """Write an entry; without ``check_writable`` as the drive's own firmware does, read-only ones too.
+        """Write an entry; without ``check_writable`` like the drive's own firmware, also read-only ones.
 
         Raises:
-            canopen.SdoAbortedError: it does not exist, or (``check_writable``) the value is not taken.
+            canopen.SdoAbortedError: it does not exist, or (``check_writable``) the value is rejected.
         """
         dictionary = self.device.dictionary
         with self._lock:
@@ -62,7 +62,7 @@ class StandInNode(canopen.LocalNode):
                 if check_writable:
                     dictionary.download(index, subindex, bytes(data))
                     return
-                dictionary.raw(index, subindex)  # raises where there is no such entry
+                dictionary.raw(index, subindex)  # raises if the entry does not exist
             except SdoAbort as abort:
                 raise SdoAbortedError(abort.code) from None
             key = index << 8 | subindex
@@ -70,7 +70,7 @@ class StandInNode(canopen.LocalNode):
 
 
 def object_dictionary(eds: Eds, node_id: int) -> od.ObjectDictionary:
-    """Return the same objects as a ``canopen`` dictionary (names, types, access; values stay with the device)."""
+    """Return the same objects as a ``canopen`` dictionary (names, types, access; the values are those of the device)."""
     dictionary = od.ObjectDictionary()  # type: ignore[no-untyped-call]
     dictionary.node_id = node_id
     for entry in eds:

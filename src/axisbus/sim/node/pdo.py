@@ -1,4 +1,4 @@
-"""The PDOs of a node: parameters with their rules (CiA 301 7.4.9), packing and unpacking to the bit."""
+"""PDOs of a simulated node: parameters with their rules (CiA 301 7.4.9), packing and unpacking bit by bit."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TOO_MANY_BITS = 0x0604_0042
 _INVALID = 0x8000_0000
 _NO_RTR = 0x4000_0000
 _FRAME_BITS = 0x2000_0000
-_MOST_FIELDS = 64  # a bit each
+_MOST_FIELDS = 64  # one bit each
 _ID = 0x7FF
 _DEFAULT_RPDO = (0x200, 0x300, 0x400, 0x500)
 _DEFAULT_TPDO = (0x180, 0x280, 0x380, 0x480)
@@ -39,7 +39,7 @@ _RESTRICTED = (
 
 
 class Field(NamedTuple):
-    """One mapped entry: ``key`` None is space only; ``half`` is the sign's weight, 0 for unsigned."""
+    """One mapped entry; ``key`` None: unused bits; ``half``: weight of the sign bit, 0 for unsigned."""
 
     key: int | None
     shift: int
@@ -58,7 +58,7 @@ class Pdo:
         dials: NodeFaults,
         changed: Callable[[], None],
     ) -> None:
-        """Make PDO ``number`` (from 0) and watch its objects; ``changed`` is called when a parameter has changed."""
+        """Make PDO ``number`` (from 0) and watch its objects; ``changed`` is called after a change of its parameters."""
         self._changed = changed
         self.number = number
         self.transmit = transmit
@@ -81,7 +81,7 @@ class Pdo:
 
     @property
     def on_request(self) -> bool:
-        """Whether it is sent only when a remote frame asks for it (types 252 and 253)."""
+        """Whether it is sent only on request by a remote frame (types 252 and 253)."""
         return self.transmission_type in (252, 253)
 
     @property
@@ -90,7 +90,7 @@ class Pdo:
         return self.transmission_type <= 240
 
     def pack(self) -> bytes:
-        """Return the data as the objects are now."""
+        """Return the data for the present values of the objects."""
         raw = 0
         encoded = self._dictionary.encoded_int
         for key, shift, mask, _ in self.fields:
@@ -101,7 +101,7 @@ class Pdo:
     def unpack(self, data: bytes, *, commands: bool | None) -> None:
         """Write the mapped controlwords (``commands``), everything else, or all in the order of the mapping (None).
 
-        A value that the drive does not take is dropped; ``data`` holds at least ``size`` bytes.
+        A value that the drive does not accept is dropped; ``data`` has at least ``size`` bytes.
         """
         raw = int.from_bytes(data[: self.size], "little")
         for key, shift, mask, half in self.fields:
@@ -110,7 +110,7 @@ class Pdo:
                 self._dictionary.write_mapped(key, value - (half << 1) if value & half else value)
 
     def reload(self, _value: int = 0) -> None:
-        """Take the parameters from the dictionary."""
+        """Read the parameters from the dictionary."""
         get = self._dictionary.get_int
         cob = get(self._comm, 1, _INVALID) & 0xFFFF_FFFF
         self.cob_id = cob & _ID
@@ -124,7 +124,7 @@ class Pdo:
         self._changed()
 
     def _predefine(self) -> None:
-        """COB-IDs of the first four where the file gives none (CiA 301 7.3.5)."""
+        """Set the COB-IDs of the first four PDOs if the file has none (CiA 301 7.3.5)."""
         defaults = _DEFAULT_TPDO if self.transmit else _DEFAULT_RPDO
         node_id = self._dictionary.node_id
         value = defaults[self.number] + node_id if self.number < len(defaults) else _INVALID
@@ -179,11 +179,11 @@ class Pdo:
         on_request = self.transmit and self._dials.rtr and value in (252, 253)
         if (
             241 <= value <= 253 and not on_request
-        ):  # reserved, or on request only, which this device does not have
+        ):  # reserved, or on request only, which this device does not support
             raise Refused(INVALID_VALUE)
 
     def _check_off(self, _value: int) -> None:
-        """Inhibit time and SYNC start value change only while the PDO is off."""
+        """Reject a change of inhibit time or SYNC start value while the PDO is valid."""
         if self.valid:
             raise Refused(INVALID_VALUE)
 
@@ -229,7 +229,7 @@ class Pdo:
 
 
 class PdoTable:
-    """All PDOs that have communication parameters; ``version`` grows with every change of one, or of 1005h, 1006h and 1012h."""
+    """All PDOs with communication parameters; ``version`` increases with every change of one, or of 1005h, 1006h and 1012h."""
 
     def __init__(self, dictionary: Dictionary, dials: NodeFaults) -> None:
         self.version = 0
@@ -244,9 +244,9 @@ class PdoTable:
 
 
 def apply(received: list[tuple[Pdo, bytes]], in_order: bool) -> None:
-    """Write what came in RPDOs at one instant: all values first, so that a controlword finds its target there.
+    """Write RPDOs received at one instant: all values first, so that a controlword finds its target.
 
-    ``in_order``: instead one entry after the other, as they are mapped, and the RPDOs as they are numbered.
+    ``in_order``: instead one entry after the other, in the order of the mapping and of the RPDOs' numbers.
     """
     if in_order:
         for pdo, data in sorted(received, key=lambda item: item[0].number):

@@ -1,4 +1,4 @@
-"""What a node does about SYNC itself: which COB-ID it has, the counter in it, and sending it where 1005h says so."""
+"""SYNC of a simulated node: its COB-ID, its counter, and its transmission if 1005h requires that."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ _WRONG_LENGTH = 0x8240
 
 
 class SyncService:
-    """SYNC of one node; holds its parameters, when it is to be sent next, and the counter."""
+    """SYNC of one node; holds its parameters, the time of the next SYNC, and the counter."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
-        self._period = 0.0  # s; 0: it sends none
+        self._period = 0.0  # s; 0: it does not send SYNC
         self._next = 0.0
         self._count = 0
         self._odd = False
@@ -22,7 +22,7 @@ class SyncService:
         self.reload()
 
     def reload(self) -> None:
-        """Take 1005h and 1006h."""
+        """Read 1005h and 1006h."""
         get = self._device.dictionary.get_int
         value = get(0x1005, 0, 0x80)
         self.cob_id = value & 0x7FF
@@ -30,12 +30,12 @@ class SyncService:
 
     @property
     def produces(self) -> bool:
-        """Whether it is the bus's producer of SYNC now."""
+        """Whether it produces SYNC now."""
         states = (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL)
         return self._period > 0.0 and self._device.nmt in states
 
     def due(self, now: float) -> bytes | None:
-        """Return the data of a SYNC to be sent at ``now``, None where none is due."""
+        """Return the data of a SYNC to be sent at ``now``, None if none is due."""
         if not self.produces:
             self._next, self._count = now, 0
             return None
@@ -49,7 +49,7 @@ class SyncService:
         return bytes((self._count,))
 
     def counter(self, data: bytes) -> int:
-        """Return the counter of a SYNC, 0 where the node takes none; another length than 1019h says is reported once."""
+        """Return the counter of a SYNC, 0 if the node uses none; a length that contradicts 1019h is reported once."""
         dictionary = self._device.dictionary
         overflow = dictionary.get_int(0x1019)
         odd = dictionary.has(0x1019) and len(data) != (1 if overflow else 0)

@@ -1,8 +1,8 @@
-"""The firmware's list of endpoints (JSON) as frozen values: every parameter and function by its path.
+"""The firmware's endpoint list (JSON) as immutable values: every parameter and function by its path.
 
-Theory of operation. The list is an array of nodes, nested: a parameter has name, id, type and access; an object has members; a
-function has an id of its own, and inputs and outputs that are parameters with ids too. IDs move from one firmware to the next, so
-that a list says nothing about a module before it is shown to fit (``fitted``).
+Theory of operation. The list is a nested array of nodes: a parameter has name, id, type and access; an object has members; a
+function has an id, and inputs and outputs, which are parameters with ids, too. IDs differ from one firmware to the next, so that a
+list is used only after it is verified to fit the module (``verified_endpoints``).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from axisbus.errors import ArgumentError
 
 _DEEPEST = 32
 _IDS = range(1 << 16)
-# Names of the list's types, with struct's letter; those without one hold no number that is read or written here.
+# Names of the list's types, with struct's letter; types without a letter are not numbers, and not accessed here.
 FORMATS = {
     "bool": "?",
     "uint8": "B",
@@ -45,18 +45,18 @@ class Endpoint:
 
     @property
     def readable(self) -> bool:
-        """Whether the list says that it may be read."""
+        """Whether the list permits reading it."""
         return "r" in self.access
 
     @property
     def writable(self) -> bool:
-        """Whether the list says that it may be written."""
+        """Whether the list permits writing it."""
         return "w" in self.access
 
 
 @dataclass(frozen=True, slots=True)
 class FirmwareFunction:
-    """A function of the firmware: calling it is writing to its ``id`` once its ``inputs`` are written."""
+    """A function of the firmware: it is called by writing to its ``id`` after writing its ``inputs``."""
 
     path: str
     id: int
@@ -73,16 +73,16 @@ class EndpointList:
     functions: Mapping[str, FirmwareFunction]
 
     def under(self, path: str) -> tuple[Endpoint, ...]:
-        """Return the parameters of an object and of those in it, in the list's order; of "" all."""
+        """Return the parameters of an object, including nested objects, in the list's order; all parameters for ""."""
         start = f"{path}." if path else ""
         return tuple(each for each in self.endpoints.values() if each.path.startswith(start))
 
 
 def parse(text: str | bytes, source: str) -> EndpointList:
-    """Return the endpoints of a list; ``source`` (its file) is named in messages.
+    """Return the endpoints of a list; messages name ``source`` (its file).
 
     Raises:
-        ArgumentError: it is no JSON, no list of endpoints, or says two things of one path or one ID.
+        ArgumentError: it is not JSON, not an endpoint list, or contains a path or an ID twice.
     """
     try:
         document = json.loads(text)
@@ -97,7 +97,7 @@ def parse(text: str | bytes, source: str) -> EndpointList:
 
 
 class _Reader:
-    """Collects a list; holds state: what was found so far, and which IDs are taken."""
+    """Collects the endpoints of a list; holds the entries found so far, and the IDs in use."""
 
     def __init__(self, source: str) -> None:
         self._source = source

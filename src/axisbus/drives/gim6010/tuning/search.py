@@ -1,4 +1,4 @@
-"""The manual's search for a gain (v2.2, 3.1.3), one trial after the other: lower it until smooth, raise it until not, then lower it."""
+"""The manual's search for a gain (v2.2, 3.1.3) by trials: lower it until smooth, raise it until not, then lower it."""
 
 from __future__ import annotations
 

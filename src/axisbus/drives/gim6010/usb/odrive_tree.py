@@ -1,4 +1,4 @@
-"""The object tree of a module on a USB port, by the package ``odrive``, which its maker uses for commissioning (manual v2.2, 3.1)."""
+"""The object tree of a module on a USB port, by the package ``odrive``, the maker's commissioning tool (manual v2.2, 3.1)."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""A module that speaks CAN Simple as a CiA 402 drive: towards motion a port, towards the wire a master, without any I/O."""
+"""A CAN Simple module as a CiA 402 drive: a port for the motion code, a master on the wire; without any I/O."""

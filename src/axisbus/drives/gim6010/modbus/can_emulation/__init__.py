@@ -1,1 +1,1 @@
-"""Modules on a serial line as modules on a bus: orders become registers that are written, and what is read is told."""
+"""Makes modules on a serial line look like modules on a CAN bus: commands become register writes, register values become frames."""
