@@ -1,4 +1,4 @@
-"""Fault settings of a simulated drive: each makes it misbehave in one way and can be changed while the drive runs."""
+"""Fault settings of a simulated drive: each causes one kind of misbehaviour and can be changed while the drive runs."""
 
 from __future__ import annotations
 

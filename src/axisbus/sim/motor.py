@@ -31,10 +31,10 @@ class MotorParams:
     ``rated_acceleration`` (increments/s²) is the acceleration of the load by the rated torque; ``coasting`` (s) the time constant
     of viscous friction; ``friction`` dry friction; ``load`` a constant force towards negative positions, as in a vertical axis.
     ``velocity_unit`` and ``acceleration_unit`` are the drive's velocity and acceleration increments per increment/s and
-    increment/s². Switches and stops are positions relative to the motor's position at power-up; None: not present. A home switch is
-    active between its two positions, limit switches from theirs outwards. ``noise`` is added to the measured position, evenly
-    distributed in ±noise. ``stiffness`` (‰ of rated torque per increment) makes it a motor on a spring that rings with ``damping``
-    (share of the critical damping, below 1); 0: the controller leaves no error at rest, independent of the load.
+    increment/s². Switches and stops are positions in the motor's count, which begins at ``start_position``; None: not present. A
+    home switch is active between its two positions, limit switches from theirs outwards. ``noise`` is added to the measured
+    position, evenly distributed in ±noise. ``stiffness`` (‰ of rated torque per increment) makes it a motor on a spring that rings
+    with ``damping`` (share of the critical damping, below 1); 0: the controller leaves no error at rest, independent of the load.
     """
 
     increments_per_turn: int = 16384

@@ -92,7 +92,7 @@ _ENERGISED = (Stage.ENABLED, Stage.QUICK_STOP, Stage.FAULT_REACTION)
 _HOLDS = range(5, 9)
 _AFTER_STANDSTILL = (5, 8, 12, 14)  # these wait for the end of their ramp
 
-# Delay in seconds by transition; 1 is the self-test. The brake's times are added to 4 and 5.
+# Delay in seconds by transition; 1 is the self-test. The brake's times are added: opening to 4, closing to those after a ramp.
 DELAYS: Mapping[int, float] = {1: 0.01, 3: 0.002, 4: 0.002}
 _SHOWN = 0.02  # s: minimum duration of quick stop active
 _SHOWN_AT_MOST = 1.0  # s for which it waits at most to be sent in TPDOs
@@ -265,9 +265,7 @@ class PowerStage:
     def _interrupts(self, wanted: int) -> bool:
         """Whether a command replaces the pending transition: any during a ramp, otherwise only disable voltage and quick stop."""
         if wanted == self.pending:
-            return wanted == 12 and (
-                self.effort > Effort.RUN or self._by_itself
-            )  # it cuts a quick stop short
+            return wanted == 12 and (self.effort > Effort.RUN or self._by_itself)  # it shortens a quick stop
         return self.pending is None or self.effort > Effort.RUN or wanted in (7, 9, 10, 11, 12)
 
     def _drop_ramp(self) -> None:

@@ -54,7 +54,7 @@ class TouchProbe:
         if not self._dials.probe_bits_stay:
             wanted = (
                 bits if before & bits & _ENABLE else 0
-            )  # where it goes on, only what it samples no more is forgotten
+            )  # if the input stays on, only edges no longer sampled are discarded
             shown &= sum(_STORED[edge] for edge, sample in _SAMPLE.items() if wanted & sample)
         on = bits & _ENABLE and not self._dials.probe_deaf
         self._show(number, shown & ~_ENABLE | (_ENABLE if on else 0))

@@ -36,7 +36,7 @@ from axisbus.drives.gim6010.can_simple.messages import BY_COMMAND
 from axisbus.drives.gim6010.can_simple.states import STATES
 from axisbus.wording import counted
 
-ENOUGH = 4  # frames that make a heartbeat
+ENOUGH = 4  # frames that prove a heartbeat
 BIT_RATE = 500_000  # factory setting
 _KEPT = 16  # last frames that are stored and evaluated
 _PERIOD = (0.005, 2.5)  # s: possible periods of a heartbeat
@@ -52,7 +52,7 @@ _RESERVED = (
 )  # CiA 301 7.3.5, without the SRDOs of EN 50325-5 and LSS
 _HEARTBEAT_29 = 0x48
 _FLAGS = 0x8F  # motor, encoder, controller, system fault, trajectory done (bit 7)
-_LEGACY_FLAGS = 0x89  # of firmware 0.5.11 and earlier, in the last byte
+_LEGACY_FLAGS = 0x89  # flags of firmware 0.5.11 and earlier, in the last byte
 
 
 class Protocol(Enum):

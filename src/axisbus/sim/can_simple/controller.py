@@ -162,7 +162,7 @@ class Controller:
         self._setpoint += self._rate * h
 
     def _plan(self) -> None:
-        """Plan a trapezoid from the set-point; if one of its limits is 0, there is none, and the target is never reached."""
+        """Plan a trapezoid from the set-point; if one of its limits is 0, plan nothing, and the target is never reached."""
         fastest = min(_positive(self._parameters[_TRAJECTORY + "vel_limit"]), self._fastest())
         speeding = _positive(self._parameters[_TRAJECTORY + "accel_limit"])
         braking = _positive(self._parameters[_TRAJECTORY + "decel_limit"])

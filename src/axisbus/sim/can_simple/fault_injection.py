@@ -23,7 +23,7 @@ class ModuleDials:
     ``flags_inverted``: a 1 in the heartbeat's flags means no fault. ``heartbeat_stops``, ``estimates_stop``: none are sent.
 
     ``runaway_after``: seconds without a set-point, in input mode 1 with ``break_timeout`` 0, after which the motor accelerates to
-    the highest negative speed (None: it holds). ``watchdog_works``: None: as in the firmware, where 0.6.0 and later have none.
+    the highest negative speed (None: it holds). ``watchdog_works``: None: as in the firmware; 0.6.0 and later have none.
     ``break_when_zero``: seconds that a ``break_timeout`` of 0 means; 0: off.
 
     ``calibration_time``: factor on the durations of the calibrations. ``calibration_motor_error`` and

@@ -18,7 +18,7 @@ class RotorRotation:
     _count: int = 0
 
     def take(self, count: int) -> None:
-        """Take a count (0 to 16383). The shorter way round is assumed: the rotor must turn less than half a turn between two."""
+        """Take a count (0 to 16383). The shorter direction is assumed: the rotor must turn less than half a turn between two."""
         if self.heard:
             step = (count - self._count + TURN // 2) % TURN - TURN // 2
             self.now += step / TURN

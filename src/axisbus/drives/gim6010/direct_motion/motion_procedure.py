@@ -3,9 +3,9 @@
 Theory of operation
 -------------------
 A procedure begins only if exactly one module sends heartbeats under its node ID, is idle and has no fault. Whatever ends the
-procedure afterwards (an interrupt, a bus error, a check of the procedure), it removes the power, first with idle and then with
-ESTOP, and reports the final state of the module. An interrupt is stored and executed in the next step, so that a signal handler may
-request it.
+procedure afterwards (an interrupt, a bus error, a check of the procedure), it removes the power with idle, or with ESTOP if the
+heartbeat does not show idle in time, and reports the final state of the module. An interrupt is stored and executed in the next
+step, so that a signal handler may request it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Removes the power of a module: idle until its heartbeat shows it, then ESTOP; reports the final state."""
+"""Removes the power of a module: by idle, or by ESTOP if its heartbeat does not show idle in time; reports the final state."""
 
 from __future__ import annotations
 

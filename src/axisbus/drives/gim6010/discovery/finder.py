@@ -92,7 +92,7 @@ class Finder:
     ask: ProbeScope | None = None
     only: Only = field(default_factory=Only)
     bounds: Bounds = field(default_factory=Bounds)
-    words: bool = True  # whether error words are asked for
+    words: bool = True  # whether error words are requested
     remote: bool = True  # whether the bus carries remote frames
     picture: BusSnapshot = field(default_factory=BusSnapshot)
     simple: dict[int, SimpleFacts] = field(default_factory=dict)
@@ -105,7 +105,7 @@ class Finder:
     asked: ProbeScope = ProbeScope.NOBODY  # the scope that was used
     heard_first: int = 0  # frames before the first request
     _begin: float | None = None
-    _free: float = 0.0  # when the next request may leave
+    _free: float = 0.0  # earliest time of the next request
     _plan: Iterator[_Asked] | None = None
     _current: _Asked | None = None
     _counting: tuple[ProbeFrame, tuple[str, int], int] | None = (

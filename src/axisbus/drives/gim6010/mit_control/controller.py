@@ -1,4 +1,4 @@
-"""One module under MIT control, from the first heartbeat to ESTOP: frames and times in, frames out.
+"""One module under MIT control, from the first heartbeat to the removal of its power: frames and times in, frames out.
 
 Theory of operation
 -------------------
@@ -9,10 +9,10 @@ does it request closed loop, once. Until the heartbeat shows closed loop, and un
 frames, so that the output does not jump.
 
 From then on the newest command is sent in each period, with its values limited to their ranges. The shutdown is always the same:
-damping frames until the output is at standstill (at most 2 s), then idle until the heartbeat shows it, then ESTOP. The shutdown
-begins when the user asks for it, when no command arrives for ``command_timeout``, when answers or heartbeats are missing, when the
-module leaves closed loop, restarts, or is commanded by another master, and when its position reaches the end of its range, beyond
-which the firmware may wrap it.
+damping frames until the output is at standstill (at most 2 s), then idle until the heartbeat shows it; if it does not in time,
+ESTOP. The shutdown begins when the user asks for it, when no command arrives for ``command_timeout``, when answers or heartbeats
+are missing, when the module leaves closed loop, restarts, or is commanded by another master, and when its position reaches the end
+of its range, beyond which the firmware may wrap it.
 
 No frame of zeros is ever sent: ``mit.pack`` makes none, and ``Outgoing`` rejects it.
 """

@@ -336,7 +336,7 @@ REGISTERS = (
 
 BY_NAME = {each.name: each for each in REGISTERS}
 BY_PLACE = {(each.bank, each.address): each for each in REGISTERS}
-# Bits of error_flags: the error words that are not 0, with their category in the table of faults (5.7 calls the axis "driver").
+# Bits of error_flags: the error words that are not 0, with their category in the fault table (5.7 calls the axis "driver").
 ERROR_FLAGS = {
     0: ("motor_error", "motor"),
     1: ("encoder_error", "encoder"),
@@ -352,7 +352,7 @@ def named(name: str) -> Register:
     """Return a register by its name.
 
     Raises:
-        ArgumentError: there is none of that name.
+        ArgumentError: no register has this name.
     """
     if name not in BY_NAME:
         raise ArgumentError(f"Modbus has no register {name!r}", remedy=f"there are {', '.join(BY_NAME)}")

@@ -23,7 +23,7 @@ def lowered(loop: Loop) -> float:
 
 
 def worse(*responses: Response | None) -> Response | None:
-    """Return the worst of the measured responses; None if there is none."""
+    """Return the worst of the measured responses, or None without any."""
     return max(
         (each for each in responses if each is not None),
         key=lambda each: (each.settled is None, each.overshoot + each.ripple),

@@ -5,7 +5,7 @@ Theory of operation
 The gains and the mode are set in idle. A position is reached by a trapezoid and a velocity by a ramp; direct control is never used,
 because modules ran away in it. Closed loop is requested once and must appear in the heartbeat, followed by an estimate of the
 position. Then the step is sent and measured, and taken back and measured, too. Every trial ends in the same way: velocity 0 on the
-module's own ramp until standstill (at most 2 s), then idle, then ESTOP (``ModuleMotionProcedure``).
+module's own ramp until standstill (at most 2 s), then idle, or ESTOP if idle is not seen in time (``ModuleMotionProcedure``).
 """
 
 from __future__ import annotations

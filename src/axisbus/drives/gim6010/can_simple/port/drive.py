@@ -79,7 +79,7 @@ class ModuleDrive:
         self._flush()
 
     def estop(self) -> None:
-        """Remove the power, with a latched error: last step of the stop sequence, where a node would leave operational."""
+        """Remove the power, with a latched error: last step of the stop sequence, in which a CANopen node leaves operational."""
         self._drop()
         self._stage.lose(self._now)
         self.frames.append(self._orders.estop())

@@ -31,7 +31,7 @@ from axisbus.wording import counted
 
 _LOST = 3.0  # periods of the heartbeat
 _SLACK = 1.0  # heartbeats by which a life counter may be off after a silence, plus a tenth of the heartbeats due in that time
-_YOUNG = 10  # a life counter below this may be that of a module that has just started
+_YOUNG = 10  # a life counter below this may belong to a module that has just started
 CURRENT_EVERY = 0.02  # s at least between two requests for the current
 _COUNTS = 0.008  # s at least between two requests for the encoder's counts
 SELDOM = 0.1  # s between two requests for values that are only compared or displayed

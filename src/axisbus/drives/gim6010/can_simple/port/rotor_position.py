@@ -41,7 +41,7 @@ class RotorPosition:
         self.velocity = 0.0
         self.velocity_stamp: float | None = None  # None: no valid estimate now
         self.lost = False
-        self._counts: int | None = None  # as the module counts, over turns
+        self._counts: int | None = None  # in the module's count, over turns
         self._offset = 0  # added for the drive's position: set by homing
         self._phase: int | None = None
         self._live = self._joined = self._was_joined = False
