@@ -80,7 +80,7 @@ def read(node: int, listed: FittedList, path: str) -> Outgoing:
 def write(
     node: int, listed: FittedList, path: str, value: Number | bool, *, by_name: bool = False
 ) -> Outgoing:
-    """Return the frame that writes a parameter of ``node`` (0 to 63). Read it back: a module ignores invalid values silently.
+    """Return the frame that writes a parameter of ``node`` (0 to 63). Read it back: a module does not report an invalid value.
 
     ``by_name``: the user named this very parameter. Protected parameters (``protected``) are written only then.
 

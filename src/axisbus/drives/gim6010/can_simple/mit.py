@@ -7,10 +7,10 @@ are five parameters (``mit_max_*``), which change the meaning of the same bytes.
 with other ranges than the module's is wrong by their ratio. The firmware wraps values beyond the range: a position just above the
 range becomes a position at its other end. Therefore every value is limited to its range before, and the result lists the changes.
 
-Eight bytes of 0, the contents of a forgotten buffer, mean full negative torque. They are never made: they only arise with both
-gains at 0, when position and velocity have no effect (torque = kp · position error + kd · velocity error + torque), so that the
-velocity is sent one step higher. No bytes mean exactly 0 either: the neutral frame contains half a step of torque (0.012 N·m of
-50).
+Eight bytes of 0, the contents of a forgotten buffer, mean full negative torque. They are never made. They could only arise with
+both gains at 0, when position and velocity have no effect (torque = kp · position error + kd · velocity error + torque); in this
+case the velocity is sent one step higher. No bytes mean exactly 0 either: the neutral frame contains half a step of torque
+(0.012 N·m of 50).
 """
 
 from __future__ import annotations

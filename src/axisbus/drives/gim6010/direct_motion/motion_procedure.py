@@ -2,8 +2,8 @@
 
 Theory of operation
 -------------------
-A procedure begins only if exactly one module sends heartbeats under its node ID, is idle and has no fault. Whatever ends the
-procedure afterwards (an interrupt, a bus error, a check of the procedure), it removes the power with idle, or with ESTOP if the
+A procedure begins only if exactly one module sends heartbeats under its node ID, is idle and has no fault. Afterwards the procedure
+always removes the power at its end, also after an interrupt, a bus error or a failed check. It requests idle, then ESTOP if the
 heartbeat does not show idle in time, and reports the final state of the module. An interrupt is stored and executed in the next
 step, so that a signal handler may request it.
 """

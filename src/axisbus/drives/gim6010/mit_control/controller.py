@@ -10,9 +10,12 @@ frames, so that the output does not jump.
 
 From then on the newest command is sent in each period, with its values limited to their ranges. The shutdown is always the same:
 damping frames until the output is at standstill (at most 2 s), then idle until the heartbeat shows it; if it does not in time,
-ESTOP. The shutdown begins when the user asks for it, when no command arrives for ``command_timeout``, when answers or heartbeats
-are missing, when the module leaves closed loop, restarts, or is commanded by another master, and when its position reaches the end
-of its range, beyond which the firmware may wrap it.
+ESTOP. The shutdown begins when
+
+- the user requests it, or gives no command for ``command_timeout``;
+- answers or heartbeats are missing;
+- the module leaves closed loop, restarts, or is commanded by another master;
+- its position reaches the end of its range, beyond which the firmware may wrap it.
 
 No frame of zeros is ever sent: ``mit.pack`` makes none, and ``Outgoing`` rejects it.
 """
