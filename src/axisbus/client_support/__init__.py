@@ -1,1 +1,1 @@
-"""What every program at a machine needs that serves others: rates, the dead-man of a jog, objects read and written in passing."""
+"""Support for programs that let clients use a machine: message rate limits, the dead-man of a jog, access to objects."""

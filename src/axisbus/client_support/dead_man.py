@@ -1,11 +1,11 @@
-"""The dead-man of a jog: it goes on only while the page says again and again, and in time, that the button is held.
+"""The dead-man of a jog: a jog continues only while the page keeps reporting, in time, that its button is held.
 
 Theory of operation
 -------------------
-A page counts what is pressed: each press has a number above the one before, and each of its messages carries it, with the time of
-the page's clock. A jog goes on from beat to beat; after 0.2 s without one it has ended, and no message of that press revives it:
-what a stalled network delivers afterwards, all at once, is of a hand that may be long gone. A message that comes later than the
-promptest ones by more than 0.2 s is of such a hand too, though the stream of them may be even.
+The page numbers its presses: each press has a higher number than the one before. Each message of a press carries this number and
+the time of the page's clock. After 0.2 s without a message the jog has ended, and no later message of the same press restarts it.
+A stalled network may deliver the remaining messages all at once, when the user has long released the button. A message whose delay
+exceeds that of the promptest messages by more than 0.2 s is ignored for the same reason, even if messages arrive at an even rate.
 """
 
 from __future__ import annotations
@@ -13,37 +13,40 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 SILENCE = 0.2  # seconds
-_DRIFT = 0.001  # seconds in each: how far the clocks of page and server may run apart
+_DRIFT = 0.001  # seconds per second: the drift assumed between the clocks of page and server
 
 
 @dataclass(frozen=True, slots=True)
 class DeadMan:
-    """What is held: ``axis`` and ``direction`` while something is; ``heard`` and ``shortest`` are times and lags in seconds."""
+    """The held jog, if any: ``axis`` and ``direction`` are set while a button is held. ``heard`` and ``shortest`` are in seconds.
+
+    ``heard`` is the time of the last accepted message; ``shortest`` is the smallest lag that was seen.
+    """
 
     axis: str = ""
     direction: float = 0.0
-    press: int = 0  # the last one that was heard of, whether it is still held or not
+    press: int = 0  # the newest press received, whether its button is still held or not
     heard: float = 0.0
     shortest: float | None = None
     at: float = 0.0
 
     @property
     def held(self) -> bool:
-        """Whether something is."""
+        """Whether a button is held."""
         return bool(self.axis)
 
     def is_held_by(self, press: int) -> bool:
-        """Whether something is, by this press: what comes of it goes on, and begins nothing."""
+        """Whether a button is held by this press; a message of such a press continues the jog and starts no new one."""
         return self.held and self.press == press
 
     def told(self, sent: float, now: float) -> DeadMan:
-        """Any message of the page, sent at its time ``sent``: the promptest ones show how far the clocks are apart."""
+        """Account for a message that the page sent at its time ``sent``: the promptest messages show the offset of the clocks."""
         lag = now - sent
         known = lag if self.shortest is None else min(lag, self.shortest + _DRIFT * max(0.0, now - self.at))
         return replace(self, shortest=known, at=now)
 
     def beaten(self, press: int, axis: str, direction: float, sent: float, now: float) -> DeadMan:
-        """A message of a press; what it leaves held is to go on, and nothing where it came too late or of what has ended."""
+        """Account for a message of a press; if nothing is held in the result, the message was too late or its press has ended."""
         after = self.told(sent, now)
         late = after.lateness(sent, now) > SILENCE
         new = press > after.press
@@ -53,13 +56,13 @@ class DeadMan:
         return replace(after, axis=axis, direction=direction, press=press, heard=now)
 
     def lateness(self, sent: float, now: float) -> float:
-        """How much longer than the promptest ones a message was under way, in seconds; it has been ``told``."""
+        """Return how much longer than the promptest messages a message took, in seconds; ``told`` must have been called for it."""
         return 0.0 if self.shortest is None else now - sent - self.shortest
 
     def silent(self, now: float) -> bool:
-        """Whether something is held of which nothing was heard for too long."""
+        """Whether a button is held and the last message is more than 0.2 s old."""
         return self.held and now - self.heard > SILENCE
 
     def ended(self) -> DeadMan:
-        """Nothing is held any more: released, or silent, or the page is gone or hidden."""
+        """Return the state with nothing held: the button is released, messages are missing, or the page is closed or hidden."""
         return replace(self, axis="", direction=0.0)

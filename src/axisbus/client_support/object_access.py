@@ -1,10 +1,10 @@
-"""Objects that somebody reads or writes in passing while a machine runs: what may be, by what the files tell.
+"""Decide by the EDS which objects a client may read or write while a machine runs.
 
 Theory of operation
 -------------------
-What is read is what ``axisbus od dump`` reads: an object that its EDS lets be read, that does not refuse a scan, and that is no
-DOMAIN, which could take minutes. What is written is what ``axisbus od write`` writes in a machine that runs, but for a DOMAIN.
-Nothing is asked of the node here; what it says of itself is for ``configuration.guarded_write``.
+A client may read the objects that ``axisbus od dump`` reads: the EDS permits reading, the ObjFlags do not refuse a scan, and the
+object is no DOMAIN, because a DOMAIN could take minutes. A client may write the objects that ``axisbus od write`` writes in a
+running machine, except DOMAINs. This module asks the node nothing; ``configuration.guarded_write`` does that.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from axisbus.machine.machine_node import MachineNode
 
 
 def node_of(machine: Machine, node_id: int) -> MachineNode:
-    """Return a node by its objects.
+    """Return the node with this node-ID, for access to its objects.
 
     Raises:
-        StateError: the cell has no such node, or it speaks CAN Simple.
+        StateError: the cell has no such node, or the node speaks CAN Simple.
     """
     access = machine.node(node_id)
     if not access.parts.has_objects:
@@ -32,10 +32,10 @@ def node_of(machine: Machine, node_id: int) -> MachineNode:
 
 
 def require_readable(node: MachineNode, entry: DictionaryEntry) -> None:
-    """Check that an object may be read in passing.
+    """Check that a client may read an object while the machine runs.
 
     Raises:
-        ArgumentError: its EDS does not have it, or it is not to be read, or not like this.
+        ArgumentError: the EDS does not have the object, the object is not readable, it is a DOMAIN, or its ObjFlags refuse a scan.
     """
     variable = _variable(node, entry)
     if variable is None:
@@ -53,10 +53,10 @@ def require_readable(node: MachineNode, entry: DictionaryEntry) -> None:
 
 
 def require_writable(node: MachineNode, entry: DictionaryEntry) -> None:
-    """Check that an object may be written in passing.
+    """Check that a client may write an object while the machine runs.
 
     Raises:
-        ArgumentError: as ``guarded_write.require_writable``, or it is a DOMAIN.
+        ArgumentError: as ``guarded_write.require_writable``, or the object is a DOMAIN.
         StateError: as ``MachineNode.require_not_cyclic``.
     """
     guarded_write.require_writable(node.eds, node.node_id, entry, None)

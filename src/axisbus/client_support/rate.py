@@ -1,16 +1,16 @@
-"""How often somebody may ask: a bucket that fills again; a stop is never counted."""
+"""Limit the message rate of a client with a token bucket; callers do not count stops."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
 
-RATE, BURST = 60.0, 120.0  # messages each second, and at once: one that jogs sends 20 each second
+RATE, BURST = 60.0, 120.0  # messages per second, and at once: a client that jogs sends 20 per second
 
 
 @dataclass(slots=True)
 class Bucket:
-    """What is left of a rate; holds state. ``burst`` messages at once, ``rate`` each second; times in seconds."""
+    """A token bucket; holds state. It permits ``burst`` messages at once and ``rate`` messages per second; times are in seconds."""
 
     rate: float = RATE
     burst: float = BURST
@@ -18,7 +18,7 @@ class Bucket:
     seen: float = 0.0
 
     def take(self, now: float) -> bool:
-        """Whether one more message is within the rate."""
+        """Return whether one more message is within the rate, and count it if so."""
         if math.isnan(self.left):
             self.left, self.seen = self.burst, now
         self.left = min(self.burst, self.left + (now - self.seen) * self.rate)

@@ -1,1 +1,1 @@
-"""The machines of a plant, over the network that it has: what crosses, and what a program or a person holds of it."""
+"""Observe and command the machines of a plant over its Zenoh network: the protocol, and the client for programs and people."""

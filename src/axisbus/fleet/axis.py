@@ -1,4 +1,4 @@
-"""One axis of a cell of a fleet as its user sees it: the library's commands over the network, and values with their age."""
+"""One axis of a cell of a fleet, for programs: the library's commands over the network, and values with their age."""
 
 from __future__ import annotations
 
@@ -20,16 +20,17 @@ if TYPE_CHECKING:
 
 NOTHING: Mapping[str, Value] = MappingProxyType({})
 _UNSHOWN = frozenset({"press", "sent"})
-_PRESS = 0.15  # seconds without a jog after which the next one is another press of a button
+_PRESS = 0.15  # seconds without a jog call after which the next call counts as a new press
 _STATES = {state.value: state for state in AxisState}
 
 
 class FleetAxis:
     """An axis of a cell that another computer runs. Commands return a ``Handle`` at once, as those of ``Axis``.
 
-    All but ``halt`` and ``quick_stop`` need the command of the cell (``FleetCell.command``) and raise ``OwnershipError`` without.
-    Values are in the axis's unit, as the cell told them last: where that is too old, or the cell is gone, they raise
-    ``StaleError``. What the cell refuses ends the handle, limits of the axis included.
+    All commands but ``halt`` and ``quick_stop`` need control of the cell (``FleetCell.command``); without it they raise
+    ``OwnershipError``. Values are the last ones that the cell reported, in the axis's unit. If a value is too old or the cell is
+    gone, reading it raises ``StaleError``. If the cell rejects a command, for example because of a limit of the axis, its handle
+    ends with the error.
     """
 
     name: str
@@ -51,32 +52,32 @@ class FleetAxis:
     def _path(self) -> str:
         return f"{self._cell.name}.{self.name}"
 
-    # -- what it is and where it is ------------------------------------------------------------------------------------
+    # -- description and values ----------------------------------------------------------------------------------------
 
     @property
     def unit(self) -> str:
-        """The unit of its positions; empty where nothing was heard of it yet."""
+        """The unit of its positions; empty if nothing has been received from the cell yet."""
         info, seen = self._cell.axis_info(self.name), self._cell.last_state(self.name)
         return info.unit if info is not None else seen.state.unit if seen is not None else ""
 
     @property
     def limits(self) -> dict[str, float]:
-        """What its master keeps, by name, as far as the cell told it: ``max_velocity`` and so on."""
+        """The limits that the master enforces, by name, as reported by the cell: ``max_velocity`` and so on."""
         info = self._cell.axis_info(self.name)
         return {} if info is None else dict(info.limits)
 
     @property
     def age(self) -> float | None:
-        """Seconds since what is known of it was made, by the cell's clock and then by this one's; None where nothing is."""
+        """Seconds since the state of the axis was made, by the cell's clock and then by the local clock; None if it is unknown."""
         seen = self._cell.last_state(self.name)
         return None if seen is None else seen.age
 
     @property
     def state(self) -> AxisState:
-        """PLCopen's state.
+        """The PLCopen state.
 
         Raises:
-            StaleError: it is not known now.
+            StaleError: the state is unknown now.
         """
         told = self._told("state")
         if told.state not in _STATES:
@@ -85,12 +86,12 @@ class FleetAxis:
 
     @property
     def error(self) -> str:
-        """What the axis's error says; empty where there is none. Raises StaleError where it is not known now."""
+        """The message of the axis's error; empty if there is none. Raises StaleError if it is unknown now."""
         return self._told("error").error or ""
 
     @property
     def homed(self) -> bool:
-        """Whether its position is a confirmed one; raises StaleError where that is not known now."""
+        """Whether the position is confirmed by homing; raises StaleError if that is unknown now."""
         homed = self._told("homed").homed
         if homed is None:
             raise self._stale("homed", "the cell does not know it")
@@ -98,22 +99,22 @@ class FleetAxis:
 
     @property
     def position(self) -> float:
-        """Actual position in its unit; raises StaleError where it is not known now."""
+        """Actual position in the axis's unit; raises StaleError if it is unknown now."""
         return self._value("position")
 
     @property
     def velocity(self) -> float:
-        """Actual velocity in unit/s; raises StaleError where it is not known now."""
+        """Actual velocity in unit/s; raises StaleError if it is unknown now."""
         return self._value("velocity")
 
     @property
     def torque(self) -> float:
-        """Actual torque in N·m, or in parts of the rated torque; raises StaleError where it is not known now."""
+        """Actual torque in N·m, or as a fraction of the rated torque; raises StaleError if it is unknown now."""
         return self._value("torque")
 
     @property
     def following_error(self) -> float:
-        """How far it is behind its demand, in its unit; raises StaleError where that is not known now."""
+        """Following error in the axis's unit; raises StaleError if it is unknown now."""
         return self._value("following_error")
 
     def _value(self, what: str) -> float:
@@ -142,15 +143,15 @@ class FleetAxis:
     # -- power and stopping --------------------------------------------------------------------------------------------
 
     def halt(self) -> Handle:
-        """Brake to Standstill, whoever has the command (MC_Halt)."""
+        """Brake to Standstill, whichever client has control (MC_Halt)."""
         return self._cell.stop_axes("halt", (self.name,))
 
     def quick_stop(self) -> Handle:
-        """Let the drive do its quick stop, whoever has the command; afterwards it is Disabled, or held in Stopping."""
+        """Make the drive do its quick stop, whichever client has control; afterwards the axis is Disabled, or held in Stopping."""
         return self._cell.stop_axes("quick_stop", (self.name,))
 
     def enable(self, *, allow_moving: bool = False) -> Handle:
-        """Switch the power stage on (MC_Power); ``allow_moving`` catches an axis that moves without power."""
+        """Switch the power stage on (MC_Power); ``allow_moving`` also accepts an axis that moves without power, and catches it."""
         return self._give("enable", allow_moving=allow_moving or None)
 
     def disable(self, *, coast: bool = False) -> Handle:
@@ -166,7 +167,7 @@ class FleetAxis:
         return self._give("stop")
 
     def release(self) -> Handle:
-        """End the lock of ``stop()``, once the axis stands."""
+        """End the lock of ``stop()``, once the axis is at standstill."""
         return self._give("release")
 
     # -- motion --------------------------------------------------------------------------------------------------------
@@ -176,11 +177,11 @@ class FleetAxis:
         return self._give("home", method=method, timeout=timeout)
 
     def set_position(self, position: float) -> Handle:
-        """Call the actual position ``position`` from now on (MC_SetPosition)."""
+        """Define the actual position as ``position`` from now on (MC_SetPosition)."""
         return self._give("set_position", {"position": position})
 
     def set_override(self, factor: float) -> Handle:
-        """Go at this factor of the velocity of its commands, 0 (it holds) to 1.5, from now on."""
+        """Scale the velocity of its commands by this factor from now on: 0 (it holds) to 1.5."""
         return self._give("set_override", {"factor": factor})
 
     def move_absolute(
@@ -194,11 +195,11 @@ class FleetAxis:
         jerk: float | None = None,
         timeout: float | None = None,
     ) -> Handle:
-        """Move to ``position`` (MC_MoveAbsolute); the values are as those of ``Axis.move_absolute``.
+        """Move to ``position`` (MC_MoveAbsolute); the parameters are those of ``Axis.move_absolute``.
 
         Raises:
-            ArgumentError: a value is no finite number.
-            OwnershipError: this program has not the command of the cell.
+            ArgumentError: a value is not a finite number.
+            OwnershipError: this program does not have control of the cell.
         """
         return self._give(
             "move_absolute",
@@ -262,7 +263,7 @@ class FleetAxis:
         jerk: float | None = None,
         timeout: float | None = None,
     ) -> Handle:
-        """Move at ``velocity`` (signed, unit/s) until something else is wanted (MC_MoveVelocity); raises as ``move_absolute``."""
+        """Move at ``velocity`` (signed, unit/s) until another command takes over (MC_MoveVelocity); raises as ``move_absolute``."""
         return self._give(
             "move_velocity",
             {"velocity": velocity},
@@ -279,9 +280,9 @@ class FleetAxis:
         return self._give("torque_control", {"torque": torque}, slope=slope, timeout=timeout)
 
     def jog(self, velocity: float, *, acceleration: float | None = None) -> Handle:
-        """Move at ``velocity`` for 200 ms; call it again with the same values, at least ten times a second, to go on.
+        """Move at ``velocity`` for 200 ms; to continue, call it again with the same values, at least ten times a second.
 
-        The handle ends when the cell has taken it. One that comes late is of a hand that is gone, and moves nothing.
+        The handle ends when the cell has accepted the call. A late jog request is ignored: the button may have been released.
         """
         now = time.monotonic()
         before, press, at = self._jog
@@ -293,7 +294,7 @@ class FleetAxis:
         )
 
     def _give(self, verb: str, needs: Mapping[str, Value] = NOTHING, **takes: Value) -> Handle:
-        """Send a command with what it needs, and of what it takes that which is given."""
+        """Send a command with its required values ``needs``, and with those optional values ``takes`` that are given."""
         given = {**needs, **{name: value for name, value in takes.items() if value is not None}}
         shown = ", ".join(f"{name}={value}" for name, value in given.items() if name not in _UNSHOWN)
         name = f"{self._path}.{verb}({shown})"
@@ -303,7 +304,7 @@ class FleetAxis:
 
 
 def _number(call: str, name: str, value: Value) -> Value:
-    """Return a value as it crosses; other kinds of numbers, such as numpy's, as Python's."""
+    """Return a value for a message; convert other kinds of numbers, such as numpy's, to Python's."""
     if isinstance(value, bool):
         return value
     if not isinstance(value, Real) or not math.isfinite(value):

@@ -1,4 +1,4 @@
-"""One cell of a fleet as its user sees it: what it is and whether it is there, its axes, its command, objects and recordings."""
+"""One cell of a fleet, for programs: its state, axes, control, objects and recordings."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ from axisbus.fleet.zenoh_client import ZenohClient
 from axisbus.ipc.errors import ErrorFields
 from axisbus.machine.handle import Handle
 
-_TIMEOUT = 5.0  # seconds for an answer: an object of a node takes its time
+_TIMEOUT = 5.0  # seconds for an answer: reading an object of a node may take long
 _Message = TypeVar("_Message")
 
 
 class Ways(NamedTuple):
-    """How a fleet reaches its cells."""
+    """The parts of a fleet through which a cell is reached."""
 
     asking: ZenohClient
     hearing: FleetSubscriptions
@@ -66,7 +66,7 @@ class FleetCell:
         """Return the axis of this name.
 
         Raises:
-            StateError: the cell has none of this name, or nothing was heard of it yet.
+            StateError: the cell has no axis of this name, or its axes are not known yet.
         """
         names = self._axis_names()
         if axis not in names:
@@ -85,31 +85,31 @@ class FleetCell:
     def _axis_names(self) -> tuple[str, ...]:
         return self._ways.hearing.look(self.name, lambda watch, _: watch.axes)
 
-    # -- what is known of it ---------------------------------------------------------------------------------------------
+    # -- known state -----------------------------------------------------------------------------------------------------
 
     @property
     def axes(self) -> dict[str, FleetAxis]:
-        """Its axes by name, in the order of its cell file."""
+        """The axes by name, in the order of the cell file."""
         return {axis.name: axis for axis in self}
 
     @property
     def alive(self) -> bool:
-        """Whether its machine runs and its bridge is reached; false within a second of the loss of either."""
+        """Whether the cell's machine runs and its bridge is reached; false within a second of the loss of either."""
         return self._ways.hearing.look(self.name, lambda watch, _: watch.alive)
 
     @property
     def bridge_online(self) -> bool:
-        """Whether its bridge is reached, be it that no machine runs there."""
+        """Whether the cell's bridge is reached, even if no machine runs there."""
         return self._ways.hearing.look(self.name, lambda watch, _: watch.bridged)
 
     @property
     def since(self) -> float:
-        """For how many seconds this program has seen it alive, or gone."""
+        """The seconds for which this program has seen the cell alive, or gone."""
         return self._ways.hearing.look(self.name, lambda watch, now: now - watch.since)
 
     @property
     def offline_reason(self) -> str:
-        """Why nothing of it is known now, for people; empty where it is alive."""
+        """Why the state of the cell is unknown now, as text for people; empty if the cell is alive."""
         if self.alive:
             return ""
         return (
@@ -120,64 +120,64 @@ class FleetCell:
 
     @property
     def info(self) -> CellInfo | None:
-        """What it is, by its bridge; None where that was not heard yet."""
+        """The description of the cell from its bridge; None if it has not been received yet."""
         return self._ways.hearing.look(self.name, lambda watch, _: watch.info)
 
     @property
     def version_mismatch(self) -> str:
-        """How its version of axisbus differs from this one, for people; empty where it does not, or is not known."""
+        """How the cell's version of axisbus differs from the local one, for people; empty if it does not differ or is unknown."""
         return self._ways.hearing.look(self.name, lambda watch, _: watch.differs)
 
     @property
     def duplicate_bridge(self) -> bool:
-        """Whether two bridges have this name now: then it takes no command but stops."""
+        """Whether two bridges use this name now; if so, this program sends the cell no command except stops."""
         return self._ways.hearing.look(self.name, lambda watch, now: watch.rivals(now))
 
     @property
     def clock_difference(self) -> float | None:
-        """By how many seconds its computer's clock is ahead of this one's, and the way of the message; for people alone."""
+        """Seconds by which the clock of the cell's computer is ahead of the local one, less the message's delay; for people."""
         return self._ways.hearing.look(self.name, lambda watch, _: watch.clock_difference)
 
     @property
     def events(self) -> list[Event]:
-        """What has happened, the oldest first: the newest that are kept here, at most 500."""
+        """The newest events that are stored here, oldest first, at most 500."""
         return self._ways.hearing.look(self.name, lambda watch, _: watch.log.events)
 
     @property
     def lost_events(self) -> int:
-        """How many events were missed for good: the cell does not keep them any more."""
+        """The number of events that are lost: this program missed them, and the cell no longer stores them."""
         return self._ways.hearing.look(self.name, lambda watch, _: watch.log.lost)
 
     @property
     def incidents(self) -> list[Event]:
-        """Those of the events that are of errors and warnings, the oldest first, with cause and remedy where they are known."""
+        """The events that report errors and warnings, oldest first, with cause and remedy if they are known."""
         return [event for event in self.events if event.kind == "incident" or event.severity != "info"]
 
     def last_state(self, axis: str) -> LastAxisState | None:
-        """Return what an axis told last, with its age and whether it holds now; None where nothing was heard of it."""
+        """Return the last state that an axis reported, with its age and whether it is still valid; None if none was received."""
         return self._ways.hearing.look(self.name, lambda watch, now: watch.seen(axis, now))
 
     def axis_info(self, axis: str) -> AxisInfo | None:
-        """Return what the cell file says of an axis; None where that was not heard yet."""
+        """Return the description of an axis in the cell file; None if it has not been received yet."""
         return self._ways.hearing.look(self.name, lambda watch, _: watch.axis_info(axis))
 
-    # -- who commands it, and stops --------------------------------------------------------------------------------------
+    # -- control, and stops -----------------------------------------------------------------------------------------------
 
     def command(self, *, force: bool = False) -> CellControl[FleetCell]:
-        """Have the command of the cell, for a ``with`` block: entering it takes the cell's lease, leaving it gives that back.
+        """Take control of the cell, for a ``with`` block: entering the block takes the cell's lease, leaving it releases the lease.
 
-        The lease is renewed in a thread. Where that stops, for this program is killed, stopped or cut off, the cell halts what this
-        program has moved, within about a second. So it does at the end of the block. ``force``: from whoever has it; what moves
-        halts first. Entering blocks for a moment (at most 7 s).
+        A thread renews the lease. If the renewal stops because this program is killed, stopped or cut off, the cell halts the axes
+        that this program has moved, within about a second. The cell does the same at the end of the block. ``force``: take control
+        from its present holder; moving axes are halted first. Entering usually blocks briefly (at most 7 s).
 
         Raises:
-            OwnershipError: another program has it (on entering).
-            StateError: the cell gives no answer, or this program has its command already (on entering).
+            OwnershipError: another program has control (on entering).
+            StateError: the cell gives no answer, or this program already has control of it (on entering).
         """
         return CellControl(self, self.name, self._ways.leases, force)
 
     def control_owner(self) -> str | None:
-        """Return who has the command, for people, None where nobody has; blocks for at most 2 s.
+        """Return the name of the client that has control, for people, None if no client has it; blocks for at most 2 s.
 
         Raises:
             StateError: the cell gives no answer.
@@ -185,24 +185,24 @@ class FleetCell:
         return self._ways.leases.holder(self.name)
 
     def halt(self) -> Handle:
-        """Brake all its axes to Standstill, whoever has the command."""
+        """Brake all axes of the cell to Standstill, whichever client has control."""
         return self.stop_axes("halt_all", ())
 
     def quick_stop(self) -> Handle:
-        """Let all its drives do their quick stop, whoever has the command."""
+        """Make all drives of the cell do their quick stop, whichever client has control."""
         return self.stop_axes("quick_stop_all", ())
 
     def stop_axes(self, verb: str, axes: Sequence[str]) -> Handle:
-        """Send what needs no lease; it is sent even where the cell seems to be gone."""
+        """Send a stop, which needs no lease; it is sent even if the cell seems to be gone."""
         name = ".".join((self.name, *axes, f"{verb.removesuffix('_all')}()"))
         return self._ways.sending.give(self.name, verb, tuple(axes), {}, name, stops=True)
 
     def _send_command(self, verb: str, axes: Sequence[str], values: Mapping[str, Value], name: str) -> Handle:
-        """Send what needs a lease.
+        """Send a command that needs a lease.
 
         Raises:
-            OwnershipError: this program has not the command of the cell.
-            StateError: another version speaks there, or two bridges have this name.
+            OwnershipError: this program does not have control of the cell.
+            StateError: the cell speaks another version of the protocol, or two bridges use its name.
         """
         self._require_one_tongue(name)
         self._ways.leases.require(self.name, name)
@@ -228,14 +228,14 @@ class FleetCell:
 
         Raises:
             StateError: the cell gives no answer.
-            AxisbusError: as the node's refusal is told there, such as ``SdoAbort``.
+            AxisbusError: the error that the cell reports, such as ``SdoAbort`` if the node refuses.
         """
         return self._object(node, index, subindex, b"")
 
     def write_object(self, node: int, index: int, subindex: int, value: Value) -> None:
-        """Write an object of a node; needs the command of the cell; blocks for at most 5 s. Raises as ``read_object``.
+        """Write an object of a node; needs control of the cell; blocks for at most 5 s. Raises as ``read_object``.
 
-        Where there is no answer it is not known whether it was written: read it.
+        If there is no answer, it is unknown whether the object was written: read it.
         """
         name = f"{self.name}: node {node}, {index:04X}h:{subindex:02X}"
         self._ways.leases.require(self.name, name)
@@ -250,7 +250,7 @@ class FleetCell:
         return bytes.fromhex(answer.hex) if answer.hex and answer.value is None else answer.value
 
     def recordings(self) -> list[RecordingInfo]:
-        """Return the recordings that the cell keeps; blocks for at most 5 s. Raises as ``read_object``."""
+        """Return the recordings that the cell stores; blocks for at most 5 s. Raises as ``read_object``."""
         return list(self._history(HistoryAsk()).recordings)
 
     def history(
@@ -262,9 +262,9 @@ class FleetCell:
         end: float | None = None,
         most: int = 10_000,
     ) -> HistoryAnswer:
-        """Return samples of a recording: ``times`` (s from its first) and ``values`` by signal, such as ``x.position``.
+        """Return samples of a recording: ``times`` (s from the first sample) and ``values`` by signal, such as ``x.position``.
 
-        At most ``most`` samples, evenly left out; blocks for at most 5 s. Raises as ``read_object``.
+        At most ``most`` samples are returned, evenly thinned out. Blocks for at most 5 s. Raises as ``read_object``.
         """
         return self._history(HistoryAsk(recording, tuple(signals), begin, end, most))
 

@@ -1,9 +1,10 @@
-"""How a command to a cell goes on: asked again under the same id until its end is known, or nobody can tell it any more.
+"""Decide how a command to a cell continues: send it again with the same id until its end is known or cannot be known any more.
 
 Theory of operation
 -------------------
-A query may be lost, and so may its answer. The cell keeps the answers of ids that it has seen, so asking again moves nothing twice.
-What stays open is told as that: a handle never ends well for want of news.
+A query may be lost, and so may its answer. The cell caches the answers of the ids that it has seen, so sending a command again
+never moves an axis twice. If the end of a command stays unknown, the handle reports that: it never ends as done for lack of an
+answer.
 """
 
 from __future__ import annotations
@@ -17,14 +18,14 @@ from axisbus.fleet.messages import CommandAnswer
 from axisbus.ipc.errors import ErrorFields, from_fields
 from axisbus.motion.command_status import Status, end_as
 
-SILENCE = 10.0  # seconds that a cell which is there may say nothing to a command
-_AGAIN = 0.1  # seconds until it is asked again that gave no answer
-_GOES_ON = 0.02  # and that said "running"
+SILENCE = 10.0  # seconds without an answer to a command after which a cell that is alive counts as failed
+_AGAIN = 0.1  # seconds until a command without an answer is sent again
+_GOES_ON = 0.02  # seconds until a command that was answered "running" is sent again
 _LOOK = "whether it moved is not known: look at the state and the position of the axis"
 
 
 class Situation(NamedTuple):
-    """What is known of the cell when a query has ended: ``now`` in seconds, local and monotonic."""
+    """State of the cell when a query has ended: ``now`` in seconds, local and monotonic."""
 
     now: float
     alive: bool
@@ -33,13 +34,13 @@ class Situation(NamedTuple):
 
 
 class Again(NamedTuple):
-    """Ask once more, after so many seconds."""
+    """Send the command again after this number of seconds."""
 
     after: float
 
 
 class CommandEnd(NamedTuple):
-    """The command has ended, as far as can be known."""
+    """The end of the command, as far as it is known."""
 
     status: Status
     error: AxisbusError | None = None
@@ -48,7 +49,7 @@ class CommandEnd(NamedTuple):
 
 @dataclass
 class CommandRetry:
-    """One command under way. ``once``: it must not come late, so it is never asked again."""
+    """One running command. ``once``: it must not arrive late, so it is never sent again."""
 
     name: str
     begun: float
@@ -61,7 +62,7 @@ class CommandRetry:
         self._heard = self.begun
 
     def answered(self, answer: CommandAnswer, now: float) -> Again | CommandEnd:
-        """Return what follows an answer."""
+        """Return the next step after an answer."""
         if answer.status == "done":
             return CommandEnd(Status.DONE, None, answer.note)
         if answer.status == "error":
@@ -70,21 +71,21 @@ class CommandRetry:
         if self.once:
             return CommandEnd(
                 Status.DONE, None, answer.note
-            )  # it was taken: to ask again would be to press again
+            )  # it was accepted; sending it again would be another press
         self.active, self._heard = True, now
         return Again(_GOES_ON)
 
     def unanswered(self, seen: Situation) -> Again | CommandEnd:
-        """Return what follows a query that nobody has answered."""
+        """Return the next step after a query without an answer."""
         why = self._given_up(seen)
         return Again(_AGAIN) if why is None else CommandEnd(Status.ERROR, self._unknown(why))
 
     def closed(self) -> CommandEnd:
-        """Return how it ends here where its program asks nothing any more."""
+        """Return the end of the command when this program closes its fleet."""
         return CommandEnd(Status.ERROR, self._unknown("this program has closed its fleet while it ran"))
 
     def _given_up(self, seen: Situation) -> str | None:
-        """Return why it is not asked again, None where it is."""
+        """Return why the command is not sent again; None if it is sent again."""
         if not seen.alive:
             return "the cell is gone"
         if self.run and seen.run != self.run:
@@ -102,7 +103,7 @@ class CommandRetry:
 
 
 def error_of(fields: ErrorFields | None, what: str) -> AxisbusError:
-    """Return an error as it was there; one that this version does not know, or that is incomplete, as its base."""
+    """Return the error that the cell reported; an unknown or incomplete error becomes an ``AxisbusError``."""
     given: dict[str, Any] = {} if fields is None else fields.fields
     if fields is None or fields.kind not in errors.__all__ or not isinstance(given.get("message"), str):
         kind = "an error that it does not name" if fields is None else fields.kind

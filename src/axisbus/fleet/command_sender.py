@@ -1,4 +1,4 @@
-"""Commands on their way to cells, each with its handle, until their end is known or nobody can tell it."""
+"""Send commands to cells, each with its handle, until the end of the command is known or cannot be known any more."""
 
 from __future__ import annotations
 
@@ -25,38 +25,36 @@ from axisbus.machine.handle import Handle
 from axisbus.motion.command_status import Status
 from axisbus.session import CommandEvent
 
-_TIMEOUT = 3.0  # seconds for an answer, which is that it runs where it takes longer
-_TIMEOUT_ONCE = 0.5  # the same for what must not come late
-_PROMPT = (
-    1.0  # seconds in which a command that was overtaken is sent anew; later nobody may expect it any more
-)
-_STOPS = 64  # of which it is kept what they were of
+_TIMEOUT = 3.0  # seconds for an answer; a command that takes longer is answered "running"
+_TIMEOUT_ONCE = 0.5  # the same for a command that must not arrive late
+_PROMPT = 1.0  # seconds in which an overtaken command is sent again; later, its motion would be unexpected
+_STOPS = 64  # the number of stops whose axes are remembered
 
 
 class CommandSender:
-    """Gives commands to cells; holds those that are under way. Any thread may use it."""
+    """Send commands to cells and hold the running ones. Any thread may use it."""
 
     def __init__(self, hearing: FleetSubscriptions, asking: ZenohClient, worker: EventLoopThread) -> None:
         self.client = uuid.uuid4().hex
         self.waiter = ThreadWaiter()
-        self.waiter.scan_thread = worker.thread  # a callback that waited there would wait for itself
+        self.waiter.scan_thread = worker.thread  # a callback that waited in this thread would wait for itself
         self._hearing, self._asking, self._worker = hearing, asking, worker
         self._ids = itertools.count(1)
-        self._lock = threading.Lock()  # ids leave in their order
+        self._lock = threading.Lock()  # ids are sent in ascending order
         self._under_way: set[_Sent] = set()
         self._tokens: dict[str, str] = {}
-        self._stops: dict[str, deque[tuple[int, tuple[str, ...]]]] = {}  # the last of each cell: ids and axes
+        self._stops: dict[str, deque[tuple[int, tuple[str, ...]]]] = {}  # newest stops: ids and axes
         hearing.on_gone = self._gone
 
     def lease(self, cell: str, token: str | None) -> None:
-        """Commands to a cell carry this token from now on; None: there is none any more."""
+        """Set the token for the commands to a cell; None: the cell has no token any more."""
         with self._lock:
             self._tokens.pop(cell, None)
             if token is not None:
                 self._tokens[cell] = token
 
     def token(self, cell: str) -> str:
-        """Return the token of a cell's lease, empty where there is none."""
+        """Return the token of a cell's lease, empty if there is none."""
         return self._tokens.get(cell, "")
 
     def leased(self, cell: str) -> bool:
@@ -74,7 +72,7 @@ class CommandSender:
         once: bool = False,
         stops: bool = False,
     ) -> Handle:
-        """Send a command, and return its handle; does not block. ``once``: it must not come late; ``stops``: no lease needed."""
+        """Send a command and return its handle; does not block. ``once``: it must not arrive late; ``stops``: it needs no lease."""
         handle = Handle(name, self.waiter)
         seen = self._hearing.situation(cell, True)
         if not stops and not seen.alive:
@@ -91,7 +89,7 @@ class CommandSender:
         return handle
 
     def end(self) -> None:
-        """Nothing is asked any more: whatever is under way ends as not known."""
+        """Send no more queries: every running command ends with the result unknown."""
         for sent in list(self._under_way):
             self._go_on(sent, sent.order.closed())
 
@@ -107,8 +105,8 @@ class CommandSender:
             )
 
     def _heard(self, sent: _Sent, payload: bytes | None) -> None:
-        """A query has ended, with an answer or without."""
-        answer = read(payload, CommandAnswer)  # what is none counts as not come: it is asked again
+        """Handle the end of a query, with or without an answer."""
+        answer = read(payload, CommandAnswer)  # an invalid answer counts as missing
         if answer is None:
             self._go_on(
                 sent, sent.order.unanswered(self._hearing.situation(sent.cell, self.leased(sent.cell)))
@@ -122,7 +120,7 @@ class CommandSender:
             sent.handle._on_event(CommandEvent(0, Status.ACTIVE, None, ""))
 
     def _overtaken(self, sent: _Sent, answer: CommandAnswer) -> bool:
-        """Whether a stop of other axes, which this program has sent later, has overtaken a command, which was not done for that."""
+        """Return whether a command was rejected only because a later stop of other axes, sent by this program, overtook it."""
         error = answer.error
         if error is None or TOO_LATE not in str(error.fields.get("message")) or sent.order.once:
             return False
@@ -148,7 +146,7 @@ class CommandSender:
         self.waiter.notify()
 
     def _gone(self, cell: str) -> None:
-        """A cell is gone: nobody waits for the time-out of what was asked of it."""
+        """Handle the loss of a cell: end its commands without waiting for their time-outs."""
         seen = self._hearing.situation(cell, self.leased(cell))
         for sent in list(self._under_way):
             if sent.cell == cell and not seen.alive:
@@ -156,7 +154,7 @@ class CommandSender:
 
 
 class _Sent:
-    """One command under way: what is asked, by which key, and who waits for its end."""
+    """One running command: its request, its key, and its handle."""
 
     def __init__(self, cell: str, key: str, ask: CommandAsk, order: CommandRetry, handle: Handle) -> None:
         self.cell, self.key, self.ask, self.order, self.handle = cell, key, ask, order, handle

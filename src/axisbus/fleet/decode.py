@@ -1,4 +1,4 @@
-"""Octets of the network as messages; what is none is None, whatever it is."""
+"""Decode payloads of the network; an invalid payload gives None."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _Message = TypeVar("_Message")
 
 
 def read(payload: bytes | None, kind: type[_Message]) -> _Message | None:
-    """Return the message that a payload is; None where there is none, or it is another."""
+    """Return a payload decoded as ``kind``; None if there is no payload or it is not a valid message of this kind."""
     if payload is None:
         return None
     try:

@@ -1,4 +1,4 @@
-"""To which of the endpoints that a fleet is to connect to there is a connection."""
+"""Determine to which of its endpoints a fleet has a connection."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Iterable, Sequence
 
 
 def unreached(endpoints: Sequence[str], links: Iterable[str]) -> list[str]:
-    """Return the endpoints to which no link leads; ``links``: the far ends of those that there are, as Zenoh writes them.
+    """Return the endpoints without a link; ``links``: the far ends of the present links, as Zenoh writes them.
 
-    A host by its name is reached where a link leads to its port, for nobody else among the endpoints has that link.
+    An endpoint given by host name counts as reached if there is a link to its port that belongs to no other endpoint.
     """
     there = {_place(link) for link in links}
     left = there - {_place(endpoint) for endpoint in endpoints}
@@ -25,7 +25,7 @@ def unreached(endpoints: Sequence[str], links: Iterable[str]) -> list[str]:
 
 
 def _place(endpoint: str) -> str:
-    """Return an endpoint without what is said of it behind its address."""
+    """Return an endpoint without the metadata and configuration after its address."""
     return endpoint.partition("?")[0].partition("#")[0]
 
 

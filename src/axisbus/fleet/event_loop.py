@@ -1,4 +1,4 @@
-"""One thread of a fleet in which everything that is under way is decided: what is due now, and what is due later."""
+"""The event loop of a fleet: one thread that runs all its calls, those due now and those due later."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ log = logging.getLogger("axisbus")
 
 
 class EventLoopThread:
-    """Calls what it is given, one after the other, in a thread of its own; any thread may give."""
+    """Run calls one after the other in a thread; any thread may add calls."""
 
     def __init__(self, name: str) -> None:
         self._due: list[tuple[float, int, Callable[[], None]]] = []
@@ -29,18 +29,18 @@ class EventLoopThread:
         return self._thread.ident
 
     def soon(self, do: Callable[[], None]) -> None:
-        """Call it as soon as what waits already has been done; after the end nothing is called any more."""
+        """Call ``do`` after the calls that are already due; after the end nothing is called any more."""
         self.later(0.0, do)
 
     def later(self, seconds: float, do: Callable[[], None]) -> None:
-        """Call it after so many seconds."""
+        """Call ``do`` after this number of seconds."""
         with self._condition:
             if not self._ended:
                 heapq.heappush(self._due, (time.monotonic() + seconds, next(self._numbers), do))
                 self._condition.notify()
 
     def end(self) -> None:
-        """End the thread after what it does just now; blocks for at most a second. What waits is dropped."""
+        """End the thread after its present call; blocks for at most 1 s. Pending calls are dropped."""
         with self._condition:
             self._ended = True
             self._condition.notify()

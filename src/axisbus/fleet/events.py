@@ -1,10 +1,10 @@
-"""The events of a cell in their order: what came twice or late is put in its place, and what is missing is asked for.
+"""Keep the events of a cell in order: sort late events, drop repeated ones, and determine which events are missing.
 
 Theory of operation
 -------------------
-Each run of a bridge counts its events from 1 without gaps. Whoever joins later takes the newest few of those before (``join``).
-Whoever was cut off finds the numbers that it has not got (``missing``) and asks for them; what the bridge does not keep any more
-is lost, which is counted and told, not passed over.
+Each run of a bridge counts its events from 1 without gaps. A fleet that joins later also requests the newest few of the earlier
+events. A fleet that was cut off finds the missing numbers (``missing``) and requests them. Events that the bridge no longer stores
+are lost; they are counted and reported.
 """
 
 from __future__ import annotations
@@ -14,32 +14,32 @@ from collections import deque
 from axisbus.fleet.messages import Event, EventsAnswer, EventsAsk
 
 KEPT = 500  # events of a cell
-_JOINED = 50  # of those before this program came
+_JOINED = 50  # the number of earlier events that are requested
 
-NEWEST = EventsAsk(first=1 << 53)  # asks which there are, and for none of them
+NEWEST = EventsAsk(first=1 << 53)  # asks for the range of stored numbers, and for no events
 
 
 class EventLog:
-    """Holds the newest events of one cell, of the present run of its bridge and of those before."""
+    """Hold the newest events of one cell, of the present run of its bridge and of earlier runs."""
 
     def __init__(self) -> None:
         self.lost = 0
         self._before: deque[Event] = deque(maxlen=KEPT)
         self._run = ""
         self._joined = False
-        self._sure = False  # whether nothing can have come that is not known of
+        self._sure = False  # whether the newest number is known
         self._events: dict[int, Event] = {}
-        self._upto = 0  # all up to this one are here, or lost, or of before
+        self._upto = 0  # every event up to this number is stored, lost, or older than the join
         self._newest = 0
 
     @property
     def events(self) -> list[Event]:
-        """The events that are here, the oldest first."""
+        """The stored events, oldest first."""
         return [*self._before, *(self._events[number] for number in sorted(self._events))][-KEPT:]
 
     @property
     def missing(self) -> EventsAsk | None:
-        """What is to be asked for; None where nothing is missing."""
+        """The request for the missing events; None if no event is missing."""
         if not self._sure:
             return NEWEST if self._run else None
         if self._upto >= self._newest:
@@ -48,18 +48,18 @@ class EventLog:
         return EventsAsk(self._upto + 1, above - 1)
 
     def begin(self, run: str) -> None:
-        """A bridge has begun anew, and counts from 1."""
+        """Note that a new run of the bridge has begun, which counts from 1."""
         if run != self._run:
             self._before.extend(self._events[number] for number in sorted(self._events))
             self._run, self._events, self._upto, self._newest = run, {}, 0, 0
             self._joined = self._sure = False
 
     def doubt(self) -> None:
-        """The way to the cell was cut: it is asked which events there are."""
+        """Note that the connection to the cell was interrupted: the range of stored events has to be requested again."""
         self._sure = False
 
     def take(self, event: Event) -> bool:
-        """Take an event of the present run in; return whether it is new."""
+        """Store an event of the present run; return whether it is new."""
         if event.n <= self._upto or event.n in self._events:
             return False
         self._events[event.n] = event
@@ -68,7 +68,7 @@ class EventLog:
         return True
 
     def answered(self, ask: EventsAsk, answer: EventsAnswer) -> None:
-        """Take in what came of having asked; what was asked for and is not there is lost."""
+        """Process the answer to a request; a requested event that is not in it is lost."""
         if answer.bridge != self._run:
             return
         self._sure = True
@@ -86,7 +86,7 @@ class EventLog:
         return min(self._events, default=1 << 53)
 
     def _give_up(self, ask: EventsAsk, answer: EventsAnswer) -> None:
-        """Count as lost what is older than all that are kept, or was asked for and is not in the answer."""
+        """Count events as lost that are older than all stored ones, or that were requested and are not in the answer."""
         last = self._newest if ask.last is None else ask.last
         given = max((event.n for event in answer.events), default=last)
         upto = min(last, given)

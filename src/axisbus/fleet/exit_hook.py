@@ -1,7 +1,8 @@
-"""The end of a program that has not closed its fleets: they are closed as its main thread ends.
+"""Close the fleets that a program has not closed, when its main thread ends.
 
-Zenoh's threads would keep the interpreter alive otherwise, and this program's thread would renew its leases in it: whatever it had
-set going would go on, though the program seems to be over. What is registered with ``atexit`` comes after these threads.
+Otherwise Zenoh's threads would keep the interpreter alive, and the fleet's thread would keep renewing its leases: motion that the
+program has started would continue although the program seems to be over. Functions registered with ``atexit`` run only after these
+threads have ended.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ log = logging.getLogger("axisbus")
 
 
 class ExitHook:
-    """Holds what is to be called once, as the main thread ends."""
+    """Hold the functions to call once, when the main thread ends."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -22,13 +23,13 @@ class ExitHook:
         self._thread: threading.Thread | None = None
 
     def add(self, call: Callable[[], None]) -> Callable[[], None]:
-        """Let ``call`` be called at the end, in a thread of its own; return what forgets it again, harmless when repeated."""
+        """Register ``call``, run in its own thread at the end; return a function that unregisters it, harmless when repeated."""
         with self._lock:
             self._calls[id(call)] = call
             if (
                 self._thread is None or not self._thread.is_alive()
-            ):  # in a forked child it is not there any more
-                # no daemon: the interpreter waits for it, for a session that is closed while that ends aborts the process
+            ):  # the thread does not exist in a forked child
+                # no daemon, so that the interpreter waits for it: closing a session while the interpreter ends aborts the process
                 self._thread = threading.Thread(target=self._run, name="axisbus fleet end", daemon=False)
                 self._thread.start()
         return lambda: self._forget(id(call))
@@ -42,7 +43,7 @@ class ExitHook:
         for call in list(self._calls.values()):
             try:
                 call()
-            except Exception:  # the next one is to be closed all the same
+            except Exception:  # the next fleet has to be closed in any case
                 log.exception("a fleet could not be closed")
 
 

@@ -1,4 +1,4 @@
-"""The cells of a plant as a program sees them: found on the network, watched, commanded and stopped."""
+"""The cells of a plant, for programs: find them on the network, observe, command and stop them."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from axisbus.fleet.subscriptions import FleetSubscriptions
 from axisbus.fleet.zenoh_client import ZenohClient
 from axisbus.machine.handle import Handle
 
-_LOOK = 1.0  # seconds for which opening waits for the cells that are there
-_COMING = 1.5  # and for those that come by themselves: they try once a second
+_LOOK = 1.0  # seconds for which opening waits for the cells that are present
+_COMING = 1.5  # the same if cells connect to this program: they try once a second
 _STEP = 0.02
 
 
 class Fleet:
     """The cells of a plant, over its Zenoh network; for a ``with`` block. ``fleet["press"]["x"]`` is an axis.
 
-    Iterating yields cells, gone ones included.
+    Iterating yields the cells, including those that have disappeared.
 
-    Opening looks on and commands nothing; it blocks for about a second at most (1.5 s where it listens or searches), until the
-    cells that are there have told what they are. Cells that come later are seen as they come. Any thread may use it.
+    Opening only observes and commands nothing. It blocks until the cells that are present have reported their description, at most
+    about 1 s (1.5 s if it listens or searches). Cells that appear later are found as they appear. Any thread may use it.
     """
 
     plant: str
@@ -51,12 +51,12 @@ class Fleet:
         who: str = "",
         look: float | None = None,
     ) -> None:
-        """``connect``, ``listen``: endpoints such as ``tcp/10.0.0.5:7447``. ``config``: a file of Zenoh's. ``who``: for people.
+        """``connect``, ``listen``: endpoints such as ``tcp/10.0.0.5:7447``. ``config``: a file for Zenoh. ``who``: for people.
 
-        ``scouting``: cells are searched for by multicast as well. ``look``: seconds for which opening waits at most; 0: not at all.
+        ``scouting``: also search for cells by multicast. ``look``: the most seconds for which opening waits; 0: do not wait.
 
         Raises:
-            ArgumentError: ``plant`` cannot stand in a key, an endpoint is none, or nobody could be reached.
+            ArgumentError: ``plant`` cannot be part of a key, an endpoint is invalid, or no endpoint could be reached.
             StateError: zenoh is not installed, or the network cannot be joined.
         """
         self.plant = named("the plant", plant)
@@ -71,7 +71,7 @@ class Fleet:
         self._cells: dict[str, FleetCell] = {}
         self._forget = ENDING.add(self.close)
         self._hearing.begin()
-        comes = bool(listen or scouting)  # nobody knows how many
+        comes = bool(listen or scouting)  # the number of cells is unknown
         self._first_look((_COMING if comes else _LOOK) if look is None else look, comes)
 
     def __enter__(self) -> Fleet:
@@ -95,10 +95,10 @@ class Fleet:
         return isinstance(cell, str) and self._hearing.has(cell)
 
     def __getitem__(self, cell: str) -> FleetCell:
-        """Return the cell of this name, be it gone since.
+        """Return the cell of this name, even if it has disappeared since.
 
         Raises:
-            StateError: none of this name was heard of.
+            StateError: no cell of this name has been heard.
         """
         if not self._hearing.has(cell):
             names = self._hearing.names
@@ -111,24 +111,24 @@ class Fleet:
 
     @property
     def cells(self) -> dict[str, FleetCell]:
-        """The cells that were heard of, by name, gone ones included."""
+        """The cells that have been heard, by name, including those that have disappeared."""
         return {cell.name: cell for cell in self}
 
     @property
     def unreachable_endpoints(self) -> list[str]:
-        """The endpoints of ``connect``, or else of ``config``, to which there is no connection now: nobody knows what is there."""
+        """The endpoints of ``connect``, or else of ``config``, without a connection now: the cells behind them are unknown."""
         return unreached(self._connect, self._asking.links)
 
     @property
     def invalid_messages(self) -> int:
-        """How many messages under the plant's keys were none of its."""
+        """The number of invalid messages received under the plant's keys."""
         return self._hearing.junk
 
     def wait_for(self, *cells: str, timeout: float = 10.0) -> list[FleetCell]:
-        """Block until these cells are alive and have told what they are and do, at most ``timeout`` seconds; return them.
+        """Block until these cells are alive and have reported their state, at most ``timeout`` seconds; return them.
 
         Raises:
-            TimeoutError: some have not come.
+            TimeoutError: a cell is not there in time.
         """
         end = time.monotonic() + timeout
         while missing := [name for name in cells if not self._is_here(name)]:
@@ -138,25 +138,26 @@ class Fleet:
         return [self._cell(name) for name in cells]
 
     def halt(self) -> list[Handle]:
-        """Brake all axes of all cells to Standstill, whoever has their command; returns a handle per cell."""
+        """Brake all axes of all cells to Standstill, whichever client has control; return one handle per cell."""
         return [cell.halt() for cell in self]
 
     def quick_stop(self) -> list[Handle]:
-        """Let all drives of all cells do their quick stop, whoever has their command; returns a handle per cell."""
+        """Make all drives of all cells do their quick stop, whichever client has control; return one handle per cell."""
         return [cell.quick_stop() for cell in self]
 
     def any_cell(self, name: str) -> FleetCell:
-        """Return the cell of this name even where it was not heard of: a stop is sent all the same.
+        """Return the cell of this name even if it has not been heard, because a stop is sent in any case.
 
         Raises:
-            ArgumentError: it can be no cell's name.
+            ArgumentError: the name is not valid for a cell.
         """
         return self._cell(named("the cell", name))
 
     def close(self) -> None:
-        """Give back every command, and end the session; blocks for at most some seconds. Harmless when repeated.
+        """Release control of all cells and end the session; blocks for some seconds at most. Harmless when repeated.
 
-        A program that ends without it has it done as its main thread ends. The handles of what runs still end, as not known.
+        If a program ends without calling it, it is called when the main thread ends. The handles of running commands end with the
+        result unknown.
         """
         self._forget()
         self._leases.end()
@@ -173,7 +174,7 @@ class Fleet:
         return self._hearing.settled([name]) and self._cell(name).alive
 
     def _first_look(self, seconds: float, comes: bool) -> None:
-        """Wait until the cells that are there have told what they are; ``comes``: more may come by themselves."""
+        """Wait until the present cells have reported their description; ``comes``: more cells may connect to this program."""
         end = time.monotonic() + seconds
         every = ZenohCellKeys.of_all(self.plant).alive
         while (left := end - time.monotonic()) > 0:
@@ -184,7 +185,7 @@ class Fleet:
 
 
 def _who() -> str:
-    """Return who this is, for people at the cell."""
+    """Return the name of this program, for people at the cell."""
     try:
         user = getpass.getuser()
     except (OSError, KeyError):

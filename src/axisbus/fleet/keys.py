@@ -1,4 +1,4 @@
-"""Where a cell's state, events, lease, commands, objects and history are, as key expressions of Zenoh."""
+"""Key expressions of Zenoh for a cell's state, events, lease, commands, objects and history."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ _ANY = "*"
 
 
 def is_name(name: str) -> bool:
-    """Whether a name may stand in a key."""
+    """Whether a name may be part of a key."""
     return _NAME.fullmatch(name) is not None
 
 
 def named(what: str, name: str) -> str:
-    """Return a name that may stand in a key; ``what`` says for people what it is the name of.
+    """Return a name that may be part of a key; ``what`` says for people what the name belongs to.
 
     Raises:
-        ArgumentError: it is empty, too long, or has other letters than a key may have.
+        ArgumentError: the name is empty, too long, or has characters that a key may not have.
     """
     if not is_name(name):
         raise ArgumentError(
@@ -40,48 +40,48 @@ class ZenohCellKeys:
 
     @classmethod
     def of_all(cls, plant: str) -> ZenohCellKeys:
-        """The keys of every cell of a plant, to ask or hear them all."""
+        """Return the keys of all cells of a plant, to query or subscribe to them."""
         return cls(plant, _ANY)
 
     @property
     def base(self) -> str:
-        """What all keys of the cell begin with."""
+        """The beginning of all keys of the cell."""
         return f"{ROOT}/{self.plant}/{self.cell}"
 
     @property
     def alive(self) -> str:
-        """The liveliness token: there while a machine runs and its bridge does."""
+        """The liveliness token of the cell: present while a machine and its bridge run."""
         return f"{self.base}/@alive"
 
     def presence(self, bridge: str) -> str:
-        """A liveliness token: there while this run of a bridge is, whether a machine runs or not; ``*`` is every bridge."""
+        """A liveliness token: present while this run of a bridge lasts, whether a machine runs or not; ``*`` is every bridge."""
         return f"{self.base}/@bridge/{bridge}"
 
     @property
     def info(self) -> str:
-        """A query: what the cell is (``messages.CellInfo``)."""
+        """A query for the description of the cell (``messages.CellInfo``)."""
         return f"{self.base}/info"
 
     def state(self, axis: str) -> str:
-        """What an axis does (``messages.AxisStateMessage``), published; an answer to a query is the newest. ``*`` is every axis."""
+        """The published state of an axis (``messages.AxisStateMessage``); a query returns the newest one. ``*`` is every axis."""
         return f"{self.base}/{axis}/state"
 
     @property
     def events(self) -> str:
-        """What has happened (``messages.Event``), published; a query (``messages.EventsAsk``) gives what is kept, in one answer."""
+        """The published events (``messages.Event``); a query (``messages.EventsAsk``) returns stored events in one answer."""
         return f"{self.base}/events"
 
     @property
     def lease(self) -> str:
-        """A query: who may command (``messages.LeaseAsk``, ``LeaseAnswer``)."""
+        """A query about control of the cell (``messages.LeaseAsk``, ``LeaseAnswer``)."""
         return f"{self.base}/lease"
 
     def command(self, verb: str) -> str:
-        """A query: a command (``messages.CommandAsk``, ``CommandAnswer``). ``*`` is every verb."""
+        """A query that is a command (``messages.CommandAsk``, ``CommandAnswer``). ``*`` is every verb."""
         return f"{self.base}/cmd/{verb}"
 
     def object(self, node: int | str, index: int, subindex: int) -> str:
-        """A query: an object of a node, read, or written with a lease (``messages.ObjectWrite``, ``ObjectAnswer``)."""
+        """A query for an object of a node, to read it, or to write it with a lease (``messages.ObjectWrite``, ``ObjectAnswer``)."""
         return f"{self.base}/od/{node}/{index:04X}/{subindex:02X}"
 
     @property
@@ -91,5 +91,5 @@ class ZenohCellKeys:
 
     @property
     def history(self) -> str:
-        """A query: what recordings hold (``messages.HistoryAsk``, ``HistoryAnswer``)."""
+        """A query for the contents of recordings (``messages.HistoryAsk``, ``HistoryAnswer``)."""
         return f"{self.base}/history"

@@ -1,4 +1,4 @@
-"""The command of a cell, for a ``with`` block: its lease is taken, renewed in the fleet's thread, and released."""
+"""Control of a cell, for a ``with`` block: take its lease, renew it in the fleet's thread, and release it."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ if TYPE_CHECKING:
     from axisbus.fleet.subscriptions import FleetSubscriptions
 
 _TIMEOUT = 2.0  # seconds for an answer
-_HANDS = 5.0  # seconds in which a lease has changed hands: what moves halts first
-_OURS = 1.5  # seconds after the end of a lease here in which its end has come at the cell as well: its time, and the way
+_HANDS = 5.0  # seconds within which a lease changes its holder: moving axes halt first
+_OURS = 1.5  # seconds after the local end of a lease within which it has ended at the cell as well, with the transmission
 _AGAIN = 0.1
-_RELEASED = 1.0  # seconds for that to a release: without one the lease runs out by itself
-_TICK = 0.02  # seconds, at least, until it is looked whether a renewal is due
+_RELEASED = 1.0  # seconds for the answer to a release; without an answer the lease expires
+_TICK = 0.02  # seconds, the shortest time between two checks for a due renewal
 _Cell = TypeVar("_Cell")
 
 
 class Leases:
-    """Asks cells about their leases, and renews those that this program holds."""
+    """Query the leases of cells, and renew those that this program holds."""
 
     def __init__(
         self,
@@ -43,17 +43,17 @@ class Leases:
         worker: EventLoopThread,
         sending: CommandSender,
     ) -> None:
-        """``who``: what this program is called, for people."""
+        """``who``: the name of this program, for people."""
         self._who, self._hearing, self._sending = who, hearing, sending
         self._asking, self._worker = asking, worker
         self._kept: dict[str, LeaseKeeper] = {}
 
     def holder(self, cell: str) -> str | None:
-        """Return who has the command of a cell, for people, None where nobody has; blocks for at most 2 s."""
+        """Return the name of the client that has control of a cell, None if no client has it; blocks for at most 2 s."""
         return self._ask(cell, self._lease_ask("look"), _TIMEOUT).holder
 
     def take(self, cell: str, over: bool) -> LeaseKeeper:
-        """Take a lease, and renew it from now on; blocks for at most 7 s, mostly for a moment."""
+        """Take a lease, and renew it from now on; usually blocks briefly, for at most 7 s."""
         held = self._kept.get(cell)
         if held is not None and not held.lost(time.monotonic()):
             raise StateError(
@@ -67,9 +67,9 @@ class Leases:
         return keeper
 
     def _taken(self, cell: str, over: bool, ours: float) -> LeaseKeeper:
-        """Ask for a lease until it is granted, or refused for good: where it changes hands, nobody has it for a moment.
+        """Request a lease until it is granted or finally refused: while it changes its holder, no client has it for a moment.
 
-        ``ours``: until when the cell may still have this program down as its holder, which has lost it here before.
+        ``ours``: the time until which the cell may still list this program as the holder, although it has lost the lease here.
         """
         end = time.monotonic() + _HANDS
         while True:
@@ -85,7 +85,7 @@ class Leases:
             time.sleep(_AGAIN)
 
     def release(self, cell: str, keeper: LeaseKeeper) -> None:
-        """Give a lease back; blocks for at most 1 s. Harmless where it is lost."""
+        """Release a lease; blocks for at most 1 s. Harmless if it is lost."""
         if self._kept.get(cell) is keeper:
             del self._kept[cell]
             self._sending.lease(cell, None)
@@ -95,15 +95,15 @@ class Leases:
                 self._asking.ask(self._key(cell), self._lease_ask("release", keeper.token), _RELEASED)
 
     def end(self) -> None:
-        """Give all leases back; blocks for at most 1 s for each."""
+        """Release all leases; blocks for at most 1 s for each."""
         for cell, keeper in list(self._kept.items()):
             self.release(cell, keeper)
 
     def require(self, cell: str, name: str) -> None:
-        """Check that this program has the command of a cell.
+        """Check that this program has control of a cell.
 
         Raises:
-            OwnershipError: it has not taken it, or has lost it.
+            OwnershipError: the program has not taken control, or has lost it.
         """
         keeper = self._kept.get(cell)
         if keeper is None:
@@ -119,7 +119,7 @@ class Leases:
             )
 
     def _keep(self, cell: str, keeper: LeaseKeeper) -> None:
-        """Renew a lease when it is due, and look again in time for the next."""
+        """Renew a lease if it is due, and schedule the next check."""
         now = time.monotonic()
         if self._kept.get(cell) is not keeper:
             return
@@ -160,7 +160,7 @@ class Leases:
 
 
 class CellControl(Generic[_Cell]):
-    """The command of one cell, for a ``with`` block, which gives the cell."""
+    """Control of one cell, for a ``with`` block, whose target is the cell."""
 
     def __init__(self, cell: _Cell, name: str, leases: Leases, over: bool) -> None:
         self._cell, self._name, self._leases, self._over = cell, name, leases, over
@@ -178,12 +178,12 @@ class CellControl(Generic[_Cell]):
 
     @property
     def lost(self) -> AxisbusError | None:
-        """Why the command is lost; None while this program has it."""
+        """Why control is lost; None while this program has it."""
         return None if self._keeper is None else self._keeper.why
 
 
 def no_answer(what: str) -> StateError:
-    """Return the error of a question that a cell has not answered."""
+    """Return the error for a query that a cell has not answered."""
     return StateError(
         f"{what}: the cell gave no answer",
         remedy="see that its bridge runs and that this program reaches it (axisbus fleet list)",

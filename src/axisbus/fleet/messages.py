@@ -1,19 +1,20 @@
-"""What crosses between a cell's bridge and a fleet, as JSON; a field that is not known is passed over, so that versions can differ.
+"""Messages between a cell's bridge and a fleet, as JSON; unknown fields are ignored, so that versions may differ.
 
 Theory of operation
 -------------------
 Clocks of two computers are never compared. A value has an ``age`` that its own computer measured; ``clock`` (s since 1970, of the
-computer that sent it) is for people. ``bridge`` names one run of a bridge: numbers of states and events begin with it, from 1.
+computer that sent it) is for people. ``bridge`` names one run of a bridge; each run numbers its states and events from 1.
 
-A lease is taken by a client (``client``: a name that no other has) and renewed before ``seconds`` have passed; whoever takes it
-has a ``token``, which is another at each taking. A command carries the token and an ``id``, which its client counts upwards. The
-same id once more is the same command; one that is smaller than the newest and not kept is refused: whatever is repeated, late or
-out of order moves nothing. Halt and quick stop need no token, and are done again each time that they are asked for;
-with a token and an id they make late what their client had sent before them.
+A client (``client``: a unique name) takes a lease and renews it before ``seconds`` have passed. The client that takes it gets a
+``token``, which is different each time. A command carries the token and an ``id``, which its client counts upwards. The same id
+again is the same command. An id that is lower than the newest one and no longer cached is rejected, so that a repeated, late or
+reordered command moves nothing. Halt and quick stop need no token and are executed each time that they are requested. If they carry
+a token and an id, the commands that their client sent before them become too late.
 
-A jog goes on for 0.2 s from each of its queries. Its values are ``velocity``, ``press``, a number that its client counts upwards
-each time that a button is pressed, and ``sent``, the seconds of the client's own clock: a press that was silent for 0.2 s is over,
-and a query that comes later than the promptest ones by as much is of a hand that may be long gone. It is answered at once.
+A jog moves for 0.2 s after each of its queries. Its values are ``velocity``, ``press`` and ``sent``. The client counts ``press``
+upwards each time that a button is pressed; ``sent`` is in seconds of the client's own clock. A press without a query for 0.2 s is
+over. A query whose delay exceeds that of the promptest ones by 0.2 s is ignored: its button may have been released long ago. A jog
+is answered at once.
 """
 
 from __future__ import annotations
@@ -25,14 +26,14 @@ import msgspec
 from axisbus.ipc.errors import ErrorFields
 from axisbus.ipc.register_types import register_message_types
 
-TOO_LATE = "comes too late: nothing was done"  # by which a client knows the refusal of an id that others have overtaken
-PROTOCOL = 1  # counted up where an older fleet or bridge would misunderstand
+TOO_LATE = "comes too late: nothing was done"  # clients recognise by this text that an id was rejected because newer ids came first
+PROTOCOL = 1  # incremented if an older fleet or bridge would misunderstand a change
 
 Value = float | int | bool | str | None
 
 
 class AxisInfo(msgspec.Struct, frozen=True):
-    """An axis as its cell file describes it; ``unit`` is that of its positions, ``limits`` those that are known, by name."""
+    """An axis as its cell file describes it; ``unit`` is the unit of its positions, ``limits`` has the known limits by name."""
 
     name: str
     unit: str
@@ -41,7 +42,7 @@ class AxisInfo(msgspec.Struct, frozen=True):
 
 
 class CellInfo(msgspec.Struct, frozen=True):
-    """A cell: which versions speak, and what it has."""
+    """A cell: the versions of its bridge, and its axes, groups and nodes."""
 
     protocol: int
     axisbus: str
@@ -57,11 +58,11 @@ class CellInfo(msgspec.Struct, frozen=True):
 
 
 class AxisStateMessage(msgspec.Struct, frozen=True):
-    """What an axis does. ``age``: seconds since the image was made, None where nothing is known; a value that is too old is None.
+    """State of an axis. ``age``: seconds since its process image was made, None if unknown; a value that is too old is None.
 
-    ``position_age``: since the drive's position was received, where it was. ``state`` is PLCopen's, ``drive`` that of CiA 402;
-    positions are in ``unit``, velocity in ``unit``/s, torque in N·m, or in parts of the rated torque. ``error`` is what the axis's
-    error says.
+    ``position_age``: seconds since the position was received, if the drive reports one. ``state`` is the PLCopen state, ``drive``
+    the state of CiA 402. Positions are in ``unit``, velocity in ``unit``/s, torque in N·m or as a fraction of the rated torque.
+    ``error`` is the message of the axis's error.
     """
 
     n: int
@@ -82,7 +83,7 @@ class AxisStateMessage(msgspec.Struct, frozen=True):
 
 
 class Event(msgspec.Struct, frozen=True):
-    """Something that has happened; ``n`` counts without gaps. ``about`` is an axis, ``node 3``, or empty for the cell."""
+    """One event of a cell; ``n`` counts without gaps. ``about`` is an axis, ``node 3``, or empty for the cell."""
 
     n: int
     bridge: str
@@ -96,14 +97,14 @@ class Event(msgspec.Struct, frozen=True):
 
 
 class EventsAsk(msgspec.Struct, frozen=True):
-    """Which of the events that are kept, by their numbers; the answer is an ``EventsAnswer``."""
+    """Request stored events by their numbers; the answer is an ``EventsAnswer``."""
 
     first: int = 1
     last: int | None = None
 
 
 class EventsAnswer(msgspec.Struct, frozen=True):
-    """Events, oldest first, at most 256 at a time; ``oldest`` and ``newest`` are the numbers of all that are kept (0: none)."""
+    """Events, oldest first, at most 256 at a time; ``oldest`` and ``newest`` are the numbers of all stored events (0: none)."""
 
     bridge: str
     oldest: int = 0
@@ -112,7 +113,10 @@ class EventsAnswer(msgspec.Struct, frozen=True):
 
 
 class LeaseAsk(msgspec.Struct, frozen=True):
-    """``who`` is for people; ``token`` is what an earlier answer gave; ``over``: from whoever has it, who is told, after a halt."""
+    """Request for a lease. ``who`` is for people; ``token`` comes from an earlier answer; ``over``: take it from its holder.
+
+    With ``over``, the present holder is notified, and moving axes are halted first.
+    """
 
     verb: Literal["take", "renew", "release", "look"]
     client: str
@@ -122,9 +126,10 @@ class LeaseAsk(msgspec.Struct, frozen=True):
 
 
 class LeaseAnswer(msgspec.Struct, frozen=True):
-    """Who has the lease now, and for how many ``seconds`` from when that was asked; ``refused`` says why not.
+    """The present holder of the lease, and for how many ``seconds`` from the request; ``refused`` is the reason of a rejection.
 
-    ``token`` is for whoever asked and has it. ``holder`` may be a program at the machine as well: then there are no ``seconds``.
+    Only the requesting client that holds the lease gets ``token``. ``holder`` may also be a program at the machine: then there are
+    no ``seconds``.
     """
 
     holder: str | None = None
@@ -134,7 +139,7 @@ class LeaseAnswer(msgspec.Struct, frozen=True):
 
 
 class CommandAsk(msgspec.Struct, frozen=True):
-    """A command for axes (none: all of the cell); ``values`` are the arguments of the library's call of the same verb."""
+    """A command for axes (none: all axes of the cell); ``values`` are the arguments of the library's call of the same verb."""
 
     client: str
     id: int
@@ -144,7 +149,7 @@ class CommandAsk(msgspec.Struct, frozen=True):
 
 
 class CommandAnswer(msgspec.Struct, frozen=True):
-    """How the command goes: ``running`` is told where it has not ended while the query may last; ask again with the same id."""
+    """State of a command. ``running``: it has not ended within the query; send it again with the same id."""
 
     status: Literal["running", "done", "error"]
     error: ErrorFields | None = None
@@ -152,7 +157,7 @@ class CommandAnswer(msgspec.Struct, frozen=True):
 
 
 class ObjectWrite(msgspec.Struct, frozen=True):
-    """A value for an object, with the token of the lease; without this payload the object is read."""
+    """A value for an object, with the token of the lease; a query without this payload reads the object."""
 
     client: str
     token: str
@@ -160,7 +165,7 @@ class ObjectWrite(msgspec.Struct, frozen=True):
 
 
 class ObjectAnswer(msgspec.Struct, frozen=True):
-    """The value of an object, by its type in the EDS (octets as ``hex``), or why it could not be had."""
+    """The value of an object, by its type in the EDS (octets as ``hex``), or the error."""
 
     value: Value = None
     hex: str = ""
@@ -168,9 +173,10 @@ class ObjectAnswer(msgspec.Struct, frozen=True):
 
 
 class HistoryAsk(msgspec.Struct, frozen=True):
-    """Samples of signals (``x.position``) of one recording; without ``recording`` the recordings are listed.
+    """Request samples of signals (``x.position``) of one recording; without ``recording``, request the list of recordings.
 
-    ``begin`` and ``end`` in seconds from the recording's first sample; at most ``most`` samples, evenly left out.
+    ``begin`` and ``end`` are in seconds from the recording's first sample. The answer has at most ``most`` samples, evenly thinned
+    out.
     """
 
     recording: str = ""
@@ -181,7 +187,7 @@ class HistoryAsk(msgspec.Struct, frozen=True):
 
 
 class RecordingInfo(msgspec.Struct, frozen=True):
-    """A recording that a cell keeps: its name, size in octets, and when it was last written (s since 1970, by its computer)."""
+    """A recording stored at a cell: its name, size in octets, and when it was last written (s since 1970, by its computer)."""
 
     name: str
     size: int
@@ -189,7 +195,7 @@ class RecordingInfo(msgspec.Struct, frozen=True):
 
 
 class HistoryAnswer(msgspec.Struct, frozen=True):
-    """The recordings, or the samples: ``times`` in seconds, and for each signal as many values."""
+    """The recordings, or the samples: ``times`` in seconds, and as many values for each signal."""
 
     recordings: tuple[RecordingInfo, ...] = ()
     times: tuple[float, ...] = ()

@@ -1,4 +1,4 @@
-"""A session of Zenoh as the bridge of a cell and a fleet open it: explicit endpoints, short leases, nothing found by itself."""
+"""Open the Zenoh session of a cell's bridge or a fleet: explicit endpoints, short leases, no discovery unless requested."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from axisbus.optional_dependencies import require
 if TYPE_CHECKING:
     import zenoh
 
-PORT = 7447  # by which Zenoh is known
-LEASE = 0.8  # seconds without a word after which the far end of a connection is gone
-LARGEST = 16 * 1024 * 1024  # bytes of a message that is taken
-_BLOCKED = 0.5  # seconds that what must arrive waits for one who does not read, before he is cut off
-_BATCH = 16_384  # bytes in a piece: on a slow network one must have left within that time
-_HANDSHAKE = 2.0  # seconds until both ends must have greeted; one that tries to is not closed before
-_GREETING = 4000  # connections that have not greeted yet: a crowd that never does must not keep others out
+PORT = 7447  # the usual port of Zenoh
+LEASE = 0.8  # seconds without a message after which a connection counts as lost
+LARGEST = 16 * 1024 * 1024  # bytes; larger messages are not accepted
+_BLOCKED = 0.5  # seconds for which a message that must arrive waits for a peer that does not read, before the peer is cut off
+_BATCH = 16_384  # bytes in a batch: on a slow network, a batch must be sent within _BLOCKED
+_HANDSHAKE = 2.0  # seconds for the handshake of both ends; a connection in its handshake is not closed before
+_GREETING = 4000  # connections in their handshake: many that never finish it must not keep others out
 _ENDPOINT = re.compile(r"(tcp|tls|quic|udp|ws|unixsock-stream|vsock|serial)/[^\s?#]+(\?[^\s#]*)?(#[^\s]*)?")
 _EXAMPLE = f"write it as tcp/192.168.0.10:{PORT}, or tls/cell-one.example:{PORT}"
 
@@ -32,8 +32,8 @@ _EXAMPLE = f"write it as tcp/192.168.0.10:{PORT}, or tls/cell-one.example:{PORT}
 class ZenohNetwork:
     """How a network is joined: endpoints to ``connect`` to and to ``listen`` on, and a ``config`` file of Zenoh (JSON5).
 
-    ``scouting``: others may also be found by multicast and by gossip. ``receives``: bytes of a message that is taken. What the file
-    says is left as it is; endpoints that are given replace its own.
+    ``scouting``: peers may also be found by multicast and by gossip. ``receives``: the largest accepted message in bytes. Settings
+    of the file are not changed, except that given endpoints replace those of the file.
     """
 
     connect: tuple[str, ...] = ()
@@ -53,10 +53,10 @@ def require_zenoh() -> None:
 
 
 def require_reachable(network: ZenohNetwork) -> None:
-    """Check that somebody could be reached at all, and that the endpoints are some.
+    """Check that the endpoints are valid, and that at least one way to reach a peer is given.
 
     Raises:
-        ArgumentError: no endpoint is given, or one that is none.
+        ArgumentError: an endpoint is invalid, or there is no endpoint, file or scouting.
     """
     for endpoint in (*network.connect, *network.listen):
         if not _ENDPOINT.fullmatch(endpoint):
@@ -69,7 +69,7 @@ def require_reachable(network: ZenohNetwork) -> None:
 
 
 def opened(network: ZenohNetwork) -> zenoh.Session:
-    """Open a session; blocks for a moment. Where nobody is at an endpoint to connect to, it is tried again and again meanwhile.
+    """Open a session; blocks briefly. If no peer answers at an endpoint to connect to, Zenoh keeps trying in the background.
 
     Raises:
         StateError: the file cannot be used, or an endpoint cannot be listened on.
@@ -84,7 +84,7 @@ def opened(network: ZenohNetwork) -> zenoh.Session:
     config = _config(network)
     try:
         session = zenoh.open(config)
-    except Exception as error:  # it has one kind, and raises others too
+    except Exception as error:  # zenoh has an error class of its own, and raises others too
         raise StateError(
             "the Zenoh network cannot be joined",
             observed=_short(error),
@@ -95,9 +95,9 @@ def opened(network: ZenohNetwork) -> zenoh.Session:
 
 
 def far_ends(network: ZenohNetwork) -> tuple[str, ...]:
-    """Return the endpoints that a session connects to each of, by what is given or by its file.
+    """Return the endpoints to which a session connects, each of them, as given or from its file.
 
-    A client by its file is content with one of those in it: then they are none.
+    If the file makes the session a client, a connection to one of its endpoints is enough: then the result is empty.
 
     Raises:
         StateError: the file cannot be used.
@@ -111,7 +111,7 @@ def far_ends(network: ZenohNetwork) -> tuple[str, ...]:
 
 
 def connected(session: zenoh.Session, seconds: float) -> bool:
-    """Wait until somebody is connected, at most so many seconds; return whether somebody is."""
+    """Wait until a peer or router is connected, at most ``seconds``; return whether one is."""
     until = time.monotonic() + seconds
     while not (session.info.peers_zid() or session.info.routers_zid()):
         if time.monotonic() >= until:
@@ -129,7 +129,7 @@ def _config(network: ZenohNetwork) -> zenoh.Config:
             config.insert_json5(key, json.dumps(value))
         usual = zenoh.Config()
         for key, value in _settings(network).items():
-            if config.get_json(key) == usual.get_json(key):  # the file says nothing of it
+            if config.get_json(key) == usual.get_json(key):  # the file does not set it
                 config.insert_json5(key, json.dumps(value))
     except Exception as error:
         what = "an endpoint" if network.config is None else f"{network.config}"
@@ -144,7 +144,7 @@ def _config(network: ZenohNetwork) -> zenoh.Config:
 
 
 def _given(network: ZenohNetwork) -> Mapping[str, Any]:
-    """Return what was asked for on purpose."""
+    """Return the settings that follow from the given endpoints and from scouting."""
     found: dict[str, Any] = {}
     if network.connect:
         found["connect/endpoints"] = list(network.connect)
@@ -158,7 +158,7 @@ def _given(network: ZenohNetwork) -> Mapping[str, Any]:
 
 
 def _settings(network: ZenohNetwork) -> Mapping[str, Any]:
-    """Return what is so where a file does not say otherwise."""
+    """Return the settings that apply unless the file sets them."""
     return {
         "mode": "peer",
         "scouting/multicast/enabled": network.scouting,
@@ -178,5 +178,5 @@ def _settings(network: ZenohNetwork) -> Mapping[str, Any]:
 
 
 def _short(error: Exception) -> str:
-    """Return what Zenoh says without the places in its own source."""
+    """Return Zenoh's message without the locations in its source code."""
     return re.sub(r" at /\S+:\d+\.?", "", str(error)).strip()

@@ -1,9 +1,9 @@
-"""Connections of Zenoh that are closed without waiting: one whose far end is cut off holds nobody else up.
+"""Close connections of Zenoh without waiting, so that a far end that is cut off does not block other connections.
 
-Zenoh has the system wait at the close of a TCP connection for up to 10 s until the far end has taken what was sent (SO_LINGER).
-Where that one is cut off, a thread of Zenoh's stands still meanwhile, which others need as well: whoever connects is not let in,
-and where several are cut off at once nothing of anybody is heard. So it is switched off for each connection as it comes; the
-system sends what is left all the same.
+Zenoh sets SO_LINGER: when it closes a TCP connection, the system waits up to 10 s until the far end has taken the data sent. If the
+far end is cut off, a thread of Zenoh that other connections need blocks meanwhile. New connections are not accepted, and if several
+far ends are cut off at once, no message of any peer is received. So this module switches lingering off for each new connection. The
+system still sends the remaining data.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _PROTOCOLS = frozenset({"tcp", "tls"})
 
 
 def never_linger(session: Any) -> None:
-    """Let no connection of a session wait at its close, be it one that comes later. Only on Linux does a close wait at all."""
+    """Switch lingering off for all present and future connections of a session. Only on Linux does closing wait at all."""
     import zenoh
 
     def changed(event: Any) -> None:
@@ -41,19 +41,19 @@ def _unlinger(near: str, far: str) -> None:
         if None not in ends:
             for file in _FILES.iterdir():
                 _switch_off(int(file.name), ends)
-    except Exception:  # what calls it is a thread of zenoh's
+    except Exception:  # a thread of zenoh calls this
         log.exception("a connection could not be looked at")
 
 
 def _switch_off(number: int, ends: tuple[Any, Any]) -> None:
-    """Switch it off for an open file that is the connection between two ends."""
-    with suppress(OSError), _connection(number) as one:  # it is closed since, no socket, or not connected
+    """Switch lingering off for an open file if it is the connection between these two ends."""
+    with suppress(OSError), _connection(number) as one:  # already closed, not a socket, or not connected
         if one.type == socket.SOCK_STREAM and _ends(one) == ends:
             one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _OFF)
 
 
 def _connection(number: int) -> socket.socket:
-    """Return an open file as a socket of its own: the number may be another file's by now, the file stays the one looked at."""
+    """Return a duplicate of an open file as a socket: the number may be reused for another file, the duplicate stays valid."""
     own = os.dup(number)
     try:
         return socket.socket(fileno=own)
@@ -69,7 +69,7 @@ def _ends(one: socket.socket) -> Any:
 
 
 def _end(place: str) -> tuple[Any, int] | None:
-    """Return the address and the port of an end as Zenoh writes it; None where it is of another kind."""
+    """Return the address and port of an end as Zenoh writes it; None if it has another protocol."""
     protocol, _, rest = place.partition("?")[0].partition("#")[0].partition("/")
     host, _, port = rest.rpartition(":")
     return (_address(host.strip("[]")), int(port)) if protocol in _PROTOCOLS else None

@@ -1,4 +1,4 @@
-"""What a fleet hears of its plant: each message to the cell that it is about, and what is missing asked for."""
+"""Receive the messages of a plant, pass each to the state of its cell, and query missing state."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from axisbus.fleet.keys import ZenohCellKeys, is_name
 from axisbus.fleet.messages import AxisStateMessage, CellInfo, Event, EventsAnswer, EventsAsk
 from axisbus.fleet.zenoh_client import ZenohClient
 
-_ROUND = 0.25  # seconds between two looks for what is missing
-_CELLS = 1000  # that a plant may have
+_ROUND = 0.25  # seconds between two checks for missing state
+_CELLS = 1000  # the most cells that a plant may have
 _TIMEOUT = 1.0  # seconds for an answer
 _CELL, _AXIS, _BRIDGE = 2, 3, 4  # parts of a key
 _Message = TypeVar("_Message")
 
 
 class MissingEvents(NamedTuple):
-    """What is not known of a cell yet: what it is, what axes do, and events."""
+    """State of a cell that is not known yet: its description, the states of axes, and events."""
 
     info: bool
     axes: tuple[str, ...]
@@ -37,20 +37,20 @@ NOTHING = MissingEvents(False, (), None)
 
 
 class FleetSubscriptions:
-    """Holds what is known of each cell of a plant; any thread may ask it."""
+    """Hold the known state of each cell of a plant; any thread may call it."""
 
     def __init__(self, plant: str, asking: ZenohClient, worker: EventLoopThread) -> None:
         self.plant = plant
-        self.junk = 0  # messages that are none
+        self.junk = 0  # invalid messages
         self.on_gone: Callable[[str], None] = lambda _cell: None
         self._asking, self._worker = asking, worker
         self._lock = threading.RLock()
         self._cells: dict[str, CellWatch] = {}
-        self._asked: dict[str, float] = {}  # for what is missing, by cell
+        self._asked: dict[str, float] = {}  # when missing state was last queried, by cell
         self._ended = False
 
     def begin(self) -> None:
-        """Hear from now on; what is there already is told as well."""
+        """Subscribe to all cells of the plant; cells that are already present are reported as well."""
         every = ZenohCellKeys.of_all(self.plant)
         self._asking.hear(every.events, self._event)
         self._asking.hear(every.state("*"), self._state)
@@ -59,38 +59,38 @@ class FleetSubscriptions:
         self._worker.later(_ROUND, self._round)
 
     def end(self) -> None:
-        """Ask for nothing any more."""
+        """Send no more queries."""
         self._ended = True
 
-    # -- what is known -------------------------------------------------------------------------------------------------
+    # -- known state ---------------------------------------------------------------------------------------------------
 
     @property
     def names(self) -> list[str]:
-        """The cells that were heard of, in the order of their names."""
+        """The names of the cells that have been heard, sorted."""
         with self._lock:
             return sorted(self._cells)
 
     def has(self, cell: str) -> bool:
-        """Whether a cell was heard of."""
+        """Whether a cell has been heard."""
         with self._lock:
             return cell in self._cells
 
     def look(self, cell: str, read: Callable[[CellWatch, float], _Message]) -> _Message:
-        """Return what ``read`` makes of what is known of a cell now; nothing changes meanwhile."""
+        """Return the result of ``read`` on the present state of a cell; the state does not change meanwhile."""
         with self._lock:
             now = time.monotonic()
             return read(self._cells.get(cell) or CellWatch(cell, now), now)
 
     def situation(self, cell: str, leased: bool) -> Situation:
-        """Return what is known of a cell, to decide how a command goes on."""
+        """Return the state of a cell that decides whether a command is sent again."""
         return self.look(cell, lambda watch, now: Situation(now, watch.alive, watch.run, leased))
 
     def settled(self, cells: list[str]) -> bool:
-        """Whether each of these cells has told what it is and does."""
+        """Whether each of these cells has reported its description, its axes and its events."""
         with self._lock:
             return all(cell in self._cells and self._cells[cell].settled for cell in cells)
 
-    # -- what comes ----------------------------------------------------------------------------------------------------
+    # -- messages ------------------------------------------------------------------------------------------------------
 
     def _token(self, key: str, there: bool) -> None:
         cell = key.split("/")[_CELL]
@@ -127,7 +127,7 @@ class FleetSubscriptions:
                 self._watch(key.split("/")[_CELL]).take_info(info, time.time())
 
     def _watch(self, cell: str) -> CellWatch:
-        """Return what is known of a cell; what comes of more cells than a plant has, or under no name, is not kept."""
+        """Return the state of a cell; if the plant has too many cells or the name is invalid, the state is not stored."""
         watch = self._cells.get(cell)
         if watch is None:
             watch = CellWatch(cell, time.monotonic())
@@ -140,7 +140,7 @@ class FleetSubscriptions:
         self.junk += message is None
         return message
 
-    # -- what is missing -----------------------------------------------------------------------------------------------
+    # -- missing state -------------------------------------------------------------------------------------------------
 
     def _round(self) -> None:
         if self._ended:
@@ -151,7 +151,7 @@ class FleetSubscriptions:
         self._worker.later(_ROUND, self._round)
 
     def _ask_for(self, cell: str) -> None:
-        """Ask for what a cell is and does, and for the events that are missing; not again while an answer may come."""
+        """Query the missing description, states and events of a cell; do nothing while an earlier query may still be answered."""
         now = time.monotonic()
         if now - self._asked.get(cell, -_TIMEOUT) < _TIMEOUT:
             return
@@ -163,7 +163,7 @@ class FleetSubscriptions:
         if lacks.info:
             self._asking.ask_all(keys.info, b"", _TIMEOUT, self._info, over)
         elif lacks.axes:
-            for axis in lacks.axes:  # each by its name: a star would be heard as a command as well
+            for axis in lacks.axes:  # each by its name: a star would also match the keys of commands
                 self._asking.ask_all(keys.state(axis), b"", _TIMEOUT, self._state, over)
         elif lacks.events is not None:
             heard = partial(self._events, cell, lacks.events)
@@ -175,7 +175,7 @@ class FleetSubscriptions:
         )
 
     def _answered(self, cell: str, lacked: MissingEvents) -> None:
-        """A question has ended: what is missing still is asked for at once where it has helped, else only after a while."""
+        """Handle the end of a query: if it reduced the missing state, query the rest at once, otherwise only after the time-out."""
         if self._lacks(cell) != lacked:
             self._asked.pop(cell, None)
             self._worker.soon(partial(self._ask_for, cell))

@@ -1,4 +1,4 @@
-"""What a fleet asks and hears over a Zenoh session: octets by their keys; nothing of zenoh is seen beyond this module."""
+"""Queries and subscriptions of a fleet over a Zenoh session, as octets by key; only this module uses zenoh for them."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any
 log = logging.getLogger("axisbus")
 
 Heard = Callable[[str, bytes], None]
-_LONGER = 0.5  # seconds beyond its time-out after which a query has ended, whatever the network says
+_LONGER = 0.5  # seconds after its time-out at which a query counts as ended in any case
 
 
 class ZenohClient:
-    """Queries and subscriptions of one session. What it is given to call runs in threads of zenoh: it must be quick."""
+    """Queries and subscriptions of one session. Callbacks run in threads of zenoh: they must be quick."""
 
     def __init__(self, session: Any) -> None:
         self._session = session
@@ -28,9 +28,9 @@ class ZenohClient:
         *,
         everybody: bool = False,
     ) -> None:
-        """Ask, and call ``ended`` once: with the first answer, or with None where there is none. Does not block.
+        """Send a query and call ``ended`` once: with the first answer, or with None if there is none. Does not block.
 
-        ``everybody``: where several have the same key, each of them hears it.
+        ``everybody``: if several peers serve the key, each of them receives the query.
         """
         import zenoh
 
@@ -45,12 +45,12 @@ class ZenohClient:
                 target=target,
                 express=True,
             )
-        except Exception as error:  # noqa: BLE001  # zenoh raises its own of no common base, such as after closing
+        except Exception as error:  # noqa: BLE001  # zenoh's errors have no common base, such as after closing
             log.debug("%s was not asked: %s", key, error)
             query.end()
 
     def ask(self, key: str, payload: bytes, timeout: float) -> bytes | None:
-        """Ask, and return the first answer, or None where there is none; blocks for at most ``timeout`` seconds and a little."""
+        """Send a query and return the first answer, or None if there is none; blocks for at most ``timeout`` + 0.5 s."""
         done, got = threading.Event(), list[bytes]()
 
         def ended(answer: bytes | None) -> None:
@@ -65,7 +65,7 @@ class ZenohClient:
     def ask_all(
         self, key: str, payload: bytes, timeout: float, heard: Heard, ended: Callable[[], None]
     ) -> None:
-        """Ask everybody whom a key means, and call ``heard`` with each answer, then ``ended`` once. Does not block."""
+        """Query every peer that serves the key; call ``heard`` with each answer, then ``ended`` once. Does not block."""
         import zenoh
 
         def each(reply: Any) -> None:
@@ -86,7 +86,7 @@ class ZenohClient:
             ended()
 
     def hear(self, key: str, heard: Heard) -> None:
-        """Call ``heard`` with the key and the octets of whatever is published there, until the session ends."""
+        """Call ``heard`` with the key and the octets of each message published there, until the session ends."""
 
         def each(sample: Any) -> None:
             heard(str(sample.key_expr), sample.payload.to_bytes())
@@ -94,7 +94,7 @@ class ZenohClient:
         self._session.declare_subscriber(key, _guarded(each))
 
     def follow(self, key: str, changed: Callable[[str, bool], None]) -> None:
-        """Call ``changed`` with the key of each liveliness token that is there, comes (True) or goes (False)."""
+        """Call ``changed`` with the key of each liveliness token: True if it is present or appears, False if it disappears."""
         import zenoh
 
         def each(sample: Any) -> None:
@@ -103,22 +103,22 @@ class ZenohClient:
         self._session.liveliness().declare_subscriber(key, _guarded(each), history=True)
 
     def tokens(self, key: str, timeout: float) -> list[str]:
-        """Return the keys of the liveliness tokens that are there; blocks for at most ``timeout`` seconds."""
+        """Return the keys of the present liveliness tokens; blocks for at most ``timeout`` seconds."""
         replies = self._session.liveliness().get(key, timeout=timeout)
         return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
     @property
     def links(self) -> list[str]:
-        """The far ends of the connections that there are, as Zenoh writes them."""
+        """The far ends of the present connections, as Zenoh writes them."""
         return [str(link.dst) for link in self._session.info.links()]
 
     def close(self) -> None:
-        """End the session; blocks for a moment."""
+        """End the session; blocks briefly."""
         self._session.close()
 
 
 class _Query:
-    """Holds one query until it has ended, which is told once."""
+    """Hold one query until it has ended; the end is reported once."""
 
     def __init__(self, ended: Callable[[bytes | None], None]) -> None:
         self._ended = ended
@@ -126,12 +126,12 @@ class _Query:
         self._over = False
 
     def hear(self, reply: Any) -> None:
-        """An answer has come; one that only says that there is none is passed over."""
+        """Handle an answer; an error reply is ignored."""
         if reply.ok is not None:
             self._end(reply.ok.payload.to_bytes())
 
     def end(self) -> None:
-        """No more answers come."""
+        """Note that no more answers will come."""
         self._end(None)
 
     def _end(self, answer: bytes | None) -> None:
@@ -148,7 +148,7 @@ def _handler(heard: Callable[[Any], None], ended: Callable[[], None]) -> Any:
 
 
 def _guarded(function: Callable[[Any], None]) -> Callable[[Any], None]:
-    """Let what one message brings about, junk included, never end the hearing of the next."""
+    """Return a callback that logs exceptions, so that an invalid message never ends the reception of the next ones."""
 
     def guarded(what: Any) -> None:
         try:
