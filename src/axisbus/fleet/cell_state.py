@@ -17,7 +17,7 @@ _MISSED = 2.0  # seconds after which the token of a killed bridge is certainly g
 
 
 class LastAxisState(NamedTuple):
-    """The last reported state of an axis. ``age``: its age now in seconds, None if unknown; ``fresh``: whether it is still valid."""
+    """The last reported state of an axis. ``age``: its age now in seconds, None if unknown; ``fresh``: whether it is valid."""
 
     state: AxisStateMessage
     age: float | None

@@ -1,1 +1,1 @@
-"""The page in the browser: one more program at a machine, which shows it and commands it, and never becomes part of its cycle."""
+"""The page in the browser: a separate program at a machine, which shows and commands it, and is never part of its cycle."""

@@ -1,4 +1,4 @@
-"""Where the page is served, and by which names it may be asked for there."""
+"""The address of the page's server, and the host names by which browsers may request it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _PORTS = {"http": 80, "https": 443}
 
 @dataclass(frozen=True, slots=True)
 class PageAddress:
-    """An address with its port, the names by which a browser may ask for it, and whether it is encrypted."""
+    """An address with its port, the names by which a browser may request it, and whether it is encrypted."""
 
     address: str
     port: int
@@ -26,29 +26,30 @@ class PageAddress:
 
     @property
     def door(self) -> ServedOrigin:
-        """What the gate lets through."""
+        """The hosts and origins that the gate admits."""
         scheme = "https" if self.tls else "http"
         hosts = {f"{name}:{self.port}" for name in self.names}
-        if self.port == _PORTS[scheme]:  # a browser leaves it out
+        if self.port == _PORTS[scheme]:  # a browser omits it
             hosts |= set(self.names)
         return ServedOrigin(scheme, frozenset(hosts))
 
     @property
     def url(self) -> str:
-        """The page's address, by its first name."""
+        """The URL of the page, by its first name."""
         return f"{'https' if self.tls else 'http'}://{self.names[0]}:{self.port}"
 
     @property
     def cookie(self) -> str:
-        """The name of its cookie: browsers tell cookies of one host by their names, not by ports."""
+        """The name of its cookie: browsers distinguish the cookies of one host by name, not by port."""
         return f"axisbus_{self.port}"
 
 
 def resolved(address: str) -> str:
-    """Return an address in numbers: of this computer, and one, not all that it has, each of which would be a door without a name.
+    """Return an address in numeric form: one address of this computer, because each further one would need its own host name.
 
     Raises:
-        ArgumentError: it stands for all. StateError: nobody knows it.
+        ArgumentError: the address means all addresses.
+        StateError: the address cannot be resolved.
     """
     try:
         found = str(socket.getaddrinfo(address or ANY, None, type=socket.SOCK_STREAM)[0][4][0])
@@ -65,15 +66,15 @@ def resolved(address: str) -> str:
 
 
 def is_loopback(number: str) -> bool:
-    """Whether an address, in numbers, is reached from this computer alone."""
+    """Whether a numeric address is reachable from this computer only."""
     return ipaddress.ip_address(number).is_loopback
 
 
 def opened(address: str, port: int, *, tls: bool) -> tuple[socket.socket, PageAddress]:
-    """Open the socket of a server; ``port`` 0 takes one that is free.
+    """Open the socket of a server; ``port`` 0 takes a free one.
 
     Raises:
-        StateError: the port is taken, or the address is none of this computer's.
+        StateError: the port is taken, or the address does not belong to this computer.
         ArgumentError: as ``resolved``.
     """
     number = resolved(address)

@@ -1,4 +1,4 @@
-"""What the server logs is written by a thread of its own: a terminal that is held up must not hold the pages up."""
+"""Write the server's log in a thread of its own, so that a blocked terminal does not block the pages."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from logging.handlers import QueueHandler, QueueListener
 
 from axisbus.wording import PrintableFormatter
 
-_WAITING = 200  # records; of more the newest are left out
+_WAITING = 200  # records; when the queue is full, new ones are dropped
 
 
 class PageLogThread(QueueHandler):
-    """Puts records into a queue, and never waits for room in it."""
+    """Put records into a queue, and never wait for room in it."""
 
     def enqueue(self, record: logging.LogRecord) -> None:
-        """Put one in, where there is room."""
+        """Put a record into the queue if there is room."""
         with suppress(queue.Full):
             self.queue.put_nowait(record)
 
 
 @contextmanager
 def logging_aside() -> Iterator[None]:
-    """Let a thread write what is logged in the block to standard error."""
+    """Log to standard error in a thread of its own within the block."""
     waiting: queue.Queue[logging.LogRecord] = queue.Queue(_WAITING)
     writer, aside, root = logging.StreamHandler(sys.stderr), PageLogThread(waiting), logging.getLogger()
     writer.setFormatter(PrintableFormatter())

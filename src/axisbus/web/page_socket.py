@@ -1,4 +1,4 @@
-"""The page's own socket: values go out, what is asked for comes in; all of it in one event loop."""
+"""The WebSocket of the page: send values, receive requests; all in one event loop."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from axisbus.web.view.axes import Values, all_axes
 from axisbus.web.view.cell import whole_cell
 
 log = logging.getLogger("axisbus")
-_HOLD = 1.0  # seconds that this server may stand still before all that its pages have set going halts
-_CONTINUOUS = 0.3  # the same while an axis goes on until it is halted
+_HOLD = 1.0  # seconds for which this server may hang before all motion started by its pages halts
+_CONTINUOUS = 0.3  # the same while an axis moves until it is halted
 _LOOK, _VALUES, _CELL = (
     0.02,
     0.1,
@@ -31,14 +31,14 @@ _LOOK, _VALUES, _CELL = (
 
 
 class PageSocket:
-    """Holds the desk, the newest values as text, and a bell that rings when there are new ones."""
+    """Hold the clients, the newest values as text, and an event that signals new ones."""
 
     def __init__(
         self, machine: Machine, desk: PageClients, beside: Callable[[], list[str]], grow: Callable[[], None]
     ) -> None:
-        """Nothing happens before ``run``; ``beside`` are lines about the bus, the cycle and the programs, and may block.
+        """Nothing happens before ``run``; ``beside`` returns lines about the bus, the cycle and the programs, and may block.
 
-        ``grow`` puts axes that have joined onto the pages.
+        ``grow`` adds axes that have joined to the pages.
         """
         self._machine = machine
         self._desk = desk
@@ -49,7 +49,7 @@ class PageSocket:
         self._bell = asyncio.Event()
 
     async def run(self) -> None:
-        """Look again and again, until it is cancelled."""
+        """Update the values cyclically, until cancelled."""
         cell = asyncio.create_task(self._look_at_cell())
         try:
             await self._look()
@@ -57,7 +57,7 @@ class PageSocket:
             cell.cancel()
 
     async def serve(self, socket: WebSocket) -> None:
-        """Serve one page until it is gone."""
+        """Serve one page until it disconnects."""
         session: PageSession = socket.scope[SESSION]
         await socket.accept()
         place = self._desk.sit(session, socket.client.host if socket.client else "an unknown address")
@@ -65,7 +65,7 @@ class PageSocket:
         try:
             while (text := await next_text(socket)) is not None:
                 self._desk.hear(place, text, time.monotonic())
-                await asyncio.sleep(0)  # what waits in a flood must not keep the others from being heard
+                await asyncio.sleep(0)  # a flood of messages must not keep other pages from being heard
         finally:
             self._desk.leave(place)
             writer.cancel()
@@ -86,14 +86,14 @@ class PageSocket:
             await asyncio.sleep(_LOOK)
 
     def _take_in(self) -> None:
-        """Put the axes that have joined onto the pages; where that fails, all else goes on."""
+        """Add the axes that have joined to the pages; if that fails, everything else continues."""
         try:
             self._grow()
         except Exception:
             log.exception("an axis that has joined is not on the pages")
 
     def _shown(self, now: float) -> str:
-        """Return the values of the axes; where they cannot be told the page has none, which it shows, and its stops go on."""
+        """Return the values of the axes as text, or "null" if they cannot be read; the page shows that, and its stops still work."""
         try:
             return json.dumps(all_axes(self._machine, now))
         except Exception:
@@ -101,11 +101,11 @@ class PageSocket:
             return "null"
 
     async def _look_at_cell(self) -> None:
-        """Questions to the core may take their time: they are asked beside the loop, so that nothing here waits for them."""
+        """Update the state of the cell in a thread, so that slow queries to the core do not block the event loop."""
         while True:
             with suppress(
                 Exception
-            ):  # the machine is being closed: the axes say so, and the last look stands with its age
+            ):  # the machine is being closed: the axes show that, and the last state stays, with its age
                 seen = await asyncio.to_thread(self._whole)
                 self._cell, self._cell_seen = json.dumps(seen), time.monotonic()
             await asyncio.sleep(_CELL)
@@ -114,11 +114,11 @@ class PageSocket:
         return whole_cell(self._machine, self._beside(), time.monotonic())
 
     async def _write(self, socket: WebSocket, place: PageClient) -> None:
-        """Send the newest values; one that is slow is left out of those between, and one that takes none is given up."""
+        """Send the newest values; a slow page misses the values in between, and a page that accepts none is disconnected."""
         sent, told = "", 0.0
         try:
             while True:
-                if is_ahead(told, place.seen):  # it would wait on its way, and be old when it is shown
+                if is_ahead(told, place.seen):  # it would queue up, and be old when it is shown
                     await self._bell.wait()
                     continue
                 told = time.monotonic()
@@ -155,7 +155,7 @@ class PageSocket:
         }
 
     def _verified(self, place: PageClient) -> Values | None:
-        """Return how far the verification is, where that has changed since the page was told."""
+        """Return the progress of the verification, if it has changed since it was last sent to the page."""
         now = self._desk.objects.verified
         if now is None or now is place.verified:
             return None
@@ -163,7 +163,7 @@ class PageSocket:
         return now.told()
 
     def _configured(self, place: PageClient) -> Values | None:
-        """Return how far the job about a configuration is, where that has changed since the page was told."""
+        """Return the progress of the configuration job, if it has changed since it was last sent to the page."""
         now = self._desk.objects.configured
         if now is None or now is place.configured:
             return None

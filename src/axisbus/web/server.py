@@ -41,13 +41,13 @@ from axisbus.web.scope import routes as scope
 from axisbus.web.scope.hub import Hub
 
 SCOPE, OBJECTS, TRIALS, BACKUP = "/scope", "/objects", "/trials", "/config/backup"
-_PATIENCE = 10.0  # seconds for its start
-_PING = 2.0  # seconds after which a page that is gone without a word is asked, and given up
+_PATIENCE = 10.0  # seconds for the start of the server
+_PING = 2.0  # seconds after which a silent page is pinged, and then disconnected
 OWN = Path(__file__).parent / "page" / "static"
 
 
 class PageServer:
-    """Holds the thread of the server, the links it has given out, and why it has ended, if it has."""
+    """Hold the thread of the server, its links, and the reason of its end, if it has ended."""
 
     def __init__(
         self,
@@ -61,7 +61,7 @@ class PageServer:
     ) -> None:
         """``listening`` is bound; ``tls`` are the files of a certificate and its key.
 
-        ``beside``: of ``PageSocket``; ``looks``: of ``PageClients``.
+        ``beside``: as for ``PageSocket``; ``looks``: as for ``PageClients``.
         """
         self._machine = machine
         self._place = place
@@ -85,7 +85,7 @@ class PageServer:
                 gate,
                 log_config=None,
                 access_log=False,
-                ws_per_message_deflate=False,  # it would take more of the processor than all else
+                ws_per_message_deflate=False,  # compression would need more processor time than everything else
                 ws_max_size=FOREIGN_MESSAGE,
                 ws_ping_interval=_PING,
                 ws_ping_timeout=_PING,
@@ -99,14 +99,14 @@ class PageServer:
         self._thread = threading.Thread(target=self._run, name="axisbus-web", daemon=True)
 
     def link(self, role: Role) -> str:
-        """Return a new link, which opens one browser, once."""
+        """Return a new link, which admits one browser, once."""
         return f"{self._place.url}{ENTER}?token={self._keys.issue(role)}"
 
     def begin(self) -> None:
-        """Let it serve; blocks until it does.
+        """Start the server; blocks until it serves.
 
         Raises:
-            StateError: it does not start.
+            StateError: the server does not start.
         """
         self._thread.start()
         waited = threading.Event()
@@ -121,16 +121,16 @@ class PageServer:
             )
 
     def end(self) -> None:
-        """Let it end; blocks for at most 3 s."""
+        """End the server; blocks for at most 3 s."""
         self._uvicorn.should_exit = True
         self._thread.join(3.0)
         self._listening.close()
 
     def require_alive(self) -> None:
-        """Check that it serves.
+        """Check that the server runs.
 
         Raises:
-            StateError: it has ended by itself.
+            StateError: the server has ended unexpectedly.
         """
         if not self._thread.is_alive() or self._failure is not None:
             raise StateError(
@@ -139,8 +139,8 @@ class PageServer:
 
     def _run(self) -> None:
         try:
-            self._uvicorn.run(sockets=[])  # its connections come from the acceptor
-        except (Exception, SystemExit) as error:  # noqa: BLE001  # told by whoever looks after the server
+            self._uvicorn.run(sockets=[])  # the acceptor provides the connections
+        except (Exception, SystemExit) as error:  # noqa: BLE001  # ``require_alive`` reports it
             self._failure = error
 
     def _application(self) -> FastAPI:
@@ -155,7 +155,7 @@ class PageServer:
         application.add_api_route(f"{TRIALS}/{{number}}", self._trial)
         application.mount("/own", StaticFiles(directory=OWN))
         add_page(application, self._machine, self._pages)
-        # The library's own way to begin looks at every object of the program, and some of canopen's may not be looked at.
+        # The library's own lifespan inspects every object of the program, and some of canopen's must not be inspected.
         application.router.lifespan_context = self._lifespan
         return application
 
@@ -173,10 +173,10 @@ class PageServer:
         text = "null" if found is None else await asyncio.to_thread(lambda: json.dumps(found.samples()))
         return Response(text, media_type="application/json")
 
-    async def _stop(self, request: Request) -> Response:  # noqa: ARG002  # what it brings is not looked at
-        """Quick-stop every axis: what the page asks for where its socket does not live."""
+    async def _stop(self, request: Request) -> Response:  # noqa: ARG002  # its contents are ignored
+        """Quick-stop every axis; the page requests this if its socket does not work."""
         for handle in perform(self._machine, PageAction(PageVerb.QUICK_STOP_ALL, tuple(self._machine.axes))):
-            look_at_end(handle)  # how it goes on is seen by the axes
+            look_at_end(handle)  # the axes show the result
         self._desk.let_go()
         return Response(status_code=204)
 
@@ -196,7 +196,7 @@ class PageServer:
             working.cancel()
 
     def _protocol(self) -> asyncio.Protocol:
-        """Return what serves one connection, as uvicorn itself makes it."""
+        """Return the protocol of one connection, as uvicorn itself makes it."""
         server = self._uvicorn
         kind: Any = server.config.http_protocol_class  # mypy does not know its arguments
         made: asyncio.Protocol = kind(
@@ -205,7 +205,7 @@ class PageServer:
         return made
 
     def _ended(self, looking: asyncio.Task[None]) -> None:
-        """Without its looks nothing ends a jog, and without new connections no page stops anything: then the server must end."""
+        """End the server if its update loop or its acceptor ends: nothing would end a jog, or no new page could stop an axis."""
         if not looking.cancelled():
             self._failure = looking.exception()
             self._uvicorn.should_exit = True

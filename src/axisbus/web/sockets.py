@@ -1,4 +1,4 @@
-"""What the page's own sockets share: the next text of a page, a page that takes nothing more, and the end of one."""
+"""Common functions of the page's own sockets: receive a text, detect a page that accepts nothing, close a socket."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from contextlib import suppress
 
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
-SLOW = 5.0  # seconds that a page may take for one message, until it is given up
-GONE = (WebSocketDisconnect, RuntimeError, OSError)  # what sending raises where a page is no longer there
+SLOW = 5.0  # seconds that a page may take for one message before it is disconnected
+GONE = (WebSocketDisconnect, RuntimeError, OSError)  # raised by sending if a page is gone
 _POLICY_VIOLATED = 1008
 
 
 async def next_text(socket: WebSocket) -> str | None:
-    """Return the next message; None where there is none any more, or where it is bytes, which no page of ours sends."""
+    """Return the next message; None at the end, or if it is bytes, which no page of this server sends."""
     try:
         return await socket.receive_text()
-    except (WebSocketDisconnect, RuntimeError, KeyError):  # RuntimeError: what was sent has failed before
+    except (WebSocketDisconnect, RuntimeError, KeyError):  # RuntimeError: sending has failed before
         return None
 
 

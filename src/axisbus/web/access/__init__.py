@@ -1,1 +1,1 @@
-"""Who may come in: host, origin, one-time link, role, and limits; decided by functions, kept by one middleware."""
+"""Access control: host, origin, one-time link, role, and limits; decided by functions, enforced by one middleware."""

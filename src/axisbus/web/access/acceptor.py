@@ -1,12 +1,12 @@
-"""Accepts the connections of the page, and ends those of a crowd, so that a new one gets in: it may bring a stop.
+"""Accept the connections of the page, and close some of a flood, so that a new one gets through: it may carry a stop.
 
 Theory of operation
 -------------------
-The server of the page gets connections that are accepted here, since asyncio itself accepts all that wait at once, and waits for a
-minute for a TLS handshake of which nothing comes. Here one connection is accepted in each round of the event loop. Where there are
-too many, the oldest one ends of the client that has most; those who have not been let in by the gate count as one client. So a
-crowd only ends connections of its own, and a new connection has as many rounds as there are places to say what it comes for. A
-connection that is the socket of a page is left alone: the gate counts these by browser.
+This module accepts the connections of the page's server, because asyncio accepts all waiting connections at once, and waits a minute
+for a TLS handshake that never starts. Here, each round of the event loop accepts one connection. If there are too many, the oldest
+connection of the client with the most is closed; all clients that the gate has not admitted count as one. So a flood closes only its
+own connections, and a new connection has as many rounds as the limit of connections to send its request. A connection that is the
+socket of a page is not closed: the gate limits these by browser.
 """
 
 from __future__ import annotations
@@ -23,41 +23,41 @@ from axisbus.web.access.limits import CONNECTIONS
 
 try:
     import resource
-except ImportError:  # Windows, which has no such limit
+except ImportError:  # Windows has no such limit
     resource = None  # type: ignore[assignment]
 
-PATIENCE = 5.0  # seconds until the gate has let a connection in, its TLS handshake included
+PATIENCE = 5.0  # seconds within which the gate must admit a connection, including its TLS handshake
 _FAREWELL = 1.0  # seconds that the far end of an encrypted connection may take to confirm its end
-_WAITING = 2048  # connections that wait in the kernel until they are accepted
-_PAUSE = 0.05  # seconds after which is tried again what failed for want of descriptors
-_SHARE = 4  # of so many descriptors that this process may have, one is for these connections
+_WAITING = 2048  # connections that may wait in the kernel until they are accepted
+_PAUSE = 0.05  # seconds before the next attempt if no descriptor was free
+_SHARE = 4  # one of this many descriptors of the process is for these connections
 
 Peer = tuple[str, int]
 
 
 @dataclass(slots=True)
 class Connection:
-    """One that is open; ``session`` is the number of its browser once the gate has let it in, ``kept`` that of a page's socket."""
+    """An open connection; ``session`` is the number of its browser once the gate has admitted it, ``kept``: it is a page's socket."""
 
     line: socket.socket
     session: int | None = None
     kept: bool = False
-    ended: bool = False  # by us; its protocol is to see that in one of the next rounds
+    ended: bool = False  # by this module; its protocol notices that in one of the next rounds
 
     @property
     def is_open(self) -> bool:
-        """Whether its descriptor has not been closed."""
+        """Whether its descriptor is still open."""
         return self.line.fileno() != -1
 
     def end(self) -> None:
-        """Let its protocol see its end, in whatever state that is."""
+        """Shut it down, so that its protocol notices the end in any state."""
         self.ended = True
         with suppress(OSError):
             self.line.shutdown(socket.SHUT_RDWR)
 
 
 class Acceptor:
-    """Holds the listening socket, and the connections that are open, in the order in which they came."""
+    """Hold the listening socket and the open connections, in order of arrival."""
 
     def __init__(self, listening: socket.socket) -> None:
         """``listening`` is bound; nothing is accepted before ``run``."""
@@ -67,20 +67,20 @@ class Acceptor:
         self._most = most_connections()
 
     def let_in(self, peer: Peer | None, session: int, *, kept: bool) -> None:
-        """The gate has let the browser of a session in by a connection; ``kept``: as the socket of a page."""
+        """Note that the gate has admitted the browser of a session on a connection; ``kept``: as the socket of a page."""
         connection = None if peer is None else self._open.get((str(peer[0]), int(peer[1])))
         if connection is not None:
             connection.session, connection.kept = session, kept
 
     async def run(self, protocol: Callable[[], asyncio.Protocol], tls: ssl.SSLContext | None) -> None:
-        """Accept connections for protocols that are made by ``protocol``, until it is cancelled."""
+        """Accept connections for protocols made by ``protocol``, until cancelled."""
         loop = asyncio.get_running_loop()
         self._listening.setblocking(False)
         self._listening.listen(_WAITING)
         while True:
             try:
                 line, address = await loop.sock_accept(self._listening)
-            except OSError:  # no descriptor is left, or it has gone again
+            except OSError:  # no descriptor is free, or the connection was closed again
                 self._make_room(len(self._open))
                 await asyncio.sleep(_PAUSE)
                 continue
@@ -91,10 +91,10 @@ class Acceptor:
             self._beginning.add(beginning)
             beginning.add_done_callback(self._beginning.discard)
             loop.call_later(PATIENCE, _give_up, connection)
-            await asyncio.sleep(0)  # the others have their turn, however many wait
+            await asyncio.sleep(0)  # other tasks run in between, however many connections wait
 
     def _make_room(self, most: int) -> None:
-        """Forget connections that have ended; end one where there are as many as there may be."""
+        """Forget connections that have ended; close one if their number has reached ``most``."""
         self._open = {peer: each for peer, each in self._open.items() if each.is_open}
         one = one_too_many(self._open.values(), most)
         if one is not None:
@@ -102,7 +102,7 @@ class Acceptor:
 
 
 def most_connections() -> int:
-    """Return how many there may be, but for the sockets of pages: fewer where the process may have few descriptors."""
+    """Return the highest number of connections, without the sockets of pages: lower if the process may have few descriptors."""
     if resource is None:
         return CONNECTIONS
     descriptors, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -110,7 +110,7 @@ def most_connections() -> int:
 
 
 def one_too_many(found: Iterable[Connection], most: int) -> Connection | None:
-    """Return which of the connections, the oldest first, ends where one more comes; None where there are fewer than ``most``."""
+    """Return the connection, of those given oldest first, to close for one more; None if there are fewer than ``most``."""
     ending = [each for each in found if not each.kept and not each.ended]
     if len(ending) < most or not ending:
         return None
@@ -121,7 +121,7 @@ def one_too_many(found: Iterable[Connection], most: int) -> Connection | None:
 async def _begin(
     connection: Connection, protocol: Callable[[], asyncio.Protocol], tls: ssl.SSLContext | None
 ) -> None:
-    """Let a protocol serve a connection, after its handshake where it is encrypted."""
+    """Let a protocol serve a connection, after the handshake if it is encrypted."""
     line, loop = connection.line, asyncio.get_running_loop()
     try:
         line.setblocking(False)
@@ -132,11 +132,11 @@ async def _begin(
             await loop.connect_accepted_socket(
                 protocol, line, ssl=tls, ssl_handshake_timeout=PATIENCE, ssl_shutdown_timeout=_FAREWELL
             )
-    except OSError:  # ssl.SSLError is one: no handshake, or none in time
+    except OSError:  # includes ssl.SSLError: no handshake, or none in time
         line.close()
 
 
 def _give_up(connection: Connection) -> None:
-    """End it if the gate has not let it in: it is a stranger's, or has sent no request."""
+    """Close a connection that the gate has not admitted: its client is unknown, or has sent no request."""
     if connection.session is None and connection.is_open:
         connection.end()

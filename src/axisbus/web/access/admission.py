@@ -1,4 +1,4 @@
-"""Whether a request or a socket is let in: by the host it names, the origin it comes from, and its cookie."""
+"""Decide whether to admit a request or a socket: by its host, its origin, and its cookie."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ _FROM_ELSEWHERE = (
 
 @dataclass(frozen=True, slots=True)
 class ServedOrigin:
-    """Where the page is served: ``scheme`` http or https, and the hosts, with port, by which it may be asked for."""
+    """The served address: ``scheme`` http or https, and the permitted hosts, with port."""
 
     scheme: str
     hosts: frozenset[str]
 
     @property
     def origins(self) -> frozenset[str]:
-        """The origins of our own pages."""
+        """The origins of the server's own pages."""
         return frozenset(f"{self.scheme}://{host}" for host in self.hosts)
 
 
 @dataclass(frozen=True, slots=True)
 class AdmissionRequest:
-    """What a request shows before anything of it is served; ``hosts`` and ``origins`` are all headers of that name."""
+    """The headers of a request that decide on its admission; ``hosts`` and ``origins`` are all headers of that name."""
 
     method: str
     path: str
@@ -56,20 +56,20 @@ class AdmissionRequest:
 
 @dataclass(frozen=True, slots=True)
 class AccessRefused:
-    """Not let in: the HTTP status, and why, for whoever reads it in a browser."""
+    """A refusal: the HTTP status, and the reason for the user of the browser."""
 
     status: int
     text: str
 
     @property
     def closes(self) -> bool:
-        """Whether it is a stranger, who keeps no connection open."""
+        """Whether the client is unknown, so that its connection is closed."""
         return self.status in (_FORBIDDEN, _WRONG_HOST)
 
 
 @dataclass(frozen=True, slots=True)
 class Entered:
-    """Let in by a link: the cookie that the browser is to keep."""
+    """Admitted by a link: the cookie for the browser to store."""
 
     cookie: str
 
@@ -84,10 +84,11 @@ def decide(
     sockets: Mapping[int, int],
     most_bytes: int,
 ) -> Verdict:
-    """Return the session of an arrival, the cookie for one that comes by a link, or why it is refused.
+    """Return the session of a request, the cookie for a request with a link, or why it is refused.
 
-    ``sockets`` are open already, by the number of the session; a request may bring ``most_bytes``. A link is used up by this. What
-    is asked of ``STOP`` is refused for want of a cookie or an origin, never for a limit, nor since a session is over or another's.
+    ``sockets`` are the open ones, by the number of the session; a request may have ``most_bytes``. A link is used up by this. A
+    request for ``STOP`` is refused only without a cookie or with a wrong host or origin, never because of a limit, an expired
+    session, or a session of another origin.
     """
     refused = _of_host(arrival, door) or _of_origin(arrival, door)
     if refused is not None:
@@ -110,7 +111,7 @@ def decide(
 
 
 def _crowded(sockets: Mapping[int, int], session: PageSession) -> AccessRefused | None:
-    """Refuse a socket beyond what a browser may have of its own, and beyond its share if the others have many."""
+    """Refuse a socket beyond the limit of a browser, and beyond its guaranteed number if all browsers together have too many."""
     own, all_of_them = sockets.get(session.number, 0), sum(sockets.values())
     if own < SOCKETS_ALWAYS or (own < SOCKETS_OF_BROWSER and all_of_them < SOCKETS):
         return None
@@ -122,7 +123,7 @@ def _crowded(sockets: Mapping[int, int], session: PageSession) -> AccessRefused 
 
 
 def _of_host(arrival: AdmissionRequest, door: ServedOrigin) -> AccessRefused | None:
-    """A name of somebody else's that was made to lead here (DNS rebinding) is not ours."""
+    """Refuse a foreign host name that was made to resolve to this server (DNS rebinding)."""
     if len(arrival.hosts) == 1 and arrival.hosts[0].lower() in door.hosts:
         return None
     named = ", ".join(arrival.hosts) or "no host"
@@ -132,7 +133,7 @@ def _of_host(arrival: AdmissionRequest, door: ServedOrigin) -> AccessRefused | N
 
 
 def _of_origin(arrival: AdmissionRequest, door: ServedOrigin) -> AccessRefused | None:
-    """Whatever can command must say that it comes from our page; what only reads may say nothing."""
+    """Refuse a foreign origin; only requests that merely read may have none."""
     if not arrival.origins and arrival.method in _READS and not arrival.socket:
         return None
     if len(arrival.origins) == 1 and arrival.origins[0].lower() in door.origins:

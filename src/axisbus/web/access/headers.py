@@ -1,9 +1,9 @@
-"""The security headers of every answer."""
+"""The security headers of every response."""
 
 from __future__ import annotations
 
-# Scripts: the library of the page puts its program into the page and compiles templates, so that neither word can be left out
-# (docs/decisions/page.md). Everything else comes from here.
+# Scripts: the page's library inlines its program and compiles templates, so both keywords are needed (docs/decisions/page.md).
+# Everything else comes from this server.
 _POLICY = {
     "default-src": "'self'",
     "script-src": "'self' 'unsafe-inline' 'unsafe-eval'",
@@ -30,6 +30,6 @@ HEADERS = {
 
 
 def secured(headers: list[tuple[bytes, bytes]]) -> list[tuple[bytes, bytes]]:
-    """Return the headers of an answer with ours, in the place of any of the same name."""
+    """Return the headers of a response with the security headers, which replace any of the same name."""
     kept = [(name, value) for name, value in headers if name.decode("latin-1").lower() not in HEADERS]
     return [*kept, *((name.encode(), value.encode()) for name, value in HEADERS.items())]

@@ -1,4 +1,4 @@
-"""One writer: who of the browsers has the controls, and how they pass on."""
+"""The lease of the controls: which page has them, and how they change hands."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from axisbus.web.access.tokens import Role
 
 @dataclass(frozen=True, slots=True)
 class Seat:
-    """An open page: ``number`` counts them from 1, ``who`` names it for people."""
+    """An open page: ``number`` counts the pages from 1, ``who`` names it for people."""
 
     number: int
     who: str
@@ -18,7 +18,7 @@ class Seat:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """What is not done: why, and what to do."""
+    """The reason of a refusal, and the remedy."""
 
     text: str
     remedy: str
@@ -26,16 +26,16 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True)
 class PageLease:
-    """The controls of the page; ``holder`` is None while nobody has them."""
+    """The controls of the page; ``holder`` is None while no page has them."""
 
     holder: Seat | None = None
 
     def held_by(self, seat: Seat) -> bool:
-        """Whether this page has them."""
+        """Return whether this page has the controls."""
         return self.holder is not None and self.holder.number == seat.number
 
     def taken(self, seat: Seat, *, over: bool) -> PageLease | Refusal:
-        """Return the lease of ``seat``; ``over``: it takes the controls from whoever has them, which is an act of its own."""
+        """Return the lease of ``seat``; ``over``: take the controls from the page that has them, which needs an explicit request."""
         if seat.role is not Role.OPERATOR:
             return Refusal(
                 "this page looks on: it has no controls to take",
@@ -46,5 +46,5 @@ class PageLease:
         return PageLease(seat)
 
     def without(self, seat: Seat) -> PageLease:
-        """Return the lease when ``seat`` has given the controls back, or is gone."""
+        """Return the lease after ``seat`` has released the controls, or was closed."""
         return PageLease() if self.held_by(seat) else self

@@ -1,4 +1,4 @@
-"""A message of a browser as an object of JSON, before anybody looks at what it asks."""
+"""Decode a message of a browser as a JSON object."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 
 def as_object(text: str) -> dict[str, Any] | None:
-    """Return the object that a text is; None where it is none."""
+    """Return the object in a text; None if it is not a JSON object."""
     try:
         found = json.loads(text)
     except (ValueError, RecursionError):

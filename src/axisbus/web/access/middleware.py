@@ -1,4 +1,4 @@
-"""The gate before every route and every socket of the page: asks ``admission.decide``, and holds no rule of its own."""
+"""The gate before every route and socket of the page: applies ``admission.decide``, and has no rules of its own."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 Application = Callable[[Scope, Receive, Send], Awaitable[None]]
 
-SESSION = "axisbus.session"  # where a scope keeps the session of the browser
+SESSION = "axisbus.session"  # the key of the browser's session in a scope
 _POLICY_VIOLATED, _TOO_BIG = 1008, 1009
 PAGE = "/"
-OWN_SOCKET = "/live"  # counts by itself, so that no stop is counted
+OWN_SOCKET = "/live"  # limits its rate itself, so that no stop is counted
 _TOO_OFTEN = AccessRefused(
     429, "This browser loads the page too often. Wait a few seconds, and load it again."
 )
@@ -34,14 +34,14 @@ _BODY = "<!doctype html><meta charset=utf-8><title>axisbus</title><p style='font
 
 
 class LetIn(Protocol):
-    """A function that the gate calls with the connection of each browser that it lets in, and the number of its session."""
+    """A function that the gate calls with each admitted connection, and the number of its session."""
 
     def __call__(self, peer: tuple[str, int] | None, session: int, *, kept: bool) -> None:
-        """Take note of it."""
+        """Note the admission."""
 
 
 class AccessMiddleware:
-    """An ASGI application around another; holds how many sockets each session has open, and how often it loads the page."""
+    """An ASGI application around another; holds the number of open sockets of each session, and its rate of page loads."""
 
     def __init__(
         self,
@@ -90,7 +90,7 @@ class AccessMiddleware:
             self._let_in(scope.get("client"), session.number, kept=scope["type"] == "websocket")
 
     async def _welcome(self, send: Send, entered: Entered) -> None:
-        """Give the cookie; the page is asked for by ours, since a strict cookie does not go along with what another site began."""
+        """Send the cookie; the browser then loads the page itself, because a strict cookie is not sent if another site started the request."""
         secure = "; Secure" if self._door.scheme == "https" else ""
         cookie = f"{self._cookie}={entered.cookie}; HttpOnly; SameSite=Strict; Path=/{secure}"
         page = "<!doctype html><meta charset=utf-8><title>axisbus</title><meta http-equiv=refresh content='0;url=/'>"
@@ -104,11 +104,11 @@ class AccessMiddleware:
             await self._inner(scope, watched, send)
         finally:
             self._sockets[session.number] -= 1
-            self._keys.renew(session, open_page=True)  # it was open until now
+            self._keys.renew(session, open_page=True)  # its page was open until now
 
 
 def arrival_of(scope: Scope, cookie: str) -> AdmissionRequest:
-    """Return what a request shows, from its ASGI scope."""
+    """Return the headers of a request that decide on its admission, from its ASGI scope."""
     found: dict[str, list[str]] = {}
     for name, value in scope["headers"]:
         found.setdefault(name.decode("latin-1").lower(), []).append(value.decode("latin-1"))
@@ -117,7 +117,7 @@ def arrival_of(scope: Scope, cookie: str) -> AdmissionRequest:
     lengths = [int(text) for text in found.get("content-length", []) if text.isdecimal() and text.isascii()]
     cookies = tuple(value for name, _, value in pairs if name == cookie)
     token = query.get("token", [None])[0]
-    # Of who shows neither it is not asked: it is refused anyway.
+    # Without cookie and token the request is refused anyway: no need to look the origin up.
     origin = origin_of(scope.get("client"), scope.get("server")) if cookies or token else NOWHERE
     return AdmissionRequest(
         method=scope.get("method", "GET"),
@@ -133,7 +133,7 @@ def arrival_of(scope: Scope, cookie: str) -> AdmissionRequest:
 
 
 async def _refuse(scope: Scope, send: Send, refused: AccessRefused) -> None:
-    if scope["type"] == "websocket":  # before it was accepted: the server answers 403
+    if scope["type"] == "websocket":  # not accepted yet: the server answers 403
         await send({"type": "websocket.close", "code": _POLICY_VIOLATED})
     else:
         await _answer(
@@ -157,7 +157,7 @@ def _with_headers(send: Send) -> Send:
 
 
 def _bounded(receive: Receive, left: int) -> Receive:
-    """A body without a length is cut off where it becomes too long: whoever reads it sees its sender gone."""
+    """Return a ``receive`` that disconnects when a body without a length becomes too long."""
 
     async def received() -> Message:
         nonlocal left
@@ -169,7 +169,7 @@ def _bounded(receive: Receive, left: int) -> Receive:
 
 
 def _watched(receive: Receive, send: Send, bucket: Bucket) -> Receive:
-    """A socket that sends too much or too fast is closed; commands do not come by it, so no stop is lost with it."""
+    """Return a ``receive`` that closes a socket with too large or too many messages; such sockets carry no commands, so no stop is lost."""
 
     async def received() -> Message:
         message = await receive()

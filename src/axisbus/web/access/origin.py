@@ -1,10 +1,10 @@
-"""Where a connection comes from: its address and, on this computer, the user whose process has it.
+"""The origin of a connection: its address and, on this computer, the user of its process.
 
 Theory of operation
 -------------------
-A browser sends a cookie to every port of a host, also to the web server of another user of this computer, who may then use it.
-So a session holds only for the address and the user by which it was begun. Linux names the user of a connection of this computer
-by a netlink socket (sock_diag(7)); elsewhere, and for other computers, the address alone is known.
+A browser sends a cookie to every port of a host, also to the web server of another user of this computer, who could then use it.
+So a session is valid only for the address and the user that started it. Linux reports the user of a local connection by a netlink
+socket (sock_diag(7)); on other systems, and for other computers, only the address is known.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ _SOCK_DIAG, _BY_FAMILY, _REQUEST = (
     4,
     20,
     1,
-)  # the protocol of netlink, its question, and the flag of a question
+)  # the netlink protocol, its request type, and the flag of a request
 _HEADER = struct.Struct("=IHHII")  # length, type, flags, sequence, port
 _QUESTION = struct.Struct("=BBBxI")  # family, protocol, extensions, states
-_ENDS = struct.Struct("!HH16s16s")  # ports and addresses: of the connection's own end, and of its far end
-_REST = struct.pack("=III", 0, 0xFFFFFFFF, 0xFFFFFFFF)  # any interface, and no cookie of the kernel's
+_ENDS = struct.Struct("!HH16s16s")  # ports and addresses: of the client's end, and of the server's end
+_REST = struct.pack("=III", 0, 0xFFFFFFFF, 0xFFFFFFFF)  # any interface, and no cookie of the kernel
 _FACTS = struct.Struct("=IIIII")  # after four octets and the ends: expires, queues, the user, the file
 _BEFORE = _HEADER.size + 4 + _ENDS.size + len(_REST)
 _ANY_STATE = 0xFFFFFFFF
@@ -32,7 +32,7 @@ _FAMILIES = {4: socket.AF_INET, 6: socket.AF_INET6}
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """The address of a client, and the user ID of its process; None where that is not known."""
+    """The address of a client, and the user ID of its process; None if unknown."""
 
     address: str = ""
     user: int | None = None
@@ -42,7 +42,7 @@ NOWHERE = Origin()
 
 
 def origin_of(client: tuple[str, int] | None, server: tuple[str, int | None] | None) -> Origin:
-    """Return where a connection comes from, by its two ends; does not block."""
+    """Return the origin of a connection from its two ends; does not block."""
     if client is None:
         return NOWHERE
     if server is None or server[1] is None:

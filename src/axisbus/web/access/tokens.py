@@ -1,4 +1,4 @@
-"""One-time links, and the sessions that they begin."""
+"""One-time links, and the sessions that they start."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from enum import Enum
 from axisbus.web.access.origin import NOWHERE, Origin
 
 _BYTES = 32
-_MOST = 64  # links that were not used yet, and sessions
-LINK_LIVES = 3600.0  # seconds in which a link is to be used
+_MOST = 64  # the most unused links, and the most sessions
+LINK_LIVES = 3600.0  # seconds for which an unused link is valid
 SESSION_LIVES = (
     12 * 3600.0
 )  # seconds without a request, and without a socket, after which a browser needs another link
 
 
 class Role(Enum):
-    """What a browser may do; both may halt and stop."""
+    """The permissions of a browser; both roles may halt and stop."""
 
     OPERATOR = "operator"
     LOOKER = "looker"
@@ -28,14 +28,14 @@ class Role(Enum):
 
 @dataclass(frozen=True, slots=True)
 class PageSession:
-    """A browser that has come in by a link; ``number`` counts them from 1."""
+    """A browser that was admitted by a link; ``number`` counts the sessions from 1."""
 
     number: int
     role: Role
 
 
 class LinkRefusal(Enum):
-    """What is wrong with a link."""
+    """Why a link is refused."""
 
     USED = "was used already: it opens one browser, once"
     LATE = "was made more than an hour ago, and holds no longer"
@@ -43,14 +43,14 @@ class LinkRefusal(Enum):
 
 
 class PageSessions:
-    """Links and sessions; holds state: the digests of the links not yet used, of those that were, and of the sessions' cookies."""
+    """Links and sessions; holds the digests of unused links, of used links, and of the sessions' cookies."""
 
     def __init__(
         self,
         make: Callable[[], str] = lambda: secrets.token_urlsafe(_BYTES),
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """``make`` returns a secret that nobody can guess, ``clock`` the time in seconds."""
+        """``make`` returns an unguessable secret, ``clock`` the time in seconds."""
         self._make = make
         self._clock = clock
         self._links: dict[str, tuple[Role, float]] = {}
@@ -61,7 +61,7 @@ class PageSessions:
         self._count = 0
 
     def issue(self, role: Role) -> str:
-        """Return the token of a new link; of more than 64 that nobody has used, the oldest is forgotten."""
+        """Return the token of a new link; if there are more than 64 unused links, the oldest one is dropped."""
         token = self._make()
         self._links[_digest(token)] = role, self._clock()
         while len(self._links) > _MOST:
@@ -69,7 +69,7 @@ class PageSessions:
         return token
 
     def enter(self, token: str, origin: Origin = NOWHERE) -> str | LinkRefusal:
-        """Use a token up; return the cookie of a new session, which holds for ``origin``, or the reason why there is none."""
+        """Use up a token; return the cookie of a new session, valid for ``origin``, or the reason of the refusal."""
         digest = _digest(token)
         role, made = self._links.pop(digest, (None, 0.0))
         if role is None:
@@ -88,11 +88,11 @@ class PageSessions:
         return cookie
 
     def session(self, cookie: str) -> PageSession | None:
-        """Return the session of a cookie, None where there is none."""
+        """Return the session of a cookie, None if there is none."""
         return self._sessions.get(_digest(cookie))
 
     def renew(self, session: PageSession, *, open_page: bool = False) -> bool:
-        """Whether a session still holds, as it does while it has an ``open_page``; then it does for another 12 h."""
+        """Return whether a session is valid, and extend it by 12 h if so; with an ``open_page`` it does not expire."""
         seen, now = self._seen.get(session.number), self._clock()
         if seen is None or (now - seen > SESSION_LIVES and not open_page):
             return False
@@ -100,10 +100,10 @@ class PageSessions:
         return True
 
     def holds_for(self, session: PageSession, origin: Origin) -> bool:
-        """Whether a session was begun from there."""
+        """Return whether a session was started from this origin."""
         return self._origins.get(session.number) == origin
 
 
 def _digest(secret: str) -> str:
-    """Secrets are looked up by their digests: how long that takes tells nothing of them."""
+    """Return the digest of a secret. Secrets are looked up by digest, so that the duration reveals nothing of them."""
     return hashlib.sha256(secret.encode("utf-8", "surrogateescape")).hexdigest()

@@ -1,1 +1,1 @@
-"""What a page asks for: read, judged by who asks and who has the controls, and carried out."""
+"""Requests of pages: parse them, check whether the page may make them, and carry them out."""

@@ -1,4 +1,4 @@
-"""What is to be done, as calls of the library; nothing here blocks."""
+"""Carry out authorised requests of pages as calls of the library; nothing here blocks."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ _CALLS: dict[PageVerb, Callable[[Axis, Mapping[str, float]], Handle]] = {
 
 
 def perform(machine: Machine, act: PageAction) -> list[Handle]:
-    """Give the commands of an act, all of them also where one is refused at the call.
+    """Give the commands of an action; if one is refused at the call, the others are given all the same.
 
     Raises:
         AxisbusError: as the calls of the library (several: the first of them).
@@ -68,7 +68,7 @@ def perform(machine: Machine, act: PageAction) -> list[Handle]:
     for name in act.axes:
         try:
             handles.append(call(machine[name], act.values))
-        except Exception as error:  # noqa: BLE001  # the other axes are to be stopped all the same
+        except Exception as error:  # noqa: BLE001  # the other axes have to be stopped in any case
             errors.append(error)
     if errors:
         raise errors[0]
@@ -76,7 +76,7 @@ def perform(machine: Machine, act: PageAction) -> list[Handle]:
 
 
 def take_command(machine: Machine) -> Handle:
-    """Take the machine's command in a thread of its own: all that moves halts first, and that may take its time."""
+    """Take control of the machine in a thread of its own: all moving axes halt first, which may take long."""
     handle = Handle("take_command()", machine.session.waiter)
     threading.Thread(target=_take_command, args=(machine, handle), name="axisbus-take", daemon=True).start()
     return handle
@@ -92,10 +92,10 @@ def _take_command(machine: Machine, handle: Handle) -> None:
 
 
 def direction_of(act: PageAction) -> float:
-    """Return 1 or -1, which way a jog is to go.
+    """Return the direction of a jog, 1 or -1.
 
     Raises:
-        ArgumentError: it is neither.
+        ArgumentError: the direction is 0 or not a number.
     """
     direction = act.values["direction"]
     if not abs(direction) > 0:
@@ -106,10 +106,10 @@ def direction_of(act: PageAction) -> float:
 
 
 def jog(machine: Machine, act: PageAction, *, renews: bool) -> Handle:
-    """Let an axis jog for 0.2 s, at the velocity of the page or the default of the cell file; ``renews`` as of ``Axis.jog``.
+    """Jog an axis for 0.2 s, at the velocity of the page or the default of the cell file; ``renews`` as of ``Axis.jog``.
 
     Raises:
-        ArgumentError: neither is known, or as ``Axis.jog``.
+        ArgumentError: neither velocity is known, or as ``Axis.jog``.
     """
     name = act.axes[0]
     speed = act.values.get("velocity", machine.cell.axes[name].defaults.velocity)

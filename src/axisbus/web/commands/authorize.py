@@ -1,4 +1,4 @@
-"""The one function that all commands of the page go through: who asks, who has the controls, and what is asked."""
+"""Decide whether a page's request is carried out: by its role, by the controls, and by the request's values."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from axisbus.web.commands.verbs import VERBS, PageVerb, VerbRequirements
 
 @dataclass(frozen=True, slots=True)
 class PageAction:
-    """What is to be done: ``axes`` by name, ``values`` as numbers in the axis's units."""
+    """An authorised request: ``axes`` by name, ``values`` as numbers in the axis's units."""
 
     verb: PageVerb
     axes: tuple[str, ...] = ()
@@ -21,7 +21,7 @@ class PageAction:
 
 
 def decide(seat: Seat, lease: PageLease, ask: PageRequest, axes: Collection[str]) -> PageAction | Refusal:
-    """Return what is to be done, or why not. A halt and a stop are for everybody, whoever has the controls."""
+    """Return the action to carry out, or why it is refused. Every page may halt and stop, even without the controls."""
     row = VERBS[ask.verb]
     if row.axis and ask.axis not in axes:
         return Refusal(f"there is no axis {ask.axis!r}", f"there are {', '.join(axes) or 'none'}")
@@ -59,7 +59,7 @@ def _of_what(ask: PageRequest, row: VerbRequirements) -> Refusal | None:
 
 
 def _numbers(ask: PageRequest, row: VerbRequirements) -> dict[str, float] | Refusal:
-    """Return the numbers that the verb takes; one that is left out is the cell file's default, where there is one."""
+    """Return the numbers that the verb takes; an omitted number takes the default of the cell file, if there is one."""
     found: dict[str, float] = {}
     for name in (*row.needs, *row.takes):
         text = ask.values.get(name, "").strip().replace(",", ".")
@@ -77,10 +77,10 @@ def _numbers(ask: PageRequest, row: VerbRequirements) -> dict[str, float] | Refu
 
 
 def _number(text: str) -> float:
-    """Return the number that a text is; digits of other scripts and an underscore, which float() takes too, are slips of a hand.
+    """Return a text as a number; reject digits of other scripts and underscores, which float() accepts, as typing errors.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the text is not a number.
     """
     if not text.isascii() or "_" in text:
         raise ValueError(text)

@@ -1,4 +1,4 @@
-"""The open pages at a machine: their seats, the controls, what each holds pressed, and what has become of their commands."""
+"""The open pages at a machine: their seats, the controls, the jog that each holds, and the results of their commands."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from axisbus.web.tuning import trials
 from axisbus.web.tuning.trials import Trials
 from axisbus.web.view.error_text import in_page_terms
 
-_AGAIN = 2.0  # seconds after which the same words are said again
-_UNDER_WAY = 64  # commands of a page that are looked after
+_AGAIN = 2.0  # seconds after which the same message is sent again
+_UNDER_WAY = 64  # the most running commands of a page whose ends are reported
 
 
 @dataclass(frozen=True, slots=True)
 class PageMessage:
-    """Something for one page: ``kind`` is refused, failed, note or link."""
+    """A message for one page: ``kind`` is refused, failed, note or link."""
 
     kind: str
     text: str
@@ -41,7 +41,7 @@ class PageMessage:
 
 @dataclass(slots=True)
 class PageClient:
-    """A page at the desk; holds state: what it holds pressed, what is left of its rate, and what it is to be told."""
+    """An open page; holds state: its jog, the rest of its message rate, and the messages to send to it."""
 
     seat: Seat
     bucket: Bucket = field(default_factory=Bucket)
@@ -50,15 +50,15 @@ class PageClient:
     jogs: list[Handle] = field(default_factory=list)
     told: list[PageMessage] = field(default_factory=list)
     last: tuple[str, float] = ("", 0.0)
-    session: int = 0  # that of its browser
-    verified: VerifyProgress | None = None  # the state of a verification that it was told last
-    configured: config.ConfigProgress | None = None  # that of a job about a configuration
-    heard: float | None = None  # when it sent the last message that was heard, in seconds of its clock
-    seen: float | None = None  # when we told what it showed then, in seconds of ours
-    moving: bool = False  # whether what it jogs has been seen to be under way
+    session: int = 0  # the session of its browser
+    verified: VerifyProgress | None = None  # the last progress of a verification sent to it
+    configured: config.ConfigProgress | None = None  # the last progress of a configuration job sent to it
+    heard: float | None = None  # when it sent its last received message, in seconds of its clock
+    seen: float | None = None  # when the server sent the values shown then, in seconds of the server's clock
+    moving: bool = False  # whether the axis that it jogs has been seen to move
 
     def tell(self, told: PageMessage, now: float) -> None:
-        """Say something, but not the same again and again."""
+        """Queue a message, unless the same one was queued within the last 2 s."""
         if self.last[0] == told.text and now - self.last[1] < _AGAIN:
             return
         self.last = (told.text, now)
@@ -66,10 +66,10 @@ class PageClient:
 
 
 class PageClients:
-    """Holds the places of all pages, and the lease; used by one thread. Times are seconds of one clock, which the caller reads."""
+    """Hold all pages and the lease of the controls; used by one thread. Times are seconds of one clock, read by the caller."""
 
     def __init__(self, machine: Machine, link: Callable[[], str], *, looks: bool = False) -> None:
-        """``link`` makes a link for one more page that looks on; ``looks``: none of them is to have the command of the machine."""
+        """``link`` makes a link for one more page that only observes; ``looks``: no page may take control of the machine."""
         self._machine = machine
         self._link = link
         self.looks = looks
@@ -80,7 +80,7 @@ class PageClients:
         self.places: dict[int, PageClient] = {}
 
     def sit(self, session: PageSession, peer: str) -> PageClient:
-        """A page has been opened; return its place."""
+        """Register a page that has been opened, and return its client."""
         self._count += 1
         place = PageClient(
             Seat(self._count, f"page {self._count} at {peer}", session.role), session=session.number
@@ -89,17 +89,17 @@ class PageClients:
         return place
 
     def leave(self, place: PageClient) -> None:
-        """A page is gone: what it jogs or tries halts, and the controls are free. Harmless when repeated."""
+        """Remove a closed page: halt its jog or trial, and free the controls. Harmless when repeated."""
         self.places.pop(place.seat.number, None)
         self.lease = self.lease.without(place.seat)
         self.objects.leave(place.seat.number)
         self._end_jog(place)
         self.trials.leave(place.seat.number)
         for handle in (*place.under_way, *place.jogs):
-            look_at_end(handle)  # nobody is there who could be told
+            look_at_end(handle)  # no page is left to report the end to
 
     def hear(self, place: PageClient, text: str, now: float) -> None:
-        """A message of a page. Beyond its rate nothing is heard of it but a halt and a stop."""
+        """Process a message of a page. Beyond the page's message rate, only halts and stops are processed."""
         within = place.bucket.take(now)
         ask = read(text)
         if isinstance(ask, PageRequest) and (within or ask.verb in STOPS):
@@ -117,7 +117,7 @@ class PageClients:
             )
 
     def look(self, now: float) -> None:
-        """End what is no longer held, and gather how commands have ended; to be called at least every 50 ms."""
+        """End jogs that are no longer held, and collect the ends of commands; to be called at least every 50 ms."""
         for place in list(self.places.values()):
             if place.deadman.silent(now) or self._broken_off(place):
                 self._end_jog(place)
@@ -125,7 +125,7 @@ class PageClients:
         self.trials.look(now)
 
     def let_go(self, axes: Collection[str] | None = None) -> None:
-        """A stop, of all axes if None, has ended the jog of whoever holds one, which needs another press, and a trial."""
+        """End the jogs, and the trial, of these axes (None: all) after a stop; a jog needs a new press to start again."""
         self.trials.give_way(axes, trials.STOPPED)
         for place in self.places.values():
             if axes is None or place.deadman.axis in axes:
@@ -189,7 +189,7 @@ class PageClients:
         del place.under_way[:-_UNDER_WAY]
 
     def _jog(self, place: PageClient, act: PageAction, ask: PageRequest, now: float) -> None:
-        if self._broken_off(place):  # whoever has stopped it meanwhile must not see it go on
+        if self._broken_off(place):  # a jog that was stopped meanwhile must not continue
             self._end_jog(place)
         before = place.deadman
         direction = direction_of(act)
@@ -201,7 +201,7 @@ class PageClients:
             self._halt(place, before.axis)
 
     def _broken_off(self, place: PageClient) -> bool:
-        """Whether what is held was under way and is no more: halted by whoever, in fault, or at a limit."""
+        """Return whether the held jog was moving and no longer moves: halted by any client, in fault, or at a limit."""
         state = self._machine[place.deadman.axis].snapshot.state if place.deadman.held else None
         broken = place.moving and state not in (None, AxisState.CONTINUOUS_MOTION)
         place.moving = state is AxisState.CONTINUOUS_MOTION

@@ -1,4 +1,4 @@
-"""What pages ask for about the objects of nodes: who waits for which transfer, and the one long job that there may be."""
+"""Requests of pages for the objects of nodes: queue their transfers, and start and end the one long job."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _FULL = Refusal(f"this page waits for {WAITING} objects already", "wait until th
 
 
 class ObjectRequests:
-    """Holds the queue of transfers and the long jobs; used by one thread, and carried out by ``web.objects.worker``."""
+    """Hold the queue of transfers and the long jobs; used by one thread, and carried out by ``web.objects.worker``."""
 
     def __init__(self) -> None:
         self.turns = TransferQueue()
@@ -42,9 +42,9 @@ class ObjectRequests:
         self.configuring = Configuring()
 
     def do(self, page: int, ask: PageRequest, *, controls: bool = False) -> Refusal | None:
-        """Take what a page asks for, which may ask for it; return why not, where that cannot be now.
+        """Accept a request of a page that is authorised for it; return why not, if that is impossible now.
 
-        ``controls``: whether it has them, and so may end what another page has begun; a job of its own does so.
+        ``controls``: whether the page has the controls, and so may end the job of another page; starting a job of its own does so.
         """
         if controls and (ask.verb is PageVerb.VERIFY or ask.verb in _JOBS):
             self.configuring.give_way(page)
@@ -63,29 +63,29 @@ class ObjectRequests:
         return None
 
     def without_controls(self, page: int, now: float) -> None:
-        """A page has the controls no longer: nothing is written for it any more, and what it verifies or restores ends."""
+        """Note that a page has lost the controls: drop its pending writes, and end its verification or restore."""
         self.turns.drop_writes(page, now)
         self.configuring.end_writing(page)
         self.verifying.end(page)
 
     def leave(self, page: int) -> None:
-        """A page is gone."""
+        """Remove a closed page."""
         self.turns.leave(page)
         self.verifying.end(page)
         self.configuring.leave(page)
 
     def news(self, page: int, now: float) -> list[Values]:
-        """Return what has come of a page's transfers, and what it keeps reading, since it was told last."""
+        """Return the results of a page's transfers and the objects that it keeps reading, as far as they are new."""
         return [seen.told(now) for seen in self.turns.news(page)]
 
     @property
     def verified(self) -> VerifyProgress | None:
-        """How far the verification is; another value whenever that has changed."""
+        """The progress of the verification; another value whenever it has changed."""
         return self.verifying.now
 
     @property
     def configured(self) -> config.ConfigProgress | None:
-        """How far the job about a configuration is; another value whenever that has changed."""
+        """The progress of the configuration job; another value whenever it has changed."""
         return self.configuring.now
 
 

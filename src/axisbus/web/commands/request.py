@@ -1,4 +1,4 @@
-"""A message of a page as a value, or what is wrong with it."""
+"""Parse a message of a page into a request, or into the reason why it is invalid."""
 
 from __future__ import annotations
 
@@ -20,9 +20,12 @@ _STRANGE = Refusal("a message was none of this page's", "load the page again")
 
 @dataclass(frozen=True, slots=True)
 class PageRequest:
-    """What a page asks for. ``values`` are numbers as they were typed; ``press`` counts what is pressed and held, ``sent`` is when
-    the page sent it, in seconds of its own clock; ``seen`` is when we told what it showed then, in seconds of ours. ``objects`` are
-    those that a verb is about, ``node`` is one that it is about as a whole; ``text`` is the value of an object as it was typed."""
+    """A request of a page. ``values`` are numbers as typed; ``press`` counts the presses of held buttons.
+
+    ``sent`` is when the page sent it, in seconds of the page's clock; ``seen`` is when the server sent the values that the page
+    showed then, in seconds of the server's clock. ``objects`` are the objects of the request, ``node`` is its node if it concerns a
+    whole node; ``text`` is the value of an object as typed.
+    """
 
     verb: PageVerb
     axis: str = ""
@@ -37,7 +40,7 @@ class PageRequest:
 
 
 def read(text: str) -> PageRequest | Refusal:
-    """Return what a message asks for; of a stop only the verb and the axis are looked at, so that nothing else can spoil it."""
+    """Return the request in a message; of a stop, only the verb and the axis are read, so that no other field can invalidate it."""
     if len(text) > MESSAGE:
         return Refusal("a message was too long", f"it may have {MESSAGE} characters")
     found = as_object(text)
@@ -72,7 +75,7 @@ def _whole(verb: PageVerb, axis: str, found: dict[str, Any]) -> PageRequest | Re
 
 
 def _objects(named: object, counts: range) -> tuple[ObjectKey, ...] | None:
-    """Return the objects that are named, None where they are none, or more or fewer than the verb is about."""
+    """Return the named objects, None if one is invalid, or if there are more or fewer than the verb takes."""
     if not isinstance(named, list) or len(named) not in counts:
         return None
     found = tuple(each for each in map(key.read, named) if each is not None)

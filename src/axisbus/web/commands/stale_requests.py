@@ -1,10 +1,10 @@
-"""What is not done for its age: it has been under way for long, or was asked for by a page that showed what had long been.
+"""Reject requests that are too old: those that arrive late, and those from a page that showed old values.
 
 Theory of operation
 -------------------
-How much later than the promptest ones a message comes shows a network that has become slow. One that is slow all the
-time shows by the age of what the page shows: each message says of when that is, by our own clock. Whoever looks at what is old, and
-whose hand is seen as late, must not move anything.
+If a message takes longer than the promptest ones, the network has become slow. If the network is always slow, the age of the values
+that the page shows reveals it: each message says when the server sent those values, by the server's own clock. A user who sees old
+values, and whose input arrives late, must not move anything.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from axisbus.web.access.lease import Refusal
 from axisbus.web.commands.request import PageRequest
 from axisbus.web.commands.verbs import VERBS, PageVerb
 
-_LATE = 1.0  # seconds that a message may be under way longer than the promptest ones
-_OLD = 1.5  # seconds that what a page shows may have been told before what it asks for is heard
-_OLD_HELD = 0.6  # that of what goes on only while it is held
-AHEAD = 1.0  # seconds by which what is told to a page may be ahead of what it shows: no more is to wait on its way
+_LATE = 1.0  # seconds by which a message may take longer than the promptest ones
+_OLD = 1.5  # seconds, the highest age of the values that a page showed when a request of it arrives
+_OLD_HELD = 0.6  # the same for a jog, which continues only while it is held
+AHEAD = 1.0  # seconds by which the values sent to a page may be newer than those it shows, so that they do not queue up
 
 
 def too_late(deadman: DeadMan, ask: PageRequest, now: float) -> Refusal | None:
-    """Return why something is not done that was asked a while ago, or by what was seen a while ago; ``now`` as of ``DeadMan``."""
+    """Return why a request is rejected as too old, None if it is not; ``now`` as of ``DeadMan``."""
     if not VERBS[ask.verb].controls:
         return None
     late = deadman.lateness(ask.sent, now)
@@ -40,5 +40,5 @@ def too_late(deadman: DeadMan, ask: PageRequest, now: float) -> Refusal | None:
 
 
 def is_ahead(told: float, seen: float | None) -> bool:
-    """Whether a page that shows what was told it at ``seen`` is to get nothing new after what was told it at ``told``."""
+    """Return whether to send a page nothing new: it shows the values sent at ``seen``, and the last were sent at ``told``."""
     return seen is not None and told - seen > AHEAD

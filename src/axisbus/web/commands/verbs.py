@@ -1,4 +1,4 @@
-"""What a page may ask for, as one table."""
+"""The table of all requests that a page may make."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class PageVerb(Enum):
 
 @dataclass(frozen=True, slots=True)
 class VerbRequirements:
-    """What a verb needs: the controls, an axis, a question that was answered with yes, numbers by name, so many objects."""
+    """The requirements of a verb: the controls, an axis, a confirmed question, numbers by name, and a number of objects."""
 
     controls: bool = True
     axis: bool = True
@@ -58,8 +58,8 @@ class VerbRequirements:
     objects: range = range(1)
 
 
-KEPT = 8  # objects that a page may keep reading
-ASKED = 32  # objects that it may ask for at a time
+KEPT = 8  # the most objects that a page may read cyclically
+ASKED = 32  # the most objects in one request
 _ANYBODY = VerbRequirements(controls=False)
 _PAGE = VerbRequirements(controls=False, axis=False)
 _RAMPS = ("velocity", "acceleration")
@@ -101,7 +101,7 @@ VERBS = {
     PageVerb.TRIAL_BEAT: _PAGE,
     PageVerb.TRIAL_END: _PAGE,
 }
-# Taken whatever the rate of a page is, and whatever it brings with it.
+# Accepted at any message rate of a page, whatever the other fields of the message.
 STOPS = frozenset(
     {
         PageVerb.QUICK_STOP_ALL,

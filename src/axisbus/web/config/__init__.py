@@ -1,1 +1,1 @@
-"""The configuration of nodes on the page: backups, comparisons, and what a restore would write."""
+"""The configuration of nodes on the page: backups, comparisons, dry runs of a restore, and the restore of settings."""

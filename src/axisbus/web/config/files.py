@@ -1,7 +1,7 @@
-"""The DCFs of the pages: the one that each has brought, and the last backup made for it; in memory alone, and bounded.
+"""The DCFs of the pages: the file that each has uploaded, and the last backup made for it; bounded, and only in memory.
 
-``python -m axisbus.web.config.files NAME`` reads a DCF from standard input, and writes what it is of as JSON. The server starts it
-as a process of little weight with the operating system, since a large file must not keep the jog of another page waiting.
+``python -m axisbus.web.config.files NAME`` reads a DCF from standard input and writes its description as JSON. The server runs this
+as a process of low priority, because parsing a large file must not delay the jog of another page.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from axisbus.web.access import limits
 from axisbus.web.view.axes import Values, explained
 from axisbus.wording import counted
 
-MOST = limits.FILE  # bytes of one
-MOST_ENTRIES = 100_000  # several times as many as the largest device has
+MOST = limits.FILE  # bytes of one file
+MOST_ENTRIES = 100_000  # several times the number of the largest device
 BROUGHT, MADE = "brought", "made"
-_LONGEST = 80  # characters of a name
+_LONGEST = 80  # characters of a file name
 _PATIENCE = 20.0  # seconds that reading a file may take
 _NICE = 15
 _UNFIT = re.compile(r"[^\w.() +-]")
@@ -33,19 +33,19 @@ _UNFIT = re.compile(r"[^\w.() +-]")
 
 @dataclass(frozen=True, slots=True)
 class Dcf:
-    """A file: its name, fit to be shown and saved, and what is in it."""
+    """A file: its name, safe to show and to save, and its contents."""
 
     name: str
     data: bytes
 
     def reading(self) -> EdsParseResult:
-        """Parse it; may take a second.
+        """Parse the file; may take a second.
 
         Raises:
-            EdsError: it is none, or describes more than any device has.
+            EdsError: the file is not an EDS or DCF, or describes more entries than any device has.
         """
         found, entries = reader.read(self.data, self.name), 0
-        for each in found.eds:  # a few lines of a file may stand for thousands of entries
+        for each in found.eds:  # a few lines of a file may define thousands of entries
             entries += len(each.subs)
             if entries > MOST_ENTRIES:
                 raise EdsError(
@@ -58,35 +58,35 @@ class Dcf:
 
 
 class PageFiles:
-    """Holds two files of each page at most; used by one thread."""
+    """Hold at most two files of each page; used by one thread."""
 
     def __init__(self) -> None:
         self._kept: dict[tuple[int, str], Dcf] = {}
 
     def keep(self, page: int, which: str, file: Dcf) -> None:
-        """Keep a file of a page, in the place of the one before; none that is larger than ``MOST``."""
+        """Store a file of a page in place of the previous one; a file larger than ``MOST`` is not stored."""
         self._kept.pop((page, which), None)
         if len(file.data) <= MOST:
             self._kept[page, which] = file
 
     def of(self, page: int, which: str) -> Dcf | None:
-        """Return a file of a page; None where there is none."""
+        """Return a file of a page; None if there is none."""
         return self._kept.get((page, which))
 
     def leave(self, page: int) -> None:
-        """A page is gone, and its files with it."""
+        """Remove the files of a closed page."""
         for which in (BROUGHT, MADE):
             self._kept.pop((page, which), None)
 
 
 def named(text: str) -> str:
-    """Return the name of a file as it may be shown and saved: without folders, and without what no name needs."""
+    """Return a file name that is safe to show and to save: without folders and unusual characters."""
     last = re.split(r"[\\/]", text)[-1]
     return _UNFIT.sub("_", last)[:_LONGEST].strip(" .") or "file.dcf"
 
 
 def about(file: Dcf) -> Values:
-    """Return what a file is of, or why it is none; may take a second."""
+    """Return the description of a file, or why it is invalid; may take a second."""
     try:
         eds = file.reading().eds
     except AxisbusError as error:
@@ -95,7 +95,7 @@ def about(file: Dcf) -> Values:
 
 
 def about_apart(file: Dcf) -> Values:
-    """As ``about``, in a process of its own; blocks, and gives up after 20 s."""
+    """Run ``about`` in a process of its own; blocks for at most 20 s."""
     command = [sys.executable, "-m", __name__, file.name]
     try:
         with subprocess.Popen(
@@ -104,7 +104,7 @@ def about_apart(file: Dcf) -> Values:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             start_new_session=True,
-        ) as reading:  # Ctrl-C in the terminal is for the server
+        ) as reading:  # Ctrl-C in the terminal must only end the server
             try:
                 _let_wait(reading.pid)
                 read, _ = reading.communicate(file.data, _PATIENCE)
@@ -120,7 +120,7 @@ def about_apart(file: Dcf) -> Values:
 
 
 def _let_wait(process: int) -> None:
-    """Let a process run when no other one needs the processor, from its beginning: to start costs more than to read."""
+    """Lower the priority of a process as it starts, because starting it takes longer than parsing."""
     if hasattr(os, "setpriority"):
         os.setpriority(os.PRIO_PROCESS, process, _NICE)
 

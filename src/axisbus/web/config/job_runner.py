@@ -1,4 +1,4 @@
-"""The one job about a configuration that there may be: begun by a page, told to all, slow enough, and cancelled."""
+"""The one configuration job that may run at a time: started by a page, shown on all, paced, and cancellable."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NO_FILE = Refusal("this page has given no file", "choose a DCF, or make a backu
 
 @dataclass(slots=True)
 class _Job:
-    """A job that was begun; ``gives_way``: it has been cancelled for a page that has the controls."""
+    """A started job; ``gives_way``: it was cancelled for a page that has the controls."""
 
     wanted: ConfigJob
     cancelled: threading.Event = field(default_factory=threading.Event)
@@ -28,7 +28,7 @@ class _Job:
 
 
 class Configuring:
-    """Holds the job that is under way, or the last one, and the files of the pages; carried out by another thread."""
+    """Hold the running or last job, and the files of the pages; another thread carries the job out."""
 
     def __init__(self) -> None:
         self.now: ConfigProgress | None = None
@@ -38,7 +38,7 @@ class Configuring:
 
     @property
     def busy(self) -> Refusal | None:
-        """Why nothing else may begin now; None while no job runs, or one that has been cancelled for another page."""
+        """Why no other job may begin now; None while no job runs, or the running one was cancelled for another page."""
         job = self._waiting or self._running
         if job is None or job.gives_way:
             return None
@@ -49,7 +49,7 @@ class Configuring:
         )
 
     def begin(self, page: int, kind: ConfigJobKind, node: int) -> Refusal | None:
-        """Begin a job of a page, with the file that it has brought where it needs one; return why not, where that cannot be."""
+        """Start a job of a page, with the file that it has uploaded if the job needs one; return why not, if that is impossible."""
         file = None if kind is ConfigJobKind.BACKUP else self.files.of(page, BROUGHT)
         if kind is not ConfigJobKind.BACKUP and file is None:
             return _NO_FILE
@@ -61,7 +61,7 @@ class Configuring:
         return None
 
     def give_way(self, page: int) -> None:
-        """Cancel the job of another page, so that ``page``, which has the controls, begins one without waiting."""
+        """Cancel the job of another page, so that ``page``, which has the controls, can start one without waiting."""
         for job in (self._waiting, self._running):
             if job is not None and job.wanted.page != page:
                 job.cancelled.set()
@@ -71,24 +71,24 @@ class Configuring:
             self._waiting = None
 
     def end(self, page: int | None = None) -> None:
-        """Cancel it: whoever has begun it, or only where ``page`` has."""
+        """Cancel the job; if ``page`` is given, only if that page has started it."""
         for job in (self._waiting, self._running):
             if job is not None and page in (None, job.wanted.page):
                 job.cancelled.set()
 
     def end_writing(self, page: int) -> None:
-        """Cancel what a page has begun, where that writes to a node."""
+        """Cancel the job of a page if it writes to a node."""
         for job in (self._waiting, self._running):
             if job is not None and job.wanted.kind is ConfigJobKind.RESTORE and job.wanted.page == page:
                 job.cancelled.set()
 
     def leave(self, page: int) -> None:
-        """A page is gone."""
+        """Remove a closed page: cancel its job, and remove its files."""
         self.end(page)
         self.files.leave(page)
 
     def take(self) -> ConfigJob | None:
-        """Return the job that is to be done now, once; None where none is."""
+        """Return the job to carry out now, once; None if there is none."""
         found, self._waiting = self._waiting, None
         if found is None:
             return None
@@ -96,10 +96,10 @@ class Configuring:
         return found.wanted
 
     def carry_out(self, machine: Machine, node: MachineNode, wanted: ConfigJob) -> ConfigProgress:
-        """Do it, and return how it ended; blocks until it is done, broken off or cancelled. Runs in a thread of its own.
+        """Carry the job out and return its end; blocks until it has finished, failed, or was cancelled. Runs in its own thread.
 
         Raises:
-            AxisbusError: it broke off, or was cancelled.
+            AxisbusError: the job failed, or was cancelled.
         """
         cancelled = self._running.cancelled if self._running is not None else threading.Event()
         how = WritingSdo if wanted.kind is ConfigJobKind.RESTORE else PacedSdo
@@ -112,11 +112,11 @@ class Configuring:
         return replace(self.now or ConfigProgress(wanted), over=True, report=report)
 
     def failed(self, wanted: ConfigJob, error: AxisbusError) -> ConfigProgress:
-        """Return how it ended by an error."""
+        """Return the end of a job that failed with an error."""
         return replace(self.now or ConfigProgress(wanted), over=True, error=explained(error))
 
     def done(self, ended: ConfigProgress) -> None:
-        """It is over; what was made is kept for its page, unless that is gone."""
+        """Note the end of the job; a backup is stored for its page, unless the job was cancelled."""
         made = None if ended.report is None else ended.report.dcf
         if made is not None and self._running is not None and not self._running.cancelled.is_set():
             self.files.keep(ended.wanted.page, MADE, made)

@@ -1,8 +1,9 @@
-"""The jobs themselves: what ``axisbus config`` does with a node, done with one of a machine that runs.
+"""The configuration jobs: as ``axisbus config``, but for a node of a running machine.
 
-The library writes a whole configuration to a node that is pre-operational, and run by nobody else; the nodes of a machine that runs
-are neither. So a restore here brings a drive's own settings back (``boot.live_settings``), as far as no drive of the node is
-energised; of the rest the page tells what it is, why it is not done here, and what to type.
+The library restores a whole configuration only to a node that is pre-operational and not controlled by another program. The nodes
+of a running machine are neither. So a restore here writes only the drive's own settings (``boot.live_settings``), and only while no
+drive of the node is energised. For all other objects the page shows the difference, why it is not written here, and the command to
+type.
 """
 
 from __future__ import annotations
@@ -47,10 +48,10 @@ _IN_RAM = (
 
 
 def carry_out(machine: Machine, node: PacedNode, wanted: ConfigJob, tell: Tell) -> ConfigReport:
-    """Do a job; blocks for a transfer for each object. ``tell(done, all)`` is called after each.
+    """Carry out a job; blocks for one transfer per object. ``tell(done, all)`` is called after each transfer.
 
     Raises:
-        AxisbusError: whatever the library says of the file, or the node.
+        AxisbusError: any error of the library about the file or the node.
     """
     if wanted.kind is ConfigJobKind.BACKUP:
         return backup(machine, node, tell)
@@ -64,7 +65,7 @@ def carry_out(machine: Machine, node: PacedNode, wanted: ConfigJob, tell: Tell) 
 def backup(machine: Machine, node: PacedNode, tell: Tell) -> ConfigReport:
     """Read every object of a node into a DCF."""
     file = machine.cell.nodes[node.node_id].file
-    assert file is not None  # only a node that has no objects needs none
+    assert file is not None  # only a node without objects needs no file
     path = builtin.resolve(file, machine.cell.folder)
     reading = reader.read(reader.file_bytes(path), str(path))
     who = read_identity(node.sdo)
@@ -91,7 +92,7 @@ def backup(machine: Machine, node: PacedNode, tell: Tell) -> ConfigReport:
 
 
 def compare(node: PacedNode, file: Dcf, tell: Tell) -> ConfigReport:
-    """Compare a file with a node as it is now."""
+    """Compare a file with the present values of a node."""
     found = device_side.against(node, file.reading().eds, tell)
     rows = tuple(
         (
@@ -106,7 +107,7 @@ def compare(node: PacedNode, file: Dcf, tell: Tell) -> ConfigReport:
 
 
 def would_restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> ConfigReport:
-    """Tell what a restore would write, what of it this page would, and how the rest is restored."""
+    """Report the values that a restore would write, which of them this page would write, and how to restore the others."""
     chosen = _chosen(machine, node, file)
     restore = Restore(node.sdo, chosen.whole, lambda _, done, whole: tell(done, whole))
     differing = restore.look()
@@ -134,14 +135,14 @@ def would_restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> C
 
 
 def restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> ConfigReport:
-    """Bring a node's own settings to what the file says, and read them again; the rest is left as it is."""
+    """Write a node's own settings from the file, and read them back; other objects are not changed."""
     chosen = _chosen(machine, node, file)
     preconditions.require_not_energised(node)
     run = Restore(node.sdo, chosen.settings, lambda _, done, whole: tell(done, whole))
     dcf_values.require_within_limits(run.look(), chosen.eds, node.node_id)
     try:
         found, broken = run.run(), {}
-    except (BusError, StateError, Stopped) as error:  # what was written is told all the same
+    except (BusError, StateError, Stopped) as error:  # report the written values in any case
         found, broken = run.report(), explained(error)
     rows = tuple(
         (*_object(each.item), _shown(each.item, each.before), _shown(each.item, each.after), _came(each))
@@ -160,7 +161,7 @@ def restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> ConfigR
 
 
 class _Chosen(NamedTuple):
-    """What a file has for a node: ``whole``, and of that the ``settings``, which may be written while the machine runs."""
+    """The values of a file for a node: ``whole``, and the ``settings`` among them, which may be written while the machine runs."""
 
     eds: Eds
     whole: Selection
@@ -196,7 +197,7 @@ def _command(machine: Machine, node: PacedNode, file: Dcf) -> str:
 
 
 def refusal(access: NodeAccess, node: PacedNode) -> StateError:
-    """Return why a node of a machine that runs is not restored whole: by the library's own conditions, else since it is one."""
+    """Return why a node of a running machine is not restored completely: the library's own conditions, else the running machine."""
     try:
         preconditions.require_not_energised(node)
         preconditions.require_pre_operational(node.node_id, access.nmt)

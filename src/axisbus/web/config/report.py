@@ -1,4 +1,4 @@
-"""What a job about a configuration has come to, as the page is told it."""
+"""The result of a configuration job, as sent to the page."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from enum import Enum
 from axisbus.web.config.files import Dcf
 from axisbus.web.view.axes import Values
 
-MOST = 300  # rows that are shown
+MOST = 300  # the most rows that are shown
 
 
 class ConfigJobKind(Enum):
-    """What is done with a node, and what that is called."""
+    """The kind of a job, and its name."""
 
     BACKUP = "backup"
     COMPARE = "compare"
@@ -36,7 +36,7 @@ _TEXTS = {
 
 @dataclass(frozen=True, slots=True)
 class ConfigJob:
-    """A job: ``page`` has asked for it, of a node, with the file that it has brought where the job needs one."""
+    """A job of a page for a node, with the file that the page has uploaded if the job needs one."""
 
     kind: ConfigJobKind
     page: int
@@ -46,10 +46,10 @@ class ConfigJob:
 
 @dataclass(frozen=True, slots=True)
 class ConfigReport:
-    """``text`` sums it up, ``lines`` say it whole; a table has ``titles`` and ``rows``.
+    """``text`` is the summary, ``lines`` are the details; a table has ``titles`` and ``rows``.
 
-    ``refusal`` are the three texts of an error which says why not all is restored here, ``command`` is what to type for that.
-    ``dcf``: what was made. ``broken``: the three texts of an error that ended a restore on its way.
+    ``refusal`` has the three texts of an error that says why not everything is restored here; ``command`` is the command that does
+    it. ``dcf``: the backup. ``broken``: the three texts of an error that ended a restore early.
     """
 
     text: str
@@ -62,7 +62,7 @@ class ConfigReport:
     broken: Mapping[str, str] = field(default_factory=dict)
 
     def told(self) -> Values:
-        """Return it as plain values."""
+        """Return the report as plain values."""
         return {
             "text": self.text,
             "lines": list(self.lines),
@@ -78,7 +78,7 @@ class ConfigReport:
 
 @dataclass(frozen=True, slots=True)
 class ConfigProgress:
-    """How far a job is: ``done`` of ``whole`` objects; ``report`` or ``error`` (its three texts) once it is ``over``."""
+    """The progress of a job: ``done`` of ``whole`` objects; ``report`` or ``error`` (its three texts) once it is ``over``."""
 
     wanted: ConfigJob
     done: int = 0
@@ -88,7 +88,7 @@ class ConfigProgress:
     error: Mapping[str, str] = field(default_factory=dict)
 
     def told(self) -> Values:
-        """Return it as plain values."""
+        """Return the progress as plain values."""
         return {
             "kind": self.wanted.kind.value,
             "what": self.wanted.kind.text,

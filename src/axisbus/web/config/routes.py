@@ -1,4 +1,4 @@
-"""The requests of the page about its DCFs: one brings a file, one fetches the last backup; for the browser of the page alone."""
+"""HTTP requests of the page for its DCFs: upload a file, download the last backup; only for the browser of that page."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from axisbus.web.commands.clients import PageClients
 from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, PageFiles, about_apart, named
 
 _NOT_FOUND, _TOO_LARGE, _BUSY = 404, 413, 503
-_AT_ONCE = 2  # files that are read at the same time; the others wait for their turn
-_PATIENCE = 10.0  # seconds that one may take
+_AT_ONCE = 2  # files that are parsed at the same time; the others wait
+_PATIENCE = 10.0  # seconds that an upload may take
 
 
 class ConfigRoutes:
-    """Holds the browsers that send a file at present; used by one event loop."""
+    """Hold the browsers that are uploading a file; used by one event loop."""
 
     def __init__(self, desk: PageClients) -> None:
         """``desk`` has the pages and their files."""
@@ -27,7 +27,7 @@ class ConfigRoutes:
         self._turn = asyncio.Semaphore(_AT_ONCE)
 
     async def bring(self, request: Request) -> Response:
-        """Take a file of a page, and tell what it is of; one that is no DCF is not kept."""
+        """Accept a file of a page and return its description; an invalid file is not stored."""
         page = self._page(request)
         if page is None:
             return Response(status_code=_NOT_FOUND)
@@ -52,7 +52,7 @@ class ConfigRoutes:
             return Response(status_code=_NOT_FOUND)
         attached = {
             "content-disposition": f'attachment; filename="{file.name}"'
-        }  # the name is ours, and plain
+        }  # the server made this name: it needs no escaping
         return Response(file.data, media_type="application/octet-stream", headers=attached)
 
     async def _taken(self, page: int, file: Dcf) -> Response:
@@ -67,7 +67,7 @@ class ConfigRoutes:
         return self._desk.objects.configuring.files
 
     def _page(self, request: Request) -> int | None:
-        """Return the page that a request names, where it is one of the same browser."""
+        """Return the page that a request names, if it belongs to the same browser."""
         text = request.query_params.get("page", "")
         place = (
             self._desk.places.get(int(text))

@@ -1,4 +1,4 @@
-"""A node's dictionary by its EDS, as plain values: the tree of the page, with what may be done with each object."""
+"""A node's object dictionary from its EDS, as plain values for the page, with the permitted access of each object."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _carried(node: MachineNode, sub: Variable) -> str:
 
 
 def _notes(node: MachineNode, sub: Variable) -> list[str]:
-    """Return why an object that its EDS lets be written is not to be written by hand."""
+    """Return why an object that is writable by its EDS should not be written by hand."""
     found = [_CYCLIC] if (sub.index, sub.subindex) in node.access.sdo.cyclic else []
     entry = node.sdo.dictionary.entry(sub.index, sub.subindex)
     if sub.writable and guarded_write.moves(node.eds, entry):

@@ -1,4 +1,4 @@
-"""What is known of each node's dictionary without asking the node, as a page fetches it: made once, for all pages."""
+"""The object dictionary of each node from its EDS, as a page fetches it: made once for all pages, without asking the node."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from axisbus.web.view.axes import Values, explained
 
 
 class DictionaryCache:
-    """Holds what was made of each node, for as long as its parts stay the same; used by one event loop."""
+    """Cache the dictionary of each node for as long as its parts stay the same; used by one event loop."""
 
     def __init__(self, machine: Machine) -> None:
-        """Nothing is made before it is asked for."""
+        """Make no dictionary before it is requested."""
         self._machine = machine
         self._made: dict[int, tuple[NodeParts, bytes]] = {}
         self._making = asyncio.Lock()
 
     async def page(self, node_id: int) -> bytes:
         """Return the dictionary, the PDOs and the findings of a node as JSON, or why there is none."""
-        async with self._making:  # fifty pages that ask at once must not have it made fifty times
+        async with self._making:  # fifty simultaneous requests must make it only once
             try:
                 return await self._page(node_id)
             except AxisbusError as error:
@@ -37,14 +37,14 @@ class DictionaryCache:
     async def _page(self, node_id: int) -> bytes:
         parts = node_of(self._machine, node_id).access.parts
         made = self._made.get(node_id)
-        if made is None or made[0] is not parts:  # one that came late has new ones
+        if made is None or made[0] is not parts:  # a node that joined late has new parts
             told = await asyncio.to_thread(book, self._machine, node_id)
             self._made[node_id] = made = parts, json.dumps(told).encode()
         return made[1]
 
 
 def book(machine: Machine, node_id: int) -> Values:
-    """Return what is known of a node's dictionary as plain values; may take a second.
+    """Return the dictionary of a node as plain values; may take a second.
 
     Raises:
         StateError: as ``node_of``.

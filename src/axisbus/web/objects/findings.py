@@ -1,4 +1,4 @@
-"""What ``axisbus eds check`` finds in the EDS of a node, as plain values; the worst first."""
+"""The findings of ``axisbus eds check`` for the EDS of a node, as plain values; worst first."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MOST = 300
 
 
 def findings(eds: Eds) -> Values:
-    """Return the findings, how many there are in all, and what is wrong where the file could not be checked; may take a second."""
+    """Return the findings, their total number, and the error if the file could not be checked; may take a second."""
     try:
         found = sorted(checking.check(eds), key=lambda each: each.severity.rank)
     except AxisbusError as error:

@@ -1,4 +1,4 @@
-"""A transfer that a page waits for, and what came of it, as the page is told it."""
+"""An SDO transfer that a page waits for, and its result as sent to the page."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from axisbus.web.view.axes import Values
 
 @dataclass(frozen=True, slots=True)
 class TransferRequest:
-    """What is to be written: the value as it was typed, and the reasons for a question that were answered with yes."""
+    """A value to write, as typed, and the reasons for a question that the user has confirmed."""
 
     text: str
     agreed: frozenset[str] = frozenset()
@@ -19,7 +19,7 @@ class TransferRequest:
 
 @dataclass(frozen=True, slots=True)
 class ObjectJob:
-    """One transfer: ``page`` has asked for it (0: it is kept being read); ``wish`` is None where it reads."""
+    """One transfer: ``page`` has requested it (0: cyclic read); ``wish`` is None if it reads."""
 
     key: ObjectKey
     page: int = 0
@@ -28,7 +28,7 @@ class ObjectJob:
 
 @dataclass(frozen=True, slots=True)
 class WriteConfirmation:
-    """What has to be answered with yes before something is written; ``reasons`` say why it is asked, and go back with the yes."""
+    """A question to confirm before an object is written; ``reasons`` say why it is asked, and come back with the confirmation."""
 
     text: str
     reasons: frozenset[str]
@@ -36,10 +36,10 @@ class WriteConfirmation:
 
 @dataclass(frozen=True, slots=True)
 class TransferResult:
-    """What a transfer came to at ``stamp`` (s, monotonic).
+    """The result of a transfer at ``stamp`` (s, monotonic).
 
-    ``value`` is what the object has, None where that was not learnt; ``error`` are the three texts of an error, ``note`` is what a
-    write has come to. ``silent``: the node did not answer.
+    ``value`` is the value of the object, None if unknown; ``error`` are the three texts of an error, ``note`` is the result of a
+    write in words. ``silent``: the node did not answer.
     """
 
     job: ObjectJob
@@ -51,7 +51,7 @@ class TransferResult:
     silent: bool = False
 
     def told(self, now: float) -> Values:
-        """Return it as plain values, with its age in seconds."""
+        """Return the result as plain values, with its age in seconds."""
         asked = self.question
         return {
             "key": str(self.job.key),

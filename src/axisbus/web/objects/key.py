@@ -1,4 +1,4 @@
-"""Which object of which node, spelt as ``1:6064:00`` between page and server."""
+"""The address of an object of a node, written as ``1:6064:00`` between page and server."""
 
 from __future__ import annotations
 
@@ -21,6 +21,6 @@ class ObjectKey:
 
 
 def read(text: object) -> ObjectKey | None:
-    """Return the object that a text names; None where it is none of this page's."""
+    """Return the object that a text names; None if the text is invalid."""
     found = _SPELT.fullmatch(text) if isinstance(text, str) else None
     return None if found is None else ObjectKey(int(found[1]), int(found[2], 16), int(found[3], 16))

@@ -1,4 +1,4 @@
-"""The PDOs of a node as layouts of bytes: those that the core uses as the drive has them, all others as its EDS does."""
+"""The PDOs of a node as layouts of bytes: those in use as configured in the drive, all others as in its EDS."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def layouts(eds: Eds, node_id: int, plans: Iterable[PdoPlan]) -> list[Values]:
     planned = [pdo for plan in plans for pdo in plan.pdos]
     for pdo in sorted(
         planned, key=lambda pdo: pdo.change is not PdoChange.DISABLE
-    ):  # what one axis uses is in use
+    ):  # a PDO that one axis uses is in use
         source = _OFF if pdo.change is PdoChange.DISABLE else _IN_USE
         found[pdo.receive, pdo.target.number] = layout.of_pdo(eds, pdo.target, receive=pdo.receive), source
     return [_pdo(*found[key]) for key in sorted(found, key=lambda key: (not key[0], key[1]))]

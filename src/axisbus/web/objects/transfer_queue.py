@@ -1,13 +1,13 @@
-"""Whose turn it is: the transfers that all pages wait for, one after the other, and what each page is to be told of them.
+"""The queue of SDO transfers that all pages wait for: their order, and the results for each page.
 
 Theory of operation
 -------------------
-There is one transfer at a time for the whole server, and a pause between two (``worker``): however many pages look on, that is all
-that they put on the bus. Two kinds take turns. What is asked for once, reading or writing, comes page by page. What is kept being
-read comes in the order of how long ago it was read last, each at most every ``PERIOD``, once for all the pages that keep it.
+The whole server runs one transfer at a time, with a pause between two (``worker``), so the load on the bus does not grow with the
+number of pages. Two kinds of transfers alternate. One-time requests, reading or writing, are served page by page. Objects that are
+read cyclically come in the order of their last reading, each at most every ``PERIOD``, once for all pages that read it.
 
-A node that does not answer holds the others up for as long as a transfer is tried. So whatever else waits to be read of it has
-come to the same then, and what is kept being read of it is left alone for ``QUIET``.
+A node that does not answer delays all others for as long as a transfer is tried. So all other waiting reads of this node get the
+same result, and the cyclic reads of it pause for ``QUIET``.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from dataclasses import dataclass, field, replace
 from axisbus.web.objects.jobs import ObjectJob, TransferResult
 from axisbus.web.objects.key import ObjectKey
 
-PERIOD = 0.5  # seconds between two readings of what is kept being read
-QUIET = 5.0  # seconds in which a node that does not answer is not asked again by itself
-WAITING = 64  # transfers of one page that may wait
+PERIOD = 0.5  # seconds between two cyclic reads of an object
+QUIET = 5.0  # seconds for which a node that does not answer is not read cyclically
+WAITING = 64  # the most waiting transfers of one page
 _DROPPED = {
     "message": "it was not written: this page has the controls no longer",
     "observed": "",
@@ -34,12 +34,12 @@ _DROPPED = {
 class _Page:
     asked: deque[ObjectJob] = field(default_factory=deque)
     kept: tuple[ObjectKey, ...] = ()
-    # by who asked for it (0: it is kept), the newest of each object
+    # by the requesting page (0: cyclic) and object, the newest result of each
     news: dict[tuple[int, ObjectKey], TransferResult] = field(default_factory=dict)
 
 
 class TransferQueue:
-    """Holds what the pages wait for, and what they were not told yet; used by one thread. Times are seconds of one clock."""
+    """Hold the waiting transfers of the pages and their unread results; used by one thread. Times are seconds of one clock."""
 
     def __init__(self) -> None:
         self._pages: dict[int, _Page] = {}
@@ -48,7 +48,7 @@ class TransferQueue:
         self._kept_first = False
 
     def ask(self, page: int, jobs: Sequence[ObjectJob]) -> bool:
-        """Let transfers of a page wait; False where too many do already, and then none of them is taken."""
+        """Queue transfers of a page; return False, and queue none of them, if too many are waiting."""
         place = self._pages.setdefault(page, _Page())
         if len(place.asked) + len(jobs) > WAITING:
             return False
@@ -56,12 +56,12 @@ class TransferQueue:
         return True
 
     def keep(self, page: int, keys: Iterable[ObjectKey]) -> None:
-        """Let a page keep reading these, and no others any more."""
+        """Set the objects that a page reads cyclically, replacing the previous ones."""
         self._pages.setdefault(page, _Page()).kept = tuple(dict.fromkeys(keys))
         self._tidy()
 
     def drop_writes(self, page: int, now: float) -> None:
-        """Write nothing more for a page: it has the controls no longer."""
+        """Drop the pending writes of a page, because it has lost the controls."""
         place = self._pages.get(page)
         if place is None:
             return
@@ -70,12 +70,12 @@ class TransferQueue:
         place.news.update({(page, job.key): TransferResult(job, now, error=_DROPPED) for job in dropped})
 
     def leave(self, page: int) -> None:
-        """A page is gone."""
+        """Remove a closed page."""
         self._pages.pop(page, None)
         self._tidy()
 
     def next(self, now: float) -> ObjectJob | None:
-        """Return the transfer whose turn it is; None while nothing is to be done."""
+        """Return the next transfer; None while there is none."""
         job = self._of_kept(now) if self._kept_first else None
         job = job or self._of_asked() or self._of_kept(now)
         if job is not None:
@@ -83,18 +83,18 @@ class TransferQueue:
         return job
 
     def done(self, seen: TransferResult, now: float) -> None:
-        """A transfer has come to something: whoever waits for it, or keeps reading it, is told."""
+        """Store the result of a transfer for the page that waits for it and for those that read the object cyclically."""
         job = seen.job
         if seen.silent:
             self._quiet[job.key.node] = now + QUIET
             self._give_up(job.key.node, seen)
-        for_all = job.wish is None or seen.value is not None  # what is refused to one is for nobody else
+        for_all = job.wish is None or seen.value is not None  # a refused write is reported to its page only
         for number, place in self._pages.items():
             if number == job.page or (for_all and job.key in place.kept):
                 place.news[job.page, job.key] = seen
 
     def news(self, page: int) -> list[TransferResult]:
-        """Return what a page was not told yet."""
+        """Return the results that a page has not received yet."""
         place = self._pages.get(page)
         if place is None or not place.news:
             return []
@@ -104,7 +104,7 @@ class TransferQueue:
     def _of_asked(self) -> ObjectJob | None:
         for number, place in list(self._pages.items()):
             if place.asked:
-                self._pages[number] = self._pages.pop(number)  # the others come first then
+                self._pages[number] = self._pages.pop(number)  # so that the other pages come first
                 return place.asked.popleft()
         return None
 

@@ -1,7 +1,7 @@
-"""One transfer carried out by the library: an object read, or checked, written and read back; with its words for what is wrong.
+"""Carry out one transfer: read an object, or check, write and read back an object; with error texts for the page.
 
-What a page may read and write is what any guest may (``client_support.object_access``); and where ``axisbus od write`` asks for
-``--may-move``, the page asks its question.
+A page may read and write the same objects as any client (``client_support.object_access``). If ``axisbus od write`` would require
+``--may-move``, the page asks a question.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ ORDER, ENERGISED = "order", "energised"  # reasons for a question
 
 
 class ObjectTransfers:
-    """Carries transfers out; each blocks, for at most as long as the node is waited for."""
+    """Carry out transfers; each blocks for at most as long as the master waits for the node."""
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
         self._quantities = Quantities(machine.cell)
 
     def carry_out(self, job: ObjectJob) -> TransferResult:
-        """Return what a transfer comes to; an error of the library is one of the things that it may come to."""
+        """Return the result of a transfer; an error of the library is a possible result."""
         try:
             node = node_of(self._machine, job.key.node)
             entry = node.sdo.dictionary.entry(job.key.index, job.key.subindex)
@@ -69,7 +69,7 @@ class ObjectTransfers:
         return TransferResult(job, time.monotonic(), after, note=words + _to_be_kept(node, entry))
 
     def _checked(self, typed: str, node: MachineNode, entry: DictionaryEntry) -> Value:
-        """Return what was typed as a value, where the files let it be written; nothing is sent for that."""
+        """Return a typed text as a value, if the EDS and the cell file permit writing it; sends nothing."""
         require_writable(node, entry)
         quantity = self._quantities.of(node.node_id, entry.index, entry.subindex)
         value = parse_values.value(typed, entry, entry.data_type, quantity, files=False)
@@ -85,7 +85,7 @@ class ObjectTransfers:
 
 
 def _reasons(node: MachineNode, entry: DictionaryEntry) -> dict[str, str]:
-    """Return what a question is to be asked for; blocks for a transfer for each axis of the node."""
+    """Return the reasons to ask a question before writing; blocks for one transfer per axis of the node."""
     found = {}
     if what := order(entry.index):
         found[ORDER] = f"{what[0].upper()}{what[1:]}."

@@ -1,4 +1,4 @@
-"""A node held against its EDS, object by object: begun by a page, told to all, slow enough to be in nobody's way, and cancelled."""
+"""Compare a node with its EDS, object by object: started by a page, shown on all, slow enough not to disturb, and cancellable."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from axisbus.web.objects.throttled_node import PacedSdo
 from axisbus.web.view.axes import Values, explained
 from axisbus.wording import counted
 
-MOST = 200  # differences that are shown
+MOST = 200  # the most differences that are shown
 
 
 @dataclass(frozen=True, slots=True)
 class VerifyProgress:
-    """How far it is: ``done`` of ``whole`` objects of a node; ``result`` or ``error`` (its three texts) once it is ``over``."""
+    """The progress: ``done`` of ``whole`` objects of a node; ``result`` or ``error`` (its three texts) once it is ``over``."""
 
     node: int
     done: int = 0
@@ -31,7 +31,7 @@ class VerifyProgress:
     error: Mapping[str, str] = field(default_factory=dict)
 
     def told(self) -> Values:
-        """Return it as plain values."""
+        """Return the progress as plain values."""
         found = () if self.result is None else self.result.differences
         worst_first = sorted(found, key=lambda each: each.severity.rank)
         return {
@@ -46,7 +46,7 @@ class VerifyProgress:
 
 
 class Verifying:
-    """Holds the one verification that is under way, or the last one; begun and ended by one thread, carried out by another."""
+    """Hold the running or last verification; one thread begins and ends it, another carries it out."""
 
     def __init__(self) -> None:
         self.now: VerifyProgress | None = None
@@ -56,13 +56,13 @@ class Verifying:
 
     @property
     def busy(self) -> Refusal | None:
-        """Why nothing else may begin now; None while none is under way."""
+        """Why no other job may begin now; None while no verification runs."""
         if self.now is None or self.now.over:
             return None
         return Refusal(f"node {self.now.node} is being verified", "wait until it is done, or cancel it")
 
     def begin(self, page: int, node: int) -> Refusal | None:
-        """Let a node be verified for a page; return why not, where another one is."""
+        """Request the verification of a node for a page; return why not, if another one runs."""
         if (busy := self.busy) is not None:
             return busy
         self._cancelled = threading.Event()
@@ -70,17 +70,17 @@ class Verifying:
         return None
 
     def end(self, page: int | None = None) -> None:
-        """Cancel it: whoever has begun it, or only where ``page`` has, which is gone."""
+        """Cancel the verification; if ``page`` is given, only if that page has begun it."""
         if page in (None, self._page):
             self._cancelled.set()
 
     def take(self) -> int | None:
-        """Return the node that is to be verified now, once; None where none is."""
+        """Return the node that has to be verified now, once; None if there is none."""
         found, self._wanted = self._wanted, None
         return found
 
     def carry_out(self, node: MachineNode) -> None:
-        """Verify; blocks until that is done, broken off or cancelled."""
+        """Verify; blocks until it has finished, failed, or was cancelled."""
         cancelled = self._cancelled
         assert node.eds is not None
 
@@ -95,7 +95,7 @@ class Verifying:
             self.now = VerifyProgress(node.node_id, result.read, result.read, True, result)
 
     def fail(self, node: int, error: AxisbusError) -> None:
-        """It is over by an error."""
+        """End the verification with an error."""
         before = self.now if self.now is not None and self.now.node == node else VerifyProgress(node)
         self.now = replace(before, over=True, error=explained(error))
 

@@ -1,4 +1,4 @@
-"""Carries out what the pages wait for: one transfer after the other, and one long job beside them; in one event loop."""
+"""Carry out the pages' SDO transfers one after the other, and one long job in parallel; in one event loop."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from axisbus.web.view.axes import explained
 
 log = logging.getLogger("axisbus")
 PACE = 0.04  # seconds between two transfers: 25 in a second for all pages
-_LOOK = 0.02  # seconds between two looks at whether anything is to be done
+_LOOK = 0.02  # seconds between two checks for work
 
 
 class ObjectWorker:
-    """Takes turns from the pages' queue; what blocks is done by a thread, and its mistakes end nothing here."""
+    """Take transfers from the pages' queue; a thread runs blocking calls, and its exceptions do not end the worker."""
 
     def __init__(self, machine: Machine, wanted: ObjectRequests) -> None:
         """Nothing happens before ``run``."""
@@ -32,7 +32,7 @@ class ObjectWorker:
         self._transfers = ObjectTransfers(machine)
 
     async def run(self) -> None:
-        """Go on until it is cancelled."""
+        """Run until cancelled."""
         beside = asyncio.create_task(self._beside())
         try:
             while True:
@@ -60,24 +60,24 @@ class ObjectWorker:
     def _configure(self, wanted: ConfigJob) -> ConfigProgress:
         try:
             return self._configuring.carry_out(self._machine, node_of(self._machine, wanted.node), wanted)
-        except Exception as error:  # noqa: BLE001  # the page must be told whatever it was
+        except Exception as error:  # noqa: BLE001  # the page must get any error
             return self._configuring.failed(wanted, _of_the_library(error))
 
     def _verify_one(self, node_id: int) -> None:
         try:
             self._verifying.carry_out(node_of(self._machine, node_id))
-        except Exception as error:  # noqa: BLE001  # the page must be told whatever it was
+        except Exception as error:  # noqa: BLE001  # the page must get any error
             self._verifying.fail(node_id, _of_the_library(error))
 
     def _carry_out(self, job: ObjectJob) -> TransferResult:
         try:
             return self._transfers.carry_out(job)
-        except Exception as error:  # noqa: BLE001  # the other pages' transfers go on
+        except Exception as error:  # noqa: BLE001  # the other pages' transfers continue
             return TransferResult(job, time.monotonic(), error=explained(_of_the_library(error)))
 
 
 def _of_the_library(error: Exception) -> AxisbusError:
-    """Return an error as one that can be told; what is none of the library's is a mistake, which is logged."""
+    """Return an exception as an error of the library; any other exception is a bug and is logged."""
     if isinstance(error, AxisbusError):
         return error
     log.error("what a page asked for has broken off", exc_info=error)

@@ -1,1 +1,1 @@
-"""What the browser is given: the page, its style and its own script."""
+"""The contents for the browser: the page, its style and its own script."""

@@ -1,4 +1,4 @@
-"""The view of one axis: its states, its values, and what it may be asked for."""
+"""The view of one axis: its states, values and commands."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SLOPE = "Slope in N·m/s (empty: as in the cell file, else the drive's own)"
 
 
 def axis_view(number: int, axis: Axis, config: AxisConfig, parameters: AxisParameters) -> None:
-    """Put the view of an axis into the page; ``number`` tells it from the others."""
+    """Put the view of an axis into the page; ``number`` distinguishes it from the others."""
     name = axis.name
     with Tag("section", data_view=f"axis-{name}", data_axis=name, aria_label=f"Axis {name}"):
         with Tag("div", classes="title"):
@@ -36,7 +36,7 @@ def axis_view(number: int, axis: Axis, config: AxisConfig, parameters: AxisParam
                 bars_view(bars_of(parameters))
             with Tag("div"):
                 _motion(axis, config)
-            # unchecked, since it is ours: it holds no text of anybody else's
+            # not sanitised: the drawing contains no foreign text
             ui.html(svg(number), sanitize=False).classes("live figure")
 
 

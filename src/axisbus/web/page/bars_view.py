@@ -1,4 +1,4 @@
-"""The limits of an axis as bars; what lies on them is filled in by the page's own script."""
+"""The limits of an axis as bars; the page's own script draws their values."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from axisbus.web.view.bars import Bar, Span
 
 
 def bars_view(bars: Iterable[Bar]) -> None:
-    """Put the bars of an axis into its view; where no limit is known, that is said, and there is no bar."""
+    """Put the bars of an axis into its view; if no limit is known, a text says so instead of the bar."""
     with Tag("div", classes="bars"):
         Tag("h2", "Limits")
         for bar in bars:

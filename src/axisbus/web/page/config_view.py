@@ -1,4 +1,4 @@
-"""The view of configurations: which node, its backup, a file to hold it against, and the places that its script fills."""
+"""The view of configurations: the node, its backup, a file to compare it with, and the elements that the script fills."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The axes on the pages that are open: those that are there when a page is opened, and those that join the machine later."""
+"""The axes on the open pages: those present when a page is opened, and those that join the machine later."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from axisbus.web.scope.signals import signals_of
 
 @dataclass(frozen=True, slots=True)
 class OpenPage:
-    """A page in a browser: where links, signals of the scope, and views go to; holds which axes it has."""
+    """A page in a browser: the containers of its links, scope signals and views; holds the axes that it has."""
 
     client: Client
     nav: Tag
@@ -26,7 +26,7 @@ class OpenPage:
     shown: set[str] = field(default_factory=set)
 
     def take_in(self, axis: Axis, machine: Machine) -> None:
-        """Put an axis onto it, or try to, once."""
+        """Add an axis to the page; a failure is not retried."""
         number, parameters = len(self.shown), machine.session.axes[axis.name].parameters
         self.shown.add(axis.name)
         with self.nav:
@@ -38,20 +38,20 @@ class OpenPage:
 
 
 class Pages:
-    """Holds the pages that are open; for the event loop of the server alone."""
+    """Hold the open pages; only for the event loop of the server."""
 
     def __init__(self, machine: Machine) -> None:
-        """None is open."""
+        """Begin without open pages."""
         self._machine = machine
         self._open: list[OpenPage] = []
 
     def opened(self, page: OpenPage) -> None:
-        """Take in a page, and put the axes onto it."""
+        """Register a page, and add the axes to it."""
         self._open.append(page)
         self.look()
 
     def look(self) -> None:
-        """Put the axes that have joined onto the pages that are open, and forget those that are gone."""
+        """Add axes that have joined to the open pages, and forget closed pages."""
         self._open = [page for page in self._open if not page.client.is_deleted]
         for page in self._open:
             for axis in self._machine:

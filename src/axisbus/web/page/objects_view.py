@@ -1,4 +1,4 @@
-"""The view of the objects: which node, what is looked for, and the four parts that its script fills."""
+"""The view of the objects: the node, the search, and the four parts that the script fills."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def objects_view(machine: Machine) -> None:
 
 
 def named(machine: Machine, node_id: int) -> str:
-    """Return a node as it is chosen: its ID, and its axes."""
+    """Return the name of a node for its selection: its ID, and its axes."""
     return ", ".join((f"node {node_id}", *(axis.name for axis in machine.cell.axes_of(node_id))))
 
 

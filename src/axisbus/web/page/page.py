@@ -1,4 +1,4 @@
-"""The page: its head with what stops, views of the cell, the scope, objects, configurations and tuning, and one of each axis."""
+"""The page: its head with the stops, and views of the cell, the scope, objects, configurations, tuning, and each axis."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _TAKE = "Take the command of the machine? The program that has it loses it, and 
 
 
 def add_page(application: FastAPI, machine: Machine, pages: Pages) -> None:
-    """Let an application serve the page of a machine; ``pages`` are those that are open."""
+    """Add the page of a machine to an application; ``pages`` are the open ones."""
     name = Path(machine.cell.file).name
 
     @ui.page("/", title=f"{name} · axisbus")
@@ -65,7 +65,7 @@ def add_page(application: FastAPI, machine: Machine, pages: Pages) -> None:
 
 
 def _head(name: str) -> Tag:
-    """Put the head into the page; return where the links of the axes go to."""
+    """Put the head into the page; return the container of the links to the axes."""
     with Tag("header"):
         with Tag("nav", aria_label="Views") as nav:
             Tag("strong", name)

@@ -1,1 +1,1 @@
-"""The scope of the page: signals of every cycle, in batches, for those pages that look at them."""
+"""The scope of the page: signals of every cycle, in batches, for the pages that show them."""

@@ -1,10 +1,10 @@
-"""A batch of samples as bytes: what travels to a page thirty times in a second.
+"""Encode a batch of samples as bytes; each page gets thirty batches per second.
 
 Theory of operation
 -------------------
-Little-endian: four numbers of 32 bits (which choice of signals it answers, how many samples, how many signals, how many samples are
-lost before it), then the times (float64, s), then the values of each signal (float32), one signal after the other; NaN is unknown.
-Every cycle is in it: whoever draws finds the highest and the lowest of what falls on one line of the screen.
+Little-endian: four 32-bit numbers (number of the signal selection, number of samples, number of signals, number of samples lost
+before this batch), then the times (float64, s), then the values of each signal (float32), one signal after the other; NaN is
+unknown. The batch has every cycle, so that the page can draw the highest and lowest value of each line of the screen.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ HEAD = Struct("<IIII")
 
 
 def batch(choice: int, cycles: Sequence[ScopeCycle], reader: SignalReader, lost: int) -> bytes:
-    """Return some cycles as a page takes them."""
+    """Return some cycles encoded for a page."""
     times = array("d", [cycle.time for cycle in cycles])
     rows = [reader.values(cycle) for cycle in cycles]
     columns = [array("f", column) for column in zip(*rows, strict=True)]

@@ -1,4 +1,4 @@
-"""The last cycles of a machine, for as long as a slow page may take to fetch them; the oldest go, and are counted as lost."""
+"""Buffer the last cycles of a machine for slow pages; the oldest are dropped and counted as lost."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Row = tuple[float | str | bool | None, ...]
 
 
 class ScopeCycle:
-    """One cycle: its ``number`` since somebody looks, its time (s) and the images of its axes; keeps the rows that it made."""
+    """One cycle: its ``number`` since the first page observes, its time (s) and the process images of its axes; caches its rows."""
 
     __slots__ = ("_rows", "number", "snapshots", "time")
 
@@ -28,7 +28,7 @@ class ScopeCycle:
         self._rows: dict[str, Row] = {}
 
     def row(self, axis: str, form: AxisForm) -> Row | None:
-        """Return the values of an axis in the order of ``record.columns.COLUMNS``, made once for all; for one thread."""
+        """Return the values of an axis in the order of ``record.columns.COLUMNS``, computed once; for one thread."""
         if axis not in self._rows:
             snapshot = self.snapshots.get(axis)
             if snapshot is None:
@@ -38,7 +38,7 @@ class ScopeCycle:
 
 
 class Fetched(NamedTuple):
-    """The cycles since a page fetched last, how many of them are gone already, and the number from which it goes on."""
+    """The cycles since a page's last fetch, how many of them were lost, and the number to continue from."""
 
     cycles: Sequence[ScopeCycle]
     lost: int
@@ -46,7 +46,7 @@ class Fetched(NamedTuple):
 
 
 class ScopeBuffer:
-    """Holds the last cycles; one thread adds, another fetches."""
+    """Hold the last cycles; one thread adds, another fetches."""
 
     def __init__(self, kept: int = KEPT) -> None:
         self._kept: deque[ScopeCycle] = deque(maxlen=kept)

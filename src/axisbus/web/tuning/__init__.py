@@ -1,1 +1,1 @@
-"""Tuning on the page: a step there and back that its page answers for, measured, and what was seen of it."""
+"""Tuning on the page: a monitored step there and back, its measurement, and its results."""

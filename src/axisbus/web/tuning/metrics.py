@@ -19,7 +19,7 @@ FIGURES = (
 
 
 def goal(step: TuningStep, phase: TrialPhase, side: TrialSide) -> tuple[float, float]:
-    """Return from where to where a side leads, in what the step is of."""
+    """Return start and target of a side, in the quantity of the step."""
     if step.kind is TuningStepKind.VELOCITY:
         return (0.0, step.size) if phase is TrialPhase.THERE else (step.size, 0.0)
     start, target = side.sent.actual, side.points[-1].target
@@ -31,25 +31,25 @@ def goal(step: TuningStep, phase: TrialPhase, side: TrialSide) -> tuple[float, f
 
 
 def measured(step: TuningStep, phase: TrialPhase, side: TrialSide) -> Response | None:
-    """Measure a side from when it was seen to begin; None where too little was seen."""
+    """Measure a side from its observed beginning; None if too little was seen."""
     start, target = goal(step, phase, side)
     return measure([(at, point.actual) for at, point in since(side) if at >= 0.0], start, target)
 
 
 def since(side: TrialSide) -> list[tuple[float, TrialSample]]:
-    """Return the points of a side with their times from when it was seen to begin; none where it was not."""
+    """Return the points of a side with their times from its observed beginning; empty if it has not begun."""
     if side.begun is None:
         return []
     return [(point.time - side.begun, point) for point in side.points]
 
 
 def highest_error(points: Sequence[TrialSample]) -> float | None:
-    """Return the highest following error, as a magnitude; None where none is known."""
+    """Return the highest magnitude of the following error; None if it is unknown."""
     return max((abs(point.error) for point in points if not math.isnan(point.error)), default=None)
 
 
 def told(step: TuningStep, phase: TrialPhase, side: TrialSide, units: tuple[str, str]) -> dict[str, str]:
-    """Return the figures of a side by name; ``units`` are those of what the step is of, and of positions."""
+    """Return the figures of a side by name; ``units`` are those of the step's quantity and of positions."""
     found, error = measured(step, phase, side), highest_error(side.points)
     lag = "unknown" if error is None else f"{error:.4g} {units[1]}"
     if found is None:

@@ -1,4 +1,4 @@
-"""What came of a trial: its figures in words, and its samples as they are drawn."""
+"""The result of a trial: its figures in words, and its samples for the diagram."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SIDES = (TrialPhase.THERE, TrialPhase.BACK)
 
 @dataclass(frozen=True, slots=True)
 class TrialOutcome:
-    """One trial that is over: ``told`` is what its page is told of it, ``sides`` are those that were seen."""
+    """A finished trial: ``told`` is the report for its page, ``sides`` are the recorded sides."""
 
     told: Values
     step: TuningStep
@@ -26,7 +26,7 @@ class TrialOutcome:
     sides: tuple[tuple[TrialPhase, TrialSide], ...]
 
     def samples(self) -> Values:
-        """Return every cycle of it, in the units of what the step is of; the unknown is None. May take a tenth of a second."""
+        """Return all cycles, in the units of the step's quantity; unknown values are None. May take a tenth of a second."""
         return {
             "number": self.told["number"],
             "axis": self.step.axis,
@@ -40,7 +40,7 @@ class TrialOutcome:
 def outcome(
     number: int, trial: TuningTrial, parameters: AxisParameters, error: AxisbusError | None
 ) -> TrialOutcome:
-    """Return what came of a trial that is over; one that was disturbed has no figures."""
+    """Return the result of a finished trial; a disturbed trial has no figures."""
     step, units = trial.step, parameters.units
     of = units.velocity.unit if step.kind is TuningStepKind.VELOCITY else units.position.unit
     whole = not trial.why
@@ -66,7 +66,7 @@ def _text(step: TuningStep, of: str, unit: str) -> str:
 
 
 def _drawn(step: TuningStep, phase: TrialPhase, side: TrialSide) -> Values:
-    """Return the columns of a side; a step of velocity has its commanded velocity as target, and no demand."""
+    """Return the columns of a side; a velocity step has its commanded velocity as target, and no demand."""
     found = since(side)
     points = [point for _, point in found]
     position = step.kind is TuningStepKind.POSITION

@@ -1,4 +1,4 @@
-"""Every cycle of one axis, for as long as a trial goes on: the core's thread adds, the page's takes."""
+"""Record every cycle of one axis during a trial: the core's thread adds samples, the page's thread takes them."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from axisbus.record.sample_packing import sample_of
 from axisbus.web.tuning.step import TuningStepKind
 from axisbus.web.tuning.trial import TrialSample
 
-_KEPT = 1 << 16  # cycles that wait to be taken; where more do, the oldest are missing, which is seen as a gap
+_KEPT = 1 << 16  # the most waiting cycles; beyond that the oldest are dropped, which shows as a gap
 _ACTUAL = {kind: NAMES.index(kind.value) for kind in TuningStepKind}
 _TARGET, _DEMAND, _ERROR = (NAMES.index(name) for name in ("target", "demand", "following_error"))
 
 
 class TrialRecording:
-    """Holds the cycles of an axis that were not taken yet, from its making until ``end``."""
+    """Hold the cycles of an axis that were not taken yet, from construction until ``end``."""
 
     def __init__(self, machine: Machine, axis: str, kind: TuningStepKind) -> None:
         self._session = machine.session
@@ -31,7 +31,7 @@ class TrialRecording:
         self._session.observe(self._add)
 
     def taken(self) -> list[TrialSample]:
-        """Return the cycles since, oldest first."""
+        """Return the cycles since the last call, oldest first."""
         found = []
         with suppress(IndexError):
             while True:
@@ -39,7 +39,7 @@ class TrialRecording:
         return found
 
     def end(self) -> None:
-        """Take no more in."""
+        """Stop recording."""
         self._session.forget(self._add)
 
     def _add(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:

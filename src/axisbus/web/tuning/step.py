@@ -1,4 +1,4 @@
-"""What is to be tried: a step of position or of velocity, checked before anything moves, and the question that it asks."""
+"""The step of a trial: a step of position or of velocity, checked before the axis moves, and its question for the user."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from axisbus.motion.parameters import AxisLimits, AxisParameters
 from axisbus.motion.states import REFUSAL, AxisState
 from axisbus.step_response import END
 
-LONGEST = 10.0  # s on each side
+LONGEST = 10.0  # s for each side
 _MOVES = "moves", "wait for its end, or halt it first: axis.halt()"
 
 
 class TuningStepKind(Enum):
-    """Of what the step is."""
+    """The quantity of the step."""
 
     POSITION = "position"
     VELOCITY = "velocity"
@@ -28,10 +28,10 @@ class TuningStepKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class TuningStep:
-    """A step there and back, in the axis's units; nothing of it has a default.
+    """A step there and back, in the axis's units; no value has a default.
 
-    ``size`` is signed, a distance or a velocity; ``velocity`` is how fast a distance is gone, of a step of velocity its magnitude.
-    Each side is looked at for ``seconds``.
+    ``size`` is signed, a distance or a velocity. ``velocity`` is the velocity of a step of position, or the magnitude of a step of
+    velocity. Each side is observed for ``seconds``.
     """
 
     axis: str
@@ -43,7 +43,7 @@ class TuningStep:
 
     @classmethod
     def of(cls, axis: str, values: Mapping[str, float]) -> TuningStep:
-        """Return the step of the values that a page has sent: one of position where there is a distance."""
+        """Return the step for the values of a page: a step of position if there is a distance."""
         velocity, acceleration, seconds = (values[each] for each in ("velocity", "acceleration", "seconds"))
         if "distance" in values:
             return cls(axis, TuningStepKind.POSITION, values["distance"], velocity, acceleration, seconds)
@@ -51,7 +51,7 @@ class TuningStep:
 
     @property
     def takes(self) -> float:
-        """Seconds that one side takes by its ramps, where the axis follows them."""
+        """Seconds that one side takes if the axis follows its profile."""
         ramp = self.velocity / self.acceleration
         if self.kind is TuningStepKind.VELOCITY:
             return ramp
@@ -62,12 +62,12 @@ class TuningStep:
 
 
 def question(step: TuningStep, axis: Axis, parameters: AxisParameters) -> str:
-    """Return what is to be asked before a step: what moves, by how much and how fast, and within which limits.
+    """Return the question to ask before a step: which axis moves, how far and how fast, and within which limits.
 
     Raises:
-        ArgumentError, LimitError: a value is none, or is too much, or the step cannot be made in its time.
-        StateError: the axis does not stand enabled, or its drive does not claim the mode.
-        StaleError: its position is not known.
+        ArgumentError, LimitError: a value is invalid or too high, or the step does not fit into its time.
+        StateError: the axis is not enabled at standstill, or its drive does not support the mode.
+        StaleError: the position is unknown.
     """
     unit, text = (
         axis.unit,
@@ -108,7 +108,7 @@ def _require_values(step: TuningStep, request: AxisCall) -> None:
         raise ArgumentError(
             f"{request.text}: each side is looked at for {seconds:g} s", remedy=f"give at most {LONGEST:g} s"
         )
-    least = step.takes / (1.0 - END)  # or its ramp would be taken for ripple
+    least = step.takes / (1.0 - END)  # otherwise its ramp would count as ripple
     if least > seconds:
         raise ArgumentError(
             f"{request.text}: the step takes {step.takes:.3g} s, and is looked at for {seconds:g} s",

@@ -1,11 +1,12 @@
-"""A trial from its asking to its end, as a state machine: cycles and times in, what is to be done next out; no I/O, no clock.
+"""A trial from its request to its end, as a state machine: takes cycles and times, returns the next action; no I/O, no clock.
 
 Theory of operation
 -------------------
-A trial begins with an axis that is seen to stand. It is sent there, and looked at for its seconds from the cycle on in which it is
-seen to be under way: its demand moves, or it has gone by 2 % of the step. What comes before is the way of the command, such as a
-change of mode by SDO. Then it is sent back, and looked at as long. Meanwhile it is in the state of its motion, or stands. Whatever
-else is seen (another state, a second motion, a gap, an unknown value, no cycle at all) disturbs it: it is over, and nothing counts.
+A trial begins when the axis is seen at standstill. The axis is sent there and observed for the step's seconds, from the cycle in
+which it is seen to move: its demand changes, or it has moved by 2 % of the step. Earlier cycles belong to the transmission of the
+command, such as a change of mode by SDO. Then the axis is sent back and observed for as long. Meanwhile it must be in the state of
+its motion or at standstill. Any other observation (another state, a second motion, a gap, an unknown value, no cycle at all)
+disturbs the trial: it is over, and it has no figures.
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ from axisbus.motion.states import AxisState
 from axisbus.step_response import BAND
 from axisbus.web.tuning.step import TuningStep, TuningStepKind
 
-START = 3.0  # s from a command until the axis is seen to be under way
+START = 3.0  # s from a command until the axis is seen to move
 DEAF = 0.5  # s without any cycle
-GAP = 3.5  # periods between two cycles, from which on some are missing
+GAP = 3.5  # periods between two cycles; with more, cycles are missing
 
 
 class TrialPhase(Enum):
-    """How far a trial is."""
+    """The phase of a trial."""
 
     ASKED = "asked"
     THERE = "there"
@@ -34,7 +35,7 @@ class TrialPhase(Enum):
 
 
 class NextAction(Enum):
-    """What is to be done next."""
+    """The next action."""
 
     WAIT = "wait"
     GO = "go there"
@@ -43,7 +44,7 @@ class NextAction(Enum):
 
 
 class TrialSample(NamedTuple):
-    """What was seen of the axis in one cycle, in its units; NaN is unknown. ``actual`` is of what the step is of."""
+    """The axis in one cycle, in its units; NaN is unknown. ``actual`` is the actual value of the step's quantity."""
 
     time: float
     state: AxisState
@@ -60,7 +61,7 @@ _MOTION = {
 
 
 class TrialSide:
-    """One way of a trial; holds its points, and when it was seen to begin."""
+    """One direction of a trial; holds its points, and when it was seen to begin."""
 
     def __init__(self, sent: TrialSample) -> None:
         """``sent`` is the last point before the command."""
@@ -71,10 +72,10 @@ class TrialSide:
 
 
 class TuningTrial:
-    """One trial; holds how far it is and what was seen. ``why`` says what has disturbed it, empty where nothing has."""
+    """One trial; holds its phase and points. ``why`` is the reason of a disturbance, empty if there was none."""
 
     def __init__(self, step: TuningStep, period: float, now: float) -> None:
-        """``period`` is that of the cycles in s; ``now`` is of the clock of ``hear`` and ``next``, not that of the points."""
+        """``period`` is the cycle period in s; ``now`` is a time of the clock of ``hear`` and ``next``, not of the points."""
         self.step = step
         self.phase = TrialPhase.ASKED
         self.sides: dict[TrialPhase, TrialSide] = {}
@@ -86,16 +87,16 @@ class TuningTrial:
 
     @property
     def over(self) -> bool:
-        """Whether it has ended, well or not."""
+        """Whether it has ended, successfully or not."""
         return self.phase is TrialPhase.OVER
 
     def disturb(self, why: str) -> None:
-        """End it by what has come between; the first reason is kept."""
+        """End the trial because of a disturbance; the first reason is stored."""
         if not self.over:
             self.phase, self.why = TrialPhase.OVER, why
 
     def hear(self, points: Iterable[TrialSample], now: float) -> None:
-        """Take in the cycles since."""
+        """Process the cycles since the last call."""
         for point in points:
             self._heard = now
             if not self.over:
@@ -103,7 +104,7 @@ class TuningTrial:
             self._last = point
 
     def next(self, now: float) -> NextAction:
-        """Return what is to be done now: going there, going back and the end are each returned once."""
+        """Return the next action; going there, going back and the end are each returned once."""
         if self.over:
             return NextAction.WAIT
         if now - self._heard > DEAF:
@@ -158,12 +159,12 @@ class TuningTrial:
                 self.disturb("the axis came to rest")
 
     def _is_under_way(self, side: TrialSide, point: TrialSample) -> bool:
-        """Whether it goes by the new command, as its demand tells, or what it does itself.
+        """Return whether the axis moves because of the new command: its demand changes, or its actual value has.
 
-        One that has not arrived by the command before is told by its target.
+        If the axis had not arrived when it was sent back, the change of its target shows that the new command is active.
         """
         sent, position = side.sent, self.step.kind is TuningStepKind.POSITION
         if position and sent.state is not AxisState.STANDSTILL and point.target == sent.target:
             return False
-        led = position and abs(point.demand - sent.demand) > 0.0  # never so where one is not known
+        led = position and abs(point.demand - sent.demand) > 0.0  # never true if one of them is unknown
         return led or abs(point.actual - sent.actual) > BAND * abs(self.step.size)

@@ -1,4 +1,4 @@
-"""The trials of the page at a machine: the one that there may be at a time, what its page answers for, and what it is told."""
+"""The trials at a machine: the one that may run at a time, its supervision by its page, and the reports for pages."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from axisbus.web.tuning.step import TuningStep, TuningStepKind, question
 from axisbus.web.tuning.trial import NextAction, TuningTrial
 from axisbus.web.view.axes import Values
 
-KEPT = 4  # trials whose samples may be fetched
+KEPT = 4  # finished trials whose samples may be fetched
 GONE, OVER, SILENT, ENDED, STOPPED = (
     "its page is gone",
     "its page has the controls no longer",
@@ -30,7 +30,7 @@ GONE, OVER, SILENT, ENDED, STOPPED = (
 
 @dataclass(slots=True)
 class _Running:
-    """The trial that goes on; holds when its page was heard last, and the command that is under way."""
+    """The running trial; holds its dead-man, and the running command."""
 
     number: int
     page: int
@@ -44,7 +44,7 @@ class _Running:
 
 
 class Trials:
-    """Holds the trial that goes on, the last that were, and what pages were not told yet; used by one thread.
+    """Hold the running trial, the last results, and unread reports for pages; used by one thread.
 
     Times are seconds of one clock, which the caller reads.
     """
@@ -57,13 +57,13 @@ class Trials:
         self._news: dict[int, Values] = {}
 
     def ask(self, page: int, act: PageAction, ask: PageRequest, clock: DeadMan, now: float) -> None:
-        """Check a step, and ask its question, or begin it where that was answered with yes.
+        """Check a step, and ask its question, or start the trial if the question was confirmed.
 
-        ``clock``: what is known of the page's own clock. A question goes back with the number that the page gave it, so that a yes
-        is to the step that is in its words.
+        ``clock``: the known offset of the page's clock. A question carries the number that the page gave it, so that a confirmation
+        belongs to the step in its text.
 
         Raises:
-            AxisbusError: as ``question``, or another trial goes on, or the yes came too late.
+            AxisbusError: as ``question``, or another trial runs, or the confirmation came too late.
         """
         name = act.axes[0]
         step = TuningStep.of(name, act.values)
@@ -84,7 +84,7 @@ class Trials:
         self._tell(self._running)
 
     def beat(self, page: int, ask: PageRequest, now: float) -> None:
-        """The page says that it still answers for its trial; late words revive nothing."""
+        """Note that the page still supervises its trial; a late message does not continue a trial."""
         running = self._running
         if running is not None and running.page == page:
             running.hold = running.hold.beaten(ask.press, running.trial.step.axis, 1.0, ask.sent, now)
@@ -92,29 +92,29 @@ class Trials:
                 self._end(running, SILENT)
 
     def end(self, page: int, why: str) -> None:
-        """End the trial of a page, by a halt; harmless where it has none."""
+        """Halt and end the trial of a page; harmless if it has none."""
         if self._running is not None and self._running.page == page:
             self._end(self._running, why)
 
     def leave(self, page: int) -> None:
-        """A page is gone."""
+        """Remove a closed page."""
         self.end(page, GONE)
         self._news.pop(page, None)
 
     def end_of(self, axes: Collection[str], verb: str) -> None:
-        """Another command is given to an axis: its trial is over, by a halt, from which that command takes over."""
+        """End the trial of an axis that gets another command, by a halt, from which that command takes over."""
         if self._running is not None and self._running.trial.step.axis in axes:
             self._end(self._running, f"another command took over: {verb}()")
 
     def give_way(self, axes: Collection[str] | None, why: str) -> None:
-        """An axis (all if None) is halted or stopped: its trial is over, and that is what ends it."""
+        """End the trial of an axis (None: of any axis) that is halted or stopped; that stop ends its motion."""
         running = self._running
         if running is not None and (axes is None or running.trial.step.axis in axes):
             running.trial.disturb(why)
             self._close(running)
 
     def look(self, now: float) -> None:
-        """Go on with the trial; to be called at least every 50 ms."""
+        """Advance the trial; to be called at least every 50 ms."""
         running = self._running
         if running is None:
             return
@@ -129,11 +129,11 @@ class Trials:
             self._tell(running)
 
     def news(self, page: int) -> Values | None:
-        """Return what a page was not told yet of its trial."""
+        """Return the report about its trial that a page has not received yet."""
         return self._news.pop(page, None)
 
     def outcome(self, number: int) -> TrialOutcome | None:
-        """Return what came of one of the last trials."""
+        """Return the result of one of the last trials."""
         return self._outcomes.get(number)
 
     def _watch(self, running: _Running, now: float) -> None:
@@ -149,7 +149,7 @@ class Trials:
     def _send(self, running: _Running, do: NextAction) -> None:
         step = running.trial.step
         if running.handle is not None:
-            look_at_end(running.handle)  # one that has not arrived is replaced by the way back
+            look_at_end(running.handle)  # if it has not arrived, the command back replaces it
         try:
             running.handle = self._command(step, step.size if do is NextAction.GO else _home(step))
         except AxisbusError as error:
@@ -163,7 +163,7 @@ class Trials:
         return axis.move_relative(size, velocity=step.velocity, acceleration=step.acceleration)
 
     def _end(self, running: _Running, why: str) -> None:
-        """End it by a halt, unless nothing is under way that would have to be."""
+        """End the trial; halt the axis unless it does not move and no command runs."""
         if why:
             running.trial.disturb(why)
         axis = self._machine[running.trial.step.axis]

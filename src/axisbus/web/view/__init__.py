@@ -1,1 +1,1 @@
-"""What the page shows, as plain values and texts."""
+"""The values that the page shows, as plain values and texts."""

@@ -1,4 +1,4 @@
-"""The present values of the axes as texts, each with its age; what is not known is said to be unknown."""
+"""The present values of the axes as texts, each with its age; unknown values are shown as unknown."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from axisbus.web.view.bars import UNKNOWN, marks, number, places
 from axisbus.web.view.error_text import in_page_terms
 
 Values = dict[str, object]
-_OLD = 1.0  # seconds after which the image of a cycle is not of now
+_OLD = 1.0  # seconds; an older process image does not count as present
 
 
 def all_axes(machine: Machine, now: float) -> dict[str, Values]:
@@ -22,7 +22,7 @@ def all_axes(machine: Machine, now: float) -> dict[str, Values]:
 
 
 def one_axis(axis: Axis, parameters: AxisParameters, now: float) -> Values:
-    """Return the values of an axis; ``known`` says whether its states are of now."""
+    """Return the values of an axis; ``known`` says whether its states are up to date."""
     snapshot, error = axis.snapshot, axis.error
     image_age = max(0.0, now - snapshot.now)
     known = _state(axis) is not None and image_age < _OLD
@@ -48,7 +48,7 @@ def one_axis(axis: Axis, parameters: AxisParameters, now: float) -> Values:
 
 
 def explained(error: AxisbusError) -> dict[str, str]:
-    """Return the three texts of an error, and the name of its symptom's page."""
+    """Return the three texts of an error, and the page of its symptom."""
     texts = {"message": error.message, "observed": seen_of(error), "remedy": error.remedy}
     return {**{name: in_page_terms(text) for name, text in texts.items()}, "page": error.page}
 

@@ -1,4 +1,4 @@
-"""The limits of an axis as bars: from where to where, where the present value lies, and whether it is near them or beyond."""
+"""The limits of an axis as bars: their range, the position of the present value, and whether it is near or beyond a limit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from axisbus.motion.modes import FOLLOWED
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.snapshot import Snapshot
 
-NEAR = 0.8  # of the way from the middle to a limit
+NEAR = 0.8  # fraction of the distance from the middle to a limit
 UNKNOWN = "unknown"
 _NEAR, _BEYOND = "near its limit", "beyond its limit"
 _NOT_HOMED, _NOT_LED = "holds once it is homed", "holds while positions lead it"
@@ -23,20 +23,20 @@ _DECIMALS = range(3, 7)
 
 
 def places(increment: float) -> int:
-    """Return with how many decimals values are told of which ``increment`` is the least: 3, or more where those tell too little."""
+    """Return the number of decimals to show for values with this increment: 3 to 6, so that one increment is visible."""
     needed = math.ceil(-math.log10(increment)) if increment > 0 else 0
     return min(max(needed, _DECIMALS[0]), _DECIMALS[-1])
 
 
 def number(value: float, decimals: int) -> str:
-    """Return a value as a text, with so many decimals; what rounds to 0 has no sign."""
+    """Return a value as text with this number of decimals; a value that rounds to 0 has no sign."""
     return f"{value:z.{decimals}f}"
 
 
 class Bar(NamedTuple):
-    """What one bar is of: the name of the axis's value, and its limits in ``unit``; None where none is known.
+    """The description of one bar: the name of the axis's value, and its limits in ``unit``; None if none is known.
 
-    ``slack``: what is so little beyond a limit stands at it. ``decimals``: of its value.
+    ``slack``: a value beyond a limit by no more than this counts as at the limit. ``decimals``: of the shown value.
     """
 
     name: str
@@ -48,9 +48,9 @@ class Bar(NamedTuple):
 
 
 class BarValue(NamedTuple):
-    """What a bar shows: its value as a text and, in parts of its length, where that lies and where 0 does (None: not known).
+    """The contents of a bar: its value as text, and the positions of the value and of 0 as fractions of its length.
 
-    ``told``: what is to be known of it, in words; ``kind`` of that for its looks.
+    A position is None if it is unknown. ``told``: a remark in words; ``kind``: the style of the remark.
     """
 
     text: str
@@ -62,7 +62,7 @@ class BarValue(NamedTuple):
 
 
 def bars_of(parameters: AxisParameters) -> list[Bar]:
-    """Return the bars of an axis; nothing is made up where neither cell file nor drive gives a limit."""
+    """Return the bars of an axis; if neither the cell file nor the drive gives a limit, the bar has none."""
     units, limits = parameters.units, parameters.limits
     unit, increment = units.position.unit, abs(units.position.to_units(1))
     torque = "of rated torque" if units.rated_torque is None else "N·m"
@@ -77,7 +77,7 @@ def bars_of(parameters: AxisParameters) -> list[Bar]:
 
 
 def mark(bar: Bar, value: float | None, loose: str = "") -> BarValue:
-    """Return what a bar shows of a value, None if unknown; ``loose``: why its limits do not hold at present, empty if they do."""
+    """Return the contents of a bar for a value, None if unknown; ``loose``: why its limits do not apply now, empty if they do."""
     if value is None or bar.span is None:
         return BarValue(UNKNOWN if value is None else number(value, bar.decimals))
     low, high = bar.span
@@ -89,7 +89,7 @@ def mark(bar: Bar, value: float | None, loose: str = "") -> BarValue:
 def marks(
     parameters: AxisParameters, snapshot: Snapshot, read: Callable[[str], float | None]
 ) -> dict[str, dict[str, object]]:
-    """Return what each bar of an axis shows, by its name; ``read`` returns a value by name, None if it is unknown."""
+    """Return the contents of each bar of an axis, by name; ``read`` returns a value by name, None if it is unknown."""
     why = _loose(parameters, snapshot)
     return {
         bar.name: mark(bar, read(bar.name), why.get(bar.name, ""))._asdict()
@@ -99,7 +99,7 @@ def marks(
 
 
 def _loose(parameters: AxisParameters, snapshot: Snapshot) -> dict[str, str]:
-    """Return which limits nobody keeps at present, and why."""
+    """Return the limits that are not enforced at present, with the reason."""
     found = {}
     if parameters.homing.required and not snapshot.homed:
         found["position"] = _NOT_HOMED
@@ -121,7 +121,7 @@ def _both(limit: float | None) -> Span | None:
 
 
 def _lag(parameters: AxisParameters, increment: float) -> float | None:
-    """Return how far the axis may lag, in units: by the cell file, else by the drive's own 6065h; no finer than increments tell."""
+    """Return the largest following error in units: from the cell file, else from the drive's 6065h; rounded to the increment."""
     own = parameters.following_error
     own = parameters.drive_following_error if own is None else own
     if own is None:

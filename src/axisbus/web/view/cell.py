@@ -1,4 +1,4 @@
-"""The nodes, the bus, the cycle and what has gone wrong, as texts; the newest first."""
+"""The nodes, the bus, the cycle and the incidents as texts; newest first."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SHOWN = 30  # incidents
 
 @dataclass(frozen=True, slots=True)
 class PageIncident:
-    """Something that has gone wrong: when (seconds, monotonic; None: it is so now), what, its cause in lines, and what to do."""
+    """An incident: its time (seconds, monotonic; None: it persists), a summary, its cause in lines, and the remedy."""
 
     stamp: float | None
     what: str
@@ -30,13 +30,13 @@ class PageIncident:
     remedy: str = ""
 
     def told(self, now: float) -> Values:
-        """Return it as plain values."""
+        """Return the incident as plain values."""
         ago = "now" if self.stamp is None else f"{max(0.0, now - self.stamp):.0f} s ago"
         return {"ago": ago, "what": self.what, "lines": list(self.lines), "remedy": self.remedy}
 
 
 def whole_cell(machine: Machine, beside: list[str], now: float) -> Values:
-    """Return what is known of the cell beside its axes; ``beside`` are the lines of its bus, cycle and programs. May block."""
+    """Return the state of the cell without its axes; ``beside`` are the lines about bus, cycle and programs. May block."""
     return {
         "nodes": [_node(machine, report) for report in machine.reports],
         "beside": [*beside, *_controller(machine)],
@@ -46,7 +46,7 @@ def whole_cell(machine: Machine, beside: list[str], now: float) -> Values:
 
 
 def _command(machine: Machine) -> Values:
-    """Return whether this program has the command of the machine, and who has it, for people; where it has ended nobody lost it."""
+    """Return whether this program has control of the machine, and who has it, for people; after the session's end: this program."""
     if machine.session.ended:
         return {"ours": True, "by": ""}
     holder = next((each.who for each in machine.programs if each.commands), "nobody")
@@ -54,7 +54,7 @@ def _command(machine: Machine) -> Values:
 
 
 def happenings(machine: Machine) -> list[PageIncident]:
-    """Return what has gone wrong, the newest first; what an axis is in ErrorStop for comes before all."""
+    """Return the incidents, newest first; the errors of axes in ErrorStop come before all others."""
     found = [*_of_nodes(machine), *_of_bus(machine), *_events(machine)]
     found.sort(key=lambda happening: happening.stamp or 0.0, reverse=True)
     return [*_of_axes(machine), *found][:_SHOWN]
@@ -108,7 +108,7 @@ def _plainly(message: str) -> dict[str, str]:
 
 
 def _controller(machine: Machine) -> list[str]:
-    """Return how the CAN controller is, where it has told anything, and the frames that were dropped."""
+    """Return the newest state of the CAN controller, if it has reported one, and the dropped frames."""
     events = machine.bus_events[-1:]
     return [*map(str, events), *(str(drop) for drop in machine.dropped_frames)]
 

@@ -1,4 +1,4 @@
-"""The state machine of CiA 402 (figure of part 2, 7.2) as a drawing, whose states are lit by the page."""
+"""The state machine of CiA 402 (figure of part 2, 7.2) as a drawing; the page highlights the present state."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Box(NamedTuple):
 
 
 _S = PowerState
-# As the standard draws it: what is off above, what is on below, faults at the right.
+# As the standard draws it: power off above, power on below, faults at the right.
 BOXES = {
     _S.NOT_READY_TO_SWITCH_ON: Box(90, 30),
     _S.SWITCH_ON_DISABLED: Box(90, 100),
@@ -28,7 +28,7 @@ BOXES = {
     _S.FAULT_REACTION_ACTIVE: Box(330, 170),
     _S.FAULT: Box(330, 100),
 }
-# Paths of the arrows, with the place of their number and the transitions that they stand for.
+# Paths of the arrows, with the location of their number and the transition that they represent.
 _ARROWS = (
     ("M90 47V81", 104, 68, "1"),
     ("M74 117V151", 60, 138, "2"),
@@ -50,7 +50,7 @@ LABEL = "State machine of the drive by CiA 402; the present state is lit"
 def svg(number: int = 0) -> str:
     """Return the drawing; each state is a group with the attribute ``data-power`` and its name.
 
-    ``number`` tells it from others on a page: an arrow whose tip is part of one that is not shown has none.
+    ``number`` distinguishes several drawings on a page: an arrow cannot use the arrow tip of a drawing that is hidden.
     """
     arrows = "".join(
         f'<path class="arrow" d="{path}" marker-end="url(#tip{number})"/><text class="number" x="{x}" y="{y}">{transition}</text>'

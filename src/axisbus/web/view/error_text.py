@@ -1,10 +1,10 @@
-"""What the page says of an error: its own buttons, where the library speaks of calls."""
+"""Replace the calls in an error text of the library by the buttons of the page."""
 
 from __future__ import annotations
 
 import re
 
-# Longer ones first: what is left of a call after them is told by the short ones.
+# Longer patterns first: the shorter ones replace the rest.
 _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
     (re.compile(call), words)
     for call, words in (
@@ -26,7 +26,7 @@ _BUTTON = re.compile(r"axis\.(enable|disable|reset|release|home|halt)\(\)")
 
 
 def in_page_terms(text: str) -> str:
-    """Return a text of the library for who looks at the page."""
+    """Return a text of the library for users of the page."""
     for call, words in _TABLE:
         text = call.sub(words, text)
     return _BUTTON.sub(lambda found: found[1].capitalize(), text)
