@@ -1,1 +1,1 @@
-"""Bridges to what plants and robots have: each one more program at a machine, in a process of its own."""
+"""Gateways to other systems of plants and robots: each is a separate program at a machine, in a process of its own."""

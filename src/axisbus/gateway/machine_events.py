@@ -1,4 +1,4 @@
-"""What has happened at a machine, each told once: nodes, emergency messages, incidents, axes in ErrorStop, the bus, commands."""
+"""The events of a machine, each reported once: nodes, emergency messages, incidents, axes in ErrorStop, the bus, commands."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from axisbus.motion.command_status import Status
 from axisbus.session import CommandSeen
 
 Severity = Literal["info", "warning", "error"]
-_JOG = ".jog("  # comes twenty times a second: only what has gone wrong with one is told
-_HALT = ".halt"  # without brackets: of the core's own, where the command changes hands
-_SETTLED = 2 * TOGETHER  # seconds after which all that belongs to an incident has come
+_JOG = ".jog("  # comes twenty times per second: only errors of a jog are reported
+_HALT = ".halt"  # without brackets: a halt of the core, when control changes hands
+_SETTLED = 2 * TOGETHER  # seconds after which all messages of an incident have arrived
 
 
 class MachineEventKind(Enum):
-    """What has happened."""
+    """The kind of an event."""
 
     COMMAND = "a command was given, or has ended"
     NODE = "error control has told something of a node"
@@ -47,10 +47,10 @@ class MachineEventKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class MachineEvent:
-    """Something that has happened: ``stamp`` in seconds of the machine's clock.
+    """An event of a machine: ``stamp`` in seconds of the machine's clock.
 
-    ``about`` names a node, an axis or a group, and is empty for the machine and its bus; ``axes`` are those that it concerns, as
-    far as that is known. ``cause`` is what was seen, in lines, ``remedy`` what to do first.
+    ``about`` names a node, an axis or a group, and is empty for the machine and its bus; ``axes`` are the affected axes, as far as
+    known. ``cause`` is the observation, in lines, ``remedy`` the first thing to do.
     """
 
     stamp: float
@@ -65,20 +65,20 @@ class MachineEvent:
 
 class _Found(NamedTuple):
     stamp: float
-    key: Hashable  # of what is told once
-    told: Callable[[], MachineEvent]  # its words, which only what is new needs
+    key: Hashable  # identifies the event, so that it is reported once
+    told: Callable[[], MachineEvent]  # makes the event; called only if it is new
 
 
 class MachineEventSource:
-    """Looks at one machine after the other, again and again; holds what it has told, and the error of each axis.
+    """Observe one machine after the other; holds the reported events, and the error of each axis.
 
-    What has happened is known by its time too, so that nothing of one machine is taken for something of the next.
+    An event is identified by its time too, so that an event of one machine is never mistaken for one of the next.
     """
 
     def __init__(self, since: float = -math.inf, *, commands: bool = False) -> None:
-        """``since``: what was before, in seconds of the machine's clock, is not told, but for an axis that is in ErrorStop still.
+        """``since``: earlier events, in seconds of the machine's clock, are not reported, but an axis still in ErrorStop is.
 
-        ``commands``: they are told too, of whatever program.
+        ``commands``: report commands as well, of any program.
         """
         self._since = since
         self._commands = commands
@@ -86,7 +86,7 @@ class MachineEventSource:
         self._errors: dict[str, str] = {}
 
     def look(self, machine: Machine, now: float) -> list[MachineEvent]:
-        """Return what is new at ``now`` (seconds of the machine's clock), the oldest first; blocks for some answers of the core.
+        """Return the new events at ``now`` (seconds of the machine's clock), oldest first; blocks for some answers of the core.
 
         Raises:
             AxisbusError: the core is gone.
@@ -94,7 +94,7 @@ class MachineEventSource:
         found = [one for one in self._found(machine, now) if one.stamp >= self._since]
         new = [one.told() for one in found if one.key not in self._told]
         new += self._of_axes(machine)
-        self._told = {one.key for one in found}  # what the machine has forgotten is not kept here
+        self._told = {one.key for one in found}  # drop the events that the machine has dropped
         return sorted(new, key=lambda happening: happening.stamp)
 
     def _found(self, machine: Machine, now: float) -> Iterator[_Found]:
@@ -110,7 +110,7 @@ class MachineEventSource:
             yield from _of_node(machine.node(node_id), names, now)
 
     def _of_axes(self, machine: Machine) -> Iterator[MachineEvent]:
-        """Tell which axes have come into ErrorStop, or have another error, and which are out of it."""
+        """Report the axes that have entered ErrorStop, have another error, or have left it."""
         for axis in machine:
             snapshot = axis.snapshot
             error, before = snapshot.error, self._errors.get(axis.name, "")
@@ -133,7 +133,7 @@ def _fault(name: str, error: AxisbusError, now: float) -> MachineEvent:
     )
 
 
-# -- commands, the bus, error control, the way out -----------------------------------------------------------------------
+# -- commands, the bus, error control, shutdown --------------------------------------------------------------------------
 
 
 def _of_command(seen: CommandSeen) -> Iterator[_Found]:

@@ -1,4 +1,4 @@
-"""The machine of a cell, followed: the one that runs, and the next one where it ends; told once, not at each look."""
+"""Follow the machine of a cell: join the running one, and the next one when it ends; report each change once."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
 
 Look = Callable[[], object]
-_WAIT = 0.5  # seconds between two looks for a machine
-_TOLD = 0.05  # seconds in which a machine has told whoever has joined it how it is
+_WAIT = 0.5  # seconds between two attempts to find a machine
+_TOLD = 0.05  # seconds within which a machine has sent its state to a new client
 
 
 class MachineFollower:
-    """Joins one machine of a cell after the other; holds what it said last. ``run`` blocks."""
+    """Join one machine of a cell after the other; holds the last report. ``run`` blocks."""
 
     def __init__(self, cell: Path, say: Callable[[str], None]) -> None:
-        """``cell``: its file. ``say`` tells people how it goes."""
+        """``cell``: the cell file. ``say`` reports the progress to people."""
         self._cell = cell
         self._say = say
         self._said = ""
@@ -30,10 +30,10 @@ class MachineFollower:
         every: float,
         goes_on: Callable[[], bool] = lambda: True,
     ) -> None:
-        """Follow them until ``goes_on`` says no, or it is interrupted.
+        """Follow the machines until ``goes_on`` returns false, or it is interrupted.
 
-        ``serve`` has what is to be there while a machine is, and gives what is to be called ``every`` so many seconds. An
-        AxisbusError of either is said, and the machine is joined anew.
+        ``serve`` is a context for the time with a machine; it returns a function that is called every ``every`` seconds. An
+        AxisbusError of either is reported, and the machine is joined again.
         """
         while goes_on():
             try:
@@ -48,7 +48,7 @@ class MachineFollower:
         every: float,
         goes_on: Callable[[], bool],
     ) -> None:
-        """Serve the machine of the cell until it ends; return at once where none runs."""
+        """Serve the machine of the cell until it ends; return at once if none runs."""
         machine = Machine.try_attach(self._cell)
         if machine is None:
             self._once("waits for a machine: axisbus run")
@@ -73,5 +73,5 @@ class MachineFollower:
 
 
 def _ends(machine: Machine) -> bool:
-    """Whether a machine is on its way out: it lets programs in to its end, and there is nothing to follow."""
+    """Whether a machine is shutting down: it admits programs until its end, but there is nothing to follow."""
     return machine.session.ended or machine.session.leaving_because is not None

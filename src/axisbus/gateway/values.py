@@ -1,4 +1,4 @@
-"""What an axis' image says, in the axis' units; None where a value is not known."""
+"""Values of an axis's process image in the axis's units; None if a value is unknown."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from axisbus.motion.snapshot import Snapshot
 
 
 def position(snapshot: Snapshot, units: Units) -> float | None:
-    """Return the actual position; of an axis that turns on, within a turn."""
+    """Return the actual position; of a modulo axis, within one turn."""
     if snapshot.position is None:
         return None
     return units.turned(units.position.to_units(snapshot.position - snapshot.origin))
@@ -19,12 +19,12 @@ def velocity(snapshot: Snapshot, units: Units) -> float | None:
 
 
 def torque(snapshot: Snapshot, units: Units) -> float | None:
-    """Return the actual torque in N·m, or as a part of the rated one where that is not known."""
+    """Return the actual torque in N·m, or as a fraction of the rated torque if that is unknown."""
     return None if snapshot.torque is None else units.torque(snapshot.torque)
 
 
 def following_error(snapshot: Snapshot, units: Units) -> float | None:
-    """Return how far the axis is behind its demand."""
+    """Return the following error of the axis."""
     if snapshot.demand is None or snapshot.position is None:
         return None
     return units.position.to_units(snapshot.demand - snapshot.position)

@@ -93,7 +93,7 @@ class PageSocket:
             log.exception("an axis that has joined is not on the pages")
 
     def _shown(self, now: float) -> str:
-        """Return the values of the axes as text, or "null" if they cannot be read; the page shows that, and its stops still work."""
+        """Return the values of the axes as text, or "null" if they cannot be read: the page shows that; its stops still work."""
         try:
             return json.dumps(all_axes(self._machine, now))
         except Exception:

@@ -1,1 +1,1 @@
-"""Figures of a machine for Prometheus: pure families, and a server that is asked for them."""
+"""Metrics of a machine for Prometheus: metric families, and a server that Prometheus scrapes."""

@@ -1,4 +1,4 @@
-"""What a machine tells once and forgets, counted: emergency messages, what error control told, what programs had lost."""
+"""Count events that a machine reports once: emergency messages, error control events, samples lost by programs."""
 
 from __future__ import annotations
 
@@ -7,29 +7,30 @@ from collections.abc import Iterable
 from typing import Protocol
 
 Counts = Counter[tuple[str, ...]]
-_MOST = 32  # names that are counted apart
+_MOST = 32  # the most names with a count of their own
 _OTHERS = "others"
 
 
 class Stamped(Protocol):
-    """What has a time of its own (s, monotonic)."""
+    """An item with a time (s, monotonic)."""
 
     @property
     def stamp(self) -> float:
-        """When it came."""
+        """The time at which it arrived."""
 
 
 class MetricCounters:
-    """Counts what is new in lists that keep the last of something; holds the counts, and the newest time of each list."""
+    """Count new items of lists that store only the last ones; holds the counts, and the newest time of each list."""
 
     def __init__(self) -> None:
         self.counts: Counts = Counter()
         self._seen: dict[object, float] = {}
 
     def take(self, key: object, items: Iterable[tuple[Stamped, tuple[str, ...], int]]) -> None:
-        """Count what of a list is newer than all of it that was seen before: each item with its labels, and how often it was.
+        """Count the items of a list that are newer than all seen before: each item with its labels and its multiplicity.
 
-        ``key`` says which list it is, also of the next machine: the clock is the computer's. What it held at the first look counts.
+        ``key`` identifies the list, also for the next machine, because the clock is the computer's. Items of the first call count
+        as well.
         """
         before = newest = self._seen.get(key, float("-inf"))
         for item, labels, times in items:
@@ -40,16 +41,16 @@ class MetricCounters:
 
 
 class Growth:
-    """Counts by how much the numbers of those have grown who come with 0, and go; holds the counts by name, and the last."""
+    """Count the growth of numbers that begin with 0 for each source; holds the counts by name, and the last numbers."""
 
     def __init__(self) -> None:
         self.counts: Counts = Counter()
         self._seen: Counter[str] = Counter()
 
     def take(self, items: Iterable[tuple[str, str, int]]) -> None:
-        """Count what is new: for each who is there, who it is, its name (several may have the same) and its number.
+        """Count the growth since the last call: for each source its identity, its name (several may share one) and its number.
 
-        ``items`` are all who are there. After 32 names further ones count as ``others``.
+        ``items`` are all present sources. After 32 names, further ones count as ``others``.
         """
         now: Counter[str] = Counter()
         names: dict[str, str] = {}

@@ -1,11 +1,11 @@
-"""The figures of a machine as families of Prometheus, made when they are asked for.
+"""The metrics of a machine as families of Prometheus, made at each scrape.
 
 Theory of operation
 -------------------
-The bridge joins the machine as any program does, and commands nothing. What is unknown, or too old, is left out: a figure that is
-there is of now, and ``axisbus_up`` is 0 where no machine runs. Counters of the core begin anew with each machine, as Prometheus
-expects it of one that was restarted; what only the bridge counts (emergency messages, node events, what programs did not take) is
-counted from when it began.
+The bridge joins the machine as any program does, and commands nothing. Values that are unknown or too old are left out: a metric
+that is present is up to date, and ``axisbus_up`` is 0 if no machine runs. Counters of the core restart with each machine, as
+Prometheus expects after a restart. Counters of the bridge itself (emergency messages, node events, data lost by programs) count
+from its start.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _READER = ("program",)
 
 
 class Exporter:
-    """Holds the machine that is told of, None where none runs, and what was counted; asked by the server, in any thread."""
+    """Hold the observed machine, None if none runs, and the counts; the server calls it, in any thread."""
 
     def __init__(self) -> None:
         self.machine: Machine | None = None
@@ -49,7 +49,7 @@ class Exporter:
         self._cycles, self._frames = Growth(), Growth()
 
     def look(self) -> None:
-        """Count what is new; to be called about once a second, since the lists of a machine are short. May block for a moment."""
+        """Count new events; to be called about once a second, because the lists of a machine are short. May block briefly."""
         machine = self.machine
         if machine is None:
             return
@@ -65,7 +65,7 @@ class Exporter:
         self._frames.take((each.who, command_of(each.who), each.lost_frames) for each in programs)
 
     def collect(self) -> Iterable[Metric]:
-        """Return all families; what cannot be had now is left out."""
+        """Return all families; those that are unavailable now are left out."""
         machine = self.machine
         alive = machine is not None and machine.session.silent is None
         yield GaugeMetricFamily(
@@ -90,7 +90,7 @@ class Exporter:
 def _all_of(families: Iterator[Metric]) -> list[Metric]:
     """Return what can be had of some families: the machine may end in their midst."""
     found: list[Metric] = []
-    with suppress(AxisbusError):  # it is told by ``axisbus_up`` at the next look
+    with suppress(AxisbusError):  # ``axisbus_up`` reports it at the next scrape
         found.extend(families)
     return found
 

@@ -1,4 +1,4 @@
-"""The HTTP server that Prometheus asks, on one address of this computer."""
+"""The HTTP server that Prometheus scrapes, on one address of this computer."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from prometheus_client.registry import Collector, CollectorRegistry
 
 from axisbus.errors import StateError
 
-CONNECTIONS = 32  # at once; where there are more, the oldest ends
-PATIENCE = 10.0  # seconds for one of them
+CONNECTIONS = 32  # at once; beyond that, the oldest is closed
+PATIENCE = 10.0  # seconds for one connection
 
 
 class MetricsSource(Protocol):
-    """What has families."""
+    """A source of metric families."""
 
     def collect(self) -> Iterable[Metric]:
-        """Return them as they are now."""
+        """Return the present families."""
 
 
 class _Collector(Collector):
@@ -36,31 +36,31 @@ class _Collector(Collector):
         return self._source.collect()
 
     def describe(self) -> Iterable[Metric]:
-        """Nothing: the registry is not to ask for values in order to know their names."""
+        """Return nothing: the registry must not collect values only to learn their names."""
         return ()
 
 
 class _Handler(WSGIRequestHandler):
     def address_string(self) -> str:
-        return str(self.client_address[0])  # without asking for its name
+        return str(self.client_address[0])  # without a DNS query
 
-    def log_message(self, format: str, *args: object) -> None:  # noqa: A002  # its own
+    def log_message(self, format: str, *args: object) -> None:  # noqa: A002  # name of the base class
         """Log nothing."""
 
 
 class _Server(ThreadingMixIn, WSGIServer):
-    """A thread for each connection, of which there are few, and none for long: also of who sends nothing, or does not read."""
+    """Serve each connection in a thread; their number and duration are limited, also for clients that neither send nor read."""
 
     daemon_threads = True
     request_queue_size = CONNECTIONS
 
     def __init__(self, *given: Any, **more: Any) -> None:
-        self._began: dict[socket.socket, float] = {}  # the oldest first
+        self._began: dict[socket.socket, float] = {}  # oldest first
         self._lock = threading.Lock()
         super().__init__(*given, **more)
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Serve one more, in place of the oldest where there are too many."""
+        """Serve one more connection; close the oldest if there are too many."""
         with self._lock:
             for old in list(self._began)[: max(0, len(self._began) - CONNECTIONS + 1)]:
                 self._end(old)
@@ -68,26 +68,26 @@ class _Server(ThreadingMixIn, WSGIServer):
         super().process_request(request, client_address)
 
     def service_actions(self) -> None:
-        """End those that take too long; called twice a second."""
+        """Close the connections that take too long; called twice a second."""
         with self._lock:
             for old, began in list(self._began.items()):
                 if time.monotonic() - began > PATIENCE:
                     self._end(old)
 
     def _end(self, connection: socket.socket) -> None:
-        """Let its thread come to its end; it closes it."""
+        """Shut the connection down, so that its thread ends; the thread closes it."""
         del self._began[connection]
         with suppress(OSError):
             connection.shutdown(socket.SHUT_RDWR)
 
     def shutdown_request(self, request: Any) -> None:
-        """Close one that has been served."""
+        """Close a connection that has been served."""
         with self._lock:
             self._began.pop(request, None)
         super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing of a client that is gone in the midst of its answer."""
+        """Report nothing if a client disconnects during its answer."""
 
 
 class _Server6(_Server):
@@ -95,13 +95,13 @@ class _Server6(_Server):
 
 
 class MetricsServer:
-    """Serves the families of a source until ``close``; holds its thread."""
+    """Serve the families of a source until ``close``; holds its thread."""
 
     def __init__(self, source: MetricsSource, address: str, port: int) -> None:
-        """Serve on ``address`` and ``port`` (0: one that is free).
+        """Serve on ``address`` and ``port`` (0: a free one).
 
         Raises:
-            StateError: it cannot be served there.
+            StateError: the address or port cannot be used.
         """
         registry = CollectorRegistry(auto_describe=False)
         registry.register(_Collector(source))
@@ -122,13 +122,13 @@ class MetricsServer:
 
     @property
     def url(self) -> str:
-        """Where they are."""
+        """The URL of the metrics."""
         address, port = self._server.server_address[:2]
         shown = f"[{address!s}]" if ":" in str(address) else str(address)
         return f"http://{shown}:{port}/metrics"
 
     def close(self) -> None:
-        """End it; blocks for a moment."""
+        """End the server; blocks briefly."""
         self._server.shutdown()
         self._server.server_close()
         self._thread.join(2.0)

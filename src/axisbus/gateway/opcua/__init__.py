@@ -1,1 +1,1 @@
-"""An OPC UA server beside a machine: pure tables of what it has and who may do what, and a thin shell around asyncua."""
+"""An OPC UA server beside a machine: pure tables of its variables and permissions, and a thin layer around asyncua."""

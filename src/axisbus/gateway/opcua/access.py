@@ -1,4 +1,4 @@
-"""Who may come in, by where the server listens and what it was given; and who may do what. Pure."""
+"""Decide which clients the server admits, by its address and its options, and their permissions. Pure."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from axisbus.errors import ArgumentError
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """What was asked for: whether the address is reached from this computer alone, and which files and options were given."""
+    """The requested options: whether the address is reachable from this computer only, and which files and options were given."""
 
     loopback: bool
     certificate: bool = False
@@ -20,10 +20,9 @@ class Given:
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """Who may come in: only by an encrypted channel; only with a certificate that is trusted; without a name; with name and
-    password.
+    """The admitted clients: only on an encrypted channel; only with a trusted certificate; without a name; with name and password.
 
-    Who has come in may read, browse and subscribe. Nobody writes. Who has a name may call the methods that are there.
+    Admitted clients may read, browse and subscribe. No client may write. Clients with a name may call the available methods.
     """
 
     encrypted: bool
@@ -33,10 +32,10 @@ class Access:
 
 
 def decide(given: Given) -> Access:
-    """Return who may come in.
+    """Return which clients are admitted.
 
     Raises:
-        ArgumentError: what was given does not go together, or would let in whoever reaches the address.
+        ArgumentError: the options contradict each other, or would admit any client that reaches the address.
     """
     _require_sense(given)
     if not given.certificate:

@@ -1,4 +1,4 @@
-"""The nodes of the server: Machines, the cell, what it is, its axes with their variables, its methods; all of them read-only."""
+"""The nodes of the server: Machines, the cell with its identification, its axes, variables and methods; all read-only."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from axisbus.gateway.opcua.units import NAMESPACE, Unit
 from axisbus.gateway.opcua.variables import AXIS_TYPE, ROWS, OpcuaVariable, Type
 from axisbus.version import __version__
 
-URI = "urn:axisbus:opcua"  # of the namespace of all nodes here
+URI = "urn:axisbus:opcua"  # the namespace of all nodes here
 TYPES = {
     Type.DOUBLE: ua.VariantType.Double,
     Type.FLOAT: ua.VariantType.Float,
     Type.UINT16: ua.VariantType.UInt16,
 }
 _WAITING = ua.StatusCode(ua.StatusCodes.BadWaitingForInitialData)
-Call = Callable[[OpcuaMethod, str], Awaitable[ua.CallMethodResult]]  # an axis by its name, "" for all
+Call = Callable[[OpcuaMethod, str], Awaitable[ua.CallMethodResult]]  # axis name, "" for all
 
 
 @dataclass(frozen=True, slots=True)
 class CellVariables:
-    """What is written to while the server runs: the variables of the axes, and those of the cell, by name."""
+    """The variables that are written while the server runs: those of the axes, and those of the cell, by name."""
 
     values: dict[Key, Node]
-    texts: dict[Key, Node]  # the name of the state, beside its number
+    texts: dict[Key, Node]  # nodes for the name of a state, in addition to its number
     running: Node
     devices: Node
     incidents: Node
@@ -39,10 +39,10 @@ class CellVariables:
 
 
 class AddressSpaceBuilder:
-    """Makes the nodes of one cell; holds the number of the namespace."""
+    """Create the nodes of one cell; holds the index of the namespace."""
 
     def __init__(self, server: Server, cell: CellConfig, name: str, index: int) -> None:
-        """``name``: that of the cell."""
+        """``name``: the name of the cell."""
         self._server, self._cell, self._index = server, cell, index
         self._path = f"Machines/{name}"
         self._name = name
@@ -50,7 +50,7 @@ class AddressSpaceBuilder:
         self._texts: dict[Key, Node] = {}
 
     async def build(self, verbs: tuple[OpcuaMethod, ...], call: Call) -> CellVariables:
-        """Make all nodes; ``verbs`` are the methods that are there, ``call`` carries them out."""
+        """Create all nodes; ``verbs`` are the available methods, ``call`` carries them out."""
         machines = await self._server.nodes.objects.add_folder(self._id("Machines"), self._browse("Machines"))
         machine = await self._object(machines, self._path, self._name)
         await self._identification(machine)
@@ -101,7 +101,7 @@ class AddressSpaceBuilder:
     async def _of_row(
         self, parent: Node, path: str, row: OpcuaVariable, axis: AxisConfig
     ) -> tuple[Node, Node | None]:
-        """Make a variable; return it, and what has the text of its state, where it is one of states."""
+        """Create a variable; return it, and the node for the text of its state if the variable is a state."""
         path = f"{path}/{row.name}"
         node = await self._typed(parent, path, row)
         if row.unit is not None:
@@ -112,7 +112,7 @@ class AddressSpaceBuilder:
         return node, await self._property(node, path, "ValueAsText", ua.LocalizedText(""))
 
     async def _typed(self, parent: Node, path: str, row: OpcuaVariable) -> Node:
-        """Make a variable of its type, which waits for its first value; asyncua's own way makes all of one type."""
+        """Create a variable of its own type that has no value yet; asyncua's function would give all variables one type."""
         kind = ua.ObjectIds.MultiStateValueDiscreteType if row.states else ua.ObjectIds.BaseAnalogType
         attributes = ua.VariableAttributes(
             DisplayName=ua.LocalizedText(row.name),
@@ -183,7 +183,7 @@ def _calling(
     call: Call, verb: OpcuaMethod, axis: str, parent: ua.NodeId
 ) -> Callable[..., Awaitable[ua.CallMethodResult]]:
     async def called(asked: ua.NodeId, *given: object) -> ua.CallMethodResult:
-        if asked != parent:  # it is another object's, and what that one's is to do would not be done
+        if asked != parent:  # the method of another object: this one must not be executed for it
             return ua.CallMethodResult(StatusCode=ua.StatusCode(ua.StatusCodes.BadMethodInvalid))
         if given:
             return ua.CallMethodResult(StatusCode=ua.StatusCode(ua.StatusCodes.BadTooManyArguments))

@@ -1,4 +1,4 @@
-"""The readings of all axes of the machine that is followed, from one image; nothing here blocks."""
+"""The readings of all axes of the followed machine, from one process image; nothing here blocks."""
 
 from __future__ import annotations
 
@@ -23,45 +23,45 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.snapshot import Snapshot
 from axisbus.session import AxisFacts
 
-Key = tuple[str, str]  # an axis and a variable, by their names
+Key = tuple[str, str]  # names of an axis and a variable
 
 
 class AxisReadings:
-    """Holds the machine that is followed (None: none runs), what was last known of it, and the temperatures that were read.
+    """Hold the followed machine (None: none runs), its last known values, and the measured temperatures.
 
-    ``machine`` and ``temperatures`` may be set in another thread than the one that looks.
+    ``machine`` and ``temperatures`` may be set in another thread than the one that calls ``look``.
     """
 
     def __init__(self, cell: CellConfig) -> None:
         self._cell = cell
         self._memory = Memory()
         self._machine: Machine | None = None
-        self._nothing = WAITING  # until there was a machine
+        self._nothing = WAITING  # until the first machine runs
         self.temperatures: dict[str, OpcuaValue] = {}
 
     @property
     def machine(self) -> Machine | None:
-        """The machine that is followed."""
+        """The followed machine."""
         return self._machine
 
     def follow(self, machine: Machine | None) -> None:
-        """Follow another machine, or none: what was known of the one before is no longer usable."""
+        """Follow another machine, or none: the values of the previous one are no longer usable."""
         if machine is not None:
-            self._nothing = GONE  # that is what it is whenever this one has ended
+            self._nothing = GONE  # the state after this machine has ended
         self.temperatures = {}
         self._memory.forget()
         self._machine = machine
 
     @property
     def image(self) -> ImageFreshness:
-        """How the image of the machine is."""
+        """The freshness of the machine's process image."""
         machine = self._machine
         if machine is None or machine.session.ended or machine.session.dead is not None:
             return ImageFreshness.NONE
         return ImageFreshness.NOW if machine.session.silent is None else ImageFreshness.OLD
 
     def now(self) -> float:
-        """The time of the machine's clock, in seconds: the monotonic one, or the newest of a machine in virtual time."""
+        """The time of the machine's clock, in seconds: monotonic, or the newest time of a machine in virtual time."""
         machine = self._machine
         if machine is None or machine.session.waiter.realtime:
             return time.monotonic()
@@ -77,7 +77,7 @@ class AxisReadings:
         for axis in self._cell.axes:
             if axis in snapshots and axis in facts:
                 found |= self._of_axis(axis, snapshots[axis], facts[axis], image)
-            else:  # its node is optional, and has not come up
+            else:  # its node is optional and has not booted
                 found |= {(axis, row.name): GONE for row in ROWS}
         return found
 
@@ -120,7 +120,7 @@ def _travels(row: OpcuaVariable, facts: AxisFacts) -> bool:
 
 
 def measured(machine: Machine, now: Callable[[], float]) -> Iterator[tuple[str, OpcuaValue]]:
-    """Read the temperature of each axis by SDO, one after the other; blocks for each, and makes none up where one is not told."""
+    """Read the temperature of each axis by SDO, one after the other; blocks for each, and skips axes that report none."""
     for axis in machine:
         try:
             yield axis.name, OpcuaValue(axis.temperature, Quality.GOOD, now())

@@ -1,4 +1,4 @@
-"""A method that a client has called, as one command of each axis; and what is told of one that was refused."""
+"""Carry out a method called by a client as one command of each axis; report refusals as events."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ async def _nobody_is_told(_: OpcuaEvent) -> None:
 
 
 class OpcuaMethodCalls:
-    """Carries methods out on the machine that is followed; ``refused`` is awaited with what did not go well."""
+    """Carry out methods on the followed machine; ``refused`` is awaited with each failure."""
 
     def __init__(self, looker: AxisReadings, cell: CellConfig) -> None:
         self._looker, self._cell = looker, cell
         self.refused: Callable[[OpcuaEvent], Awaitable[None]] = _nobody_is_told
 
     async def call(self, verb: OpcuaMethod, axis: str) -> ua.CallMethodResult:
-        """Carry a method out on an axis, or on all ("").
+        """Carry out a method on an axis, or on all ("").
 
-        By the standard a call whose status is bad has no result; so its words go out as an event.
+        By the standard, a call with a bad status has no result, so its text is sent as an event.
         """
         ended = await self._carried_out(verb, axis)
         log.info("OPC UA: %s of %s for %s: %s", verb.value, axis or "all axes", CALLER.get(), ended.status)
@@ -59,10 +59,10 @@ class OpcuaMethodCalls:
             return MethodResult(status_of(error), one_line(error))
 
     def _reset(self, axes: list[str]) -> MethodResult:
-        """Have the command of the machine meanwhile, and give it back; blocks.
+        """Take control of the machine for the reset, and release it; blocks.
 
         Raises:
-            OwnershipError: another program has it. And what ``Machine.attach`` raises.
+            OwnershipError: another program has control. Also the errors of ``Machine.attach``.
         """
         with Machine.attach(self._cell.file, command=True) as machine:
             return asyncio.run(carry_out(machine, OpcuaMethod.RESET, axes, limits.HALTING))

@@ -1,4 +1,4 @@
-"""The connections of the server: how many there may be, which goes where there are too many, and which does not behave."""
+"""The connections of the server: their limits, which one is closed if there are too many, and protection against bad clients."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from axisbus.gateway.opcua.limited_server import CHECKED, GuardedServer
 
 log = logging.getLogger("axisbus")
 _KINDS = (b"HEL", b"OPN", b"MSG", b"CLO", b"ERR")
-_HEADER = 8  # octets: kind, chunk, and how long it is
+_HEADER = 8  # octets: kind, chunk, and length
 _ACTIVATES = ua.NodeId(ua.ObjectIds.ActivateSessionRequest_Encoding_DefaultBinary)
-_LOOK = 1.0  # seconds between two looks at whether somebody has come in
+_LOOK = 1.0  # seconds between two checks for an active session
 
 
 class GuardedProcessor(UaProcessor):
-    """What carries out the messages of a connection: it checks a password first, for which asyncua would hold all others up."""
+    """Process the messages of a connection; check a password first, because asyncua would block all other clients for that."""
 
     async def process_message(self, seqhdr: Any, body: Any) -> Any:
-        """Carry out a message."""
+        """Process a message."""
         given = self._given(body.copy())
         right = given is not None and await self.iserver.gate.check(*given)
         token = CHECKED.set(None if given is None else (*given, right))
@@ -49,30 +49,30 @@ class GuardedProcessor(UaProcessor):
             return None
         try:
             return self.iserver.decrypt_user_token(session, token)
-        except Exception:  # noqa: BLE001  # asyncua refuses it in the words of the standard
+        except Exception:  # noqa: BLE001  # asyncua refuses it with the status code of the standard
             return None
 
 
 class GuardedProtocol(OPCUAProtocol):
-    """One connection: closed where what comes is no OPC UA, is too long, nobody comes in, or nothing that is sent is read."""
+    """One connection: closed if its data are not OPC UA or too long, if no session is activated, or if the client does not read."""
 
     _unread: asyncio.TimerHandle | None = None
     _look: asyncio.TimerHandle | None = None
-    _since = 0.0  # when somebody was in the last time, or it began
+    _since = 0.0  # when it last had an active session, or began
     _greeted = False
-    _held = False  # nothing more is taken until what waits is done
+    _held = False  # reading is paused until the waiting messages are processed
 
     @property
     def is_in(self) -> bool:
-        """Whether somebody has come in by it: it has a session that is activated, and has not ended."""
+        """Whether the connection has an activated session that has not ended."""
         if self.processor is None or self.processor.session is None:
             return False
         session, heard = self.processor.session, self.processor.session_last_activity
         silent = heard is not None and time.monotonic() - heard > (session.session_timeout or 0.0)
-        return session.is_activated() and not silent  # its client may have gone on by another connection
+        return session.is_activated() and not silent  # its client may have moved to another connection
 
     def connection_made(self, transport: Any) -> None:
-        """Take it, where there is room."""
+        """Accept the connection if there is room."""
         peer = transport.get_extra_info("peername")
         theirs = [] if peer is None else [each for each in self.clients if each.peer_name[0] == peer[0]]
         if (
@@ -89,9 +89,9 @@ class GuardedProtocol(OPCUAProtocol):
         self._keep_looking()
 
     def _has_room(self, lines: list[OPCUAProtocol], most: int) -> bool:
-        """Whether one more may be; if there are too many, the oldest without an activated session goes (OPC 10000-4 5.5.2.1).
+        """Return whether one more connection fits; if not, close the oldest without an activated session (OPC 10000-4 5.5.2.1).
 
-        One that has a session, and waits for its password to be checked, goes after those that have none.
+        A connection whose session waits for its password to be checked is closed after those without a session.
         """
         if len(lines) < most:
             return True
@@ -104,11 +104,11 @@ class GuardedProtocol(OPCUAProtocol):
         return True
 
     def has_session(self) -> bool:
-        """Whether a session was made by it."""
+        """Whether a session was created on it."""
         return self.processor is not None and self.processor.session is not None
 
     def _keep_looking(self) -> None:
-        """Close it where nobody is in for too long: nobody has come, or the session has ended, such as of a client that is gone."""
+        """Close the connection if it has had no active session for too long: none was activated, or it has ended."""
         transport, now = self.transport, time.monotonic()
         if transport is None:
             return
@@ -120,7 +120,7 @@ class GuardedProtocol(OPCUAProtocol):
         self._look = asyncio.get_running_loop().call_later(_LOOK, self._keep_looking)
 
     def data_received(self, data: bytes) -> None:
-        """Take what has come, where it can be the beginning of a message."""
+        """Process received data if they can be the beginning of a message."""
         super().data_received(data)
         if self.transport is None or self.transport.is_closing():
             return
@@ -141,7 +141,7 @@ class GuardedProtocol(OPCUAProtocol):
         return going
 
     async def _processed(self, header: Any, buf: Any) -> bool:
-        """Whether the connection goes on after a message; asyncua itself would also after one that nobody can read."""
+        """Process a message, return whether the connection continues; asyncua would also continue after an unreadable message."""
         decoding.allow(limits.PIECES)
         try:
             return self._is_welcome(header, buf) and bool(await super()._process_one_msg(header, buf))
@@ -150,7 +150,7 @@ class GuardedProtocol(OPCUAProtocol):
             return False
 
     def _is_welcome(self, header: Any, buf: Any) -> bool:
-        """Whether a message may come now: asyncua would take one also where no channel has been opened."""
+        """Return whether a message is permitted now: asyncua would accept one even without an open channel."""
         if header.MessageType == ua.MessageType.Hello:
             return self._is_sound_greeting(buf)
         if header.MessageType in (ua.MessageType.SecureMessage, ua.MessageType.SecureClose):
@@ -158,13 +158,13 @@ class GuardedProtocol(OPCUAProtocol):
         return True
 
     def _is_sound_greeting(self, buf: Any) -> bool:
-        """Whether it is the first, and its buffers are as large as they have to be (OPC 10000-6 7.1.2.3)."""
+        """Return whether it is the first Hello, and its buffers are as large as required (OPC 10000-6 7.1.2.3)."""
         _, receives, sends = struct.unpack_from("<III", bytes(buf))
         again, self._greeted = self._greeted, True
         return not again and min(receives, sends) >= limits.LEAST_CHUNK
 
     def _is_wrong(self) -> bool:
-        """Whether what is left is no beginning of a message, or the client has too much unread already."""
+        """Return whether the remaining data are no beginning of a message, or the client has too much unread data."""
         assert self.transport is not None
         left = self._buffer
         length = int.from_bytes(left[4:_HEADER], "little") if len(left) >= _HEADER else 0
@@ -172,19 +172,19 @@ class GuardedProtocol(OPCUAProtocol):
         return kind or length > limits.CHUNK or self.transport.get_write_buffer_size() > limits.UNREAD
 
     def pause_writing(self) -> None:
-        """The client reads too slowly: it may catch up, for a while."""
+        """Note that the client reads too slowly: close the connection unless it catches up in time."""
         loop = asyncio.get_running_loop()
         if self._unread is None and self.transport is not None:
             self._unread = loop.call_later(limits.PATIENCE, self.transport.abort)
 
     def resume_writing(self) -> None:
-        """The client has caught up."""
+        """Note that the client has caught up."""
         if self._unread is not None:
             self._unread.cancel()
             self._unread = None
 
     def connection_lost(self, ex: BaseException | None) -> None:
-        """The connection has ended."""
+        """Note that the connection has ended."""
         self.resume_writing()
         if self._look is not None:
             self._look.cancel()
@@ -192,7 +192,7 @@ class GuardedProtocol(OPCUAProtocol):
 
 
 class GuardedListener(BinaryServer):
-    """Listens on a socket that is bound already, and makes guarded connections of what comes."""
+    """Listen on a socket that is already bound, and make guarded connections."""
 
     def __init__(self, server: GuardedServer, listening: socket.socket) -> None:
         address, port = listening.getsockname()[:2]
@@ -207,13 +207,13 @@ class GuardedListener(BinaryServer):
         return GuardedProtocol(self.iserver, self._policies, self.clients, self.closing_tasks, self.limits)
 
     async def start(self) -> None:
-        """Begin to listen."""
+        """Start listening."""
         loop = asyncio.get_running_loop()
         self._server = await loop.create_server(self._make_protocol, sock=self._listening)
         self.cleanup_task = asyncio.create_task(self._close_task_loop())
 
     async def stop(self) -> None:
-        """End every connection, also of who does not read, and listen no more."""
+        """Close every connection, including those of clients that do not read, and stop listening."""
         for client in list(self.clients):
             if client.transport is not None:
                 client.transport.abort()

@@ -1,11 +1,11 @@
-"""asyncua's decoder within limits: what a message claims of itself takes neither memory nor time beyond its own length.
+"""Limit asyncua's decoder: the lengths in a message must not cost more memory or time than its size permits.
 
 Theory of operation
 -------------------
-asyncua believes the lengths that stand in a message. One below zero goes back in it, so that a short message is read for ever, and
-an array of nothing may claim two thousand million elements; whoever reaches the port may send such, before anybody has come in.
-Here a length is never below zero, no array has more elements than octets are left (of nothings: none), and a message of the
-server's thread is read in at most so many pieces as ``allow`` was told.
+asyncua trusts the lengths in a message. A negative length moves backwards, so that a short message is read for ever, and an array
+of null values may claim two thousand million elements. Any client that reaches the port can send such messages, before it is
+authenticated. Here a negative length is an error, an array has at most as many elements as octets are left (of null values: none),
+and each message in the server's thread is decoded in at most the number of pieces given to ``allow``.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ _read = Buffer.read
 _arrays, _lists = ua_binary._create_uatype_array_deserializer, ua_binary._create_list_deserializer
 _left = (
     threading.local()
-)  # ``pieces`` of the message that is decoded; in other threads, such as a client's, there is none
+)  # ``pieces`` left for the present message; unset in other threads, such as a client's
 
 
 def allow(pieces: int) -> None:
-    """Let the next message of this thread be read in so many pieces."""
+    """Set the number of pieces in which the next message of this thread may be decoded."""
     _left.pieces = pieces
 
 
@@ -47,7 +47,7 @@ def _read_soundly(buffer: Buffer, size: int) -> bytes:
 
 
 def _within(unpack: _Unpack, nothings: bool = False) -> _Unpack:
-    """Return what unpacks an array, where its elements can be in what is left."""
+    """Return an array decoder that checks whether the elements can fit into the remaining octets."""
 
     def unpacked(data: Any) -> Any:
         start = data.copy()
@@ -68,9 +68,9 @@ def _list(kind: Any) -> _Unpack:
 
 
 def install() -> None:
-    """Have asyncua decode so, in this whole process; again is as once."""
+    """Install the limits in asyncua for the whole process; harmless when repeated."""
     Buffer.read = _read_soundly
     ua_binary._create_uatype_array_deserializer = _array
     ua_binary._create_list_deserializer = _list
     for cached in (ua_binary._create_type_deserializer, ua_binary._create_dataclass_deserializer):
-        cached.cache_clear()  # what was made before reads the old way
+        cached.cache_clear()  # decoders made before have no limits

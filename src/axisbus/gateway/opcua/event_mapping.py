@@ -1,4 +1,4 @@
-"""What has happened at a machine, as it is told by OPC UA: what has gone wrong, with the severities of the standard."""
+"""Map the events of a machine to OPC UA: errors and warnings, with the severities of the standard."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import NamedTuple
 from axisbus.gateway.machine_events import MachineEvent, MachineEventKind, Severity
 from axisbus.wording import with_subject
 
-# Severities of OPC 10000-5 6.4.2 (1 to 1000; from 801 on it is urgent). What is not here is not told.
+# Severities of OPC 10000-5 6.4.2 (1 to 1000; urgent from 801). Events that are not listed are not reported.
 SEVERITIES: dict[tuple[MachineEventKind, Severity], int] = {
     (MachineEventKind.FAULT, "error"): 900,
     (MachineEventKind.NODE, "error"): 900,
     (MachineEventKind.BUS, "error"): 900,
-    (MachineEventKind.SETTLED, "error"): 800,  # an incident is told once, with all its messages
+    (MachineEventKind.SETTLED, "error"): 800,  # an incident is reported once, with all its messages
     (MachineEventKind.EMCY, "warning"): 700,
     (MachineEventKind.BUS, "warning"): 600,
     (MachineEventKind.LEFT, "warning"): 500,
@@ -25,7 +25,7 @@ REFUSED = 500
 
 
 class OpcuaEvent(NamedTuple):
-    """What an event says: ``stamp`` in seconds of the machine's clock, ``cause`` what was seen, ``remedy`` what to do first."""
+    """An event: ``stamp`` in seconds of the machine's clock, ``cause`` the observation, ``remedy`` the first thing to do."""
 
     stamp: float
     severity: int
@@ -36,7 +36,7 @@ class OpcuaEvent(NamedTuple):
 
 
 def told(happenings: Iterable[MachineEvent]) -> list[OpcuaEvent]:
-    """Return what is told of what has happened, in its order."""
+    """Return the events to report, in their order."""
     return [
         OpcuaEvent(
             one.stamp,

@@ -1,4 +1,4 @@
-"""What has gone wrong, as events of OPC UA: of the server, and of the cell's Incidents."""
+"""Errors and warnings as events of OPC UA, emitted by the server and by the cell's node Incidents."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ _FIELDS = ("Cause", "Remedy", "Axis")
 
 
 class OpcuaEventSender:
-    """Sends events; holds a generator for each node that they come from."""
+    """Send events; holds a generator for each emitting node."""
 
     def __init__(self) -> None:
         self._generators: list[Any] = []
 
     async def build(self, server: Server, index: int, source: Node) -> None:
-        """Make the type of the events, a subtype of BaseEventType with a text each for cause, remedy and axis."""
+        """Create the type of the events, a subtype of BaseEventType with one text each for cause, remedy and axis."""
         base = server.get_node(ua.NodeId(ua.ObjectIds.BaseEventType))
         kind = await base.add_object_type(ua.NodeId(TYPE, index), ua.QualifiedName(TYPE, index))
         for name in _FIELDS:
@@ -34,7 +34,7 @@ class OpcuaEventSender:
             self._generators.append(generator)
 
     async def send(self, timed: Sequence[tuple[OpcuaEvent, datetime]]) -> None:
-        """Send each with the time at which it happened."""
+        """Send each event with the time at which it happened."""
         for told, when in timed:
             for generator in self._generators:
                 await _trigger(generator, told, when)

@@ -1,4 +1,4 @@
-"""asyncua's server within limits: whom it lets in, and how many sessions there may be."""
+"""asyncua's server within limits: which clients it admits, and how many sessions it permits."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from axisbus.gateway.opcua.session import PEER, GuardedSession
 from axisbus.gateway.opcua.users import Users
 
 log = logging.getLogger("axisbus")
-_TOLD = {  # by the names of OPC 10000-5 6.3.11
+_TOLD = {  # by their names in OPC 10000-5 6.3.11
     "MaxNodesPerRead": limits.READS,
     "MaxNodesPerBrowse": limits.BROWSES,
     "MaxNodesPerMethodCall": limits.CALLS,
@@ -36,14 +36,14 @@ _TOLD = {  # by the names of OPC 10000-5 6.3.11
 
 CHECKED: ContextVar[tuple[str, str, bool] | None] = ContextVar(
     "checked", default=None
-)  # name, password, whether right
+)  # name, password, whether it is correct
 
 
 class OpcuaUserManager:
-    """Who a session is, by name and password. It is asyncua's user manager; holds the thread that looks at passwords.
+    """Identify users by name and password. It is asyncua's user manager; holds the thread that checks passwords.
 
-    Each costs the processor 50 ms. One is looked at after the other, in the order in which they come, so that a client with wrong
-    ones neither holds the server up nor keeps others out. A password that was right is right at once when it comes again.
+    Each check needs 50 ms of processor time. Passwords are checked one after the other, in order of arrival, so that a client with
+    wrong ones neither blocks the server nor keeps others out. A correct password is accepted at once when it comes again.
     """
 
     def __init__(self, users: Users | None, *, anonymous: bool) -> None:
@@ -53,7 +53,7 @@ class OpcuaUserManager:
         self._right: dict[str, bytes] = {}
 
     async def check(self, username: str, password: str) -> bool:
-        """Whether name and password belong together; a wrong one takes a second longer."""
+        """Return whether name and password belong together; a wrong password takes a second longer."""
         if self._users is None:
             return False
         if hmac.compare_digest(self._right.get(username, b""), self._digest(password)):
@@ -78,7 +78,7 @@ class OpcuaUserManager:
         password: str | None = None,
         certificate: object = None,  # noqa: ARG002  # asyncua's shape
     ) -> User | None:
-        """Return the user, or None if the client may not come in; its password has been checked (``CHECKED``)."""
+        """Return the user, or None if the client is not admitted; its password has been checked (``CHECKED``)."""
         if username is None:
             return User(role=UserRole.Anonymous) if self._anonymous else None
         if CHECKED.get() != (username, password, True):
@@ -87,12 +87,12 @@ class OpcuaUserManager:
         return User(role=UserRole.User, name=username)
 
     def _digest(self, password: str) -> bytes:
-        """Return the digest that stands in for a right password while this process lives."""
+        """Return the digest that represents a correct password while this process runs."""
         return hashlib.blake2b(password.encode("utf-8", "surrogatepass"), key=self._salt).digest()
 
 
 class GuardedServer(InternalServer):
-    """The inner server of asyncua, with ``limits``; ``before`` is awaited before values are read by a client."""
+    """The inner server of asyncua, with ``limits``; ``before`` is awaited before a client reads values."""
 
     time_task: asyncio.Task[None] | None
 
@@ -113,12 +113,12 @@ class GuardedServer(InternalServer):
         self.max_monitored_item_queue_size = limits.QUEUE
         self.max_pending_messages_per_connection = limits.PENDING
         self.max_connections = limits.CONNECTIONS
-        self.max_pending_activation_seconds = 0.0  # a connection looks after that itself
+        self.max_pending_activation_seconds = 0.0  # each connection enforces that itself
         self.max_lifetime_count = limits.LIFETIME
         self.max_subscriptions = limits.SUBSCRIPTIONS
 
     async def setup_nodes(self) -> None:
-        """Tell clients how much they may ask for at once: those that know it ask in parts."""
+        """Report the limits of one request to clients, so that they can split their requests."""
         await super().setup_nodes()
         for name, most in _TOLD.items():
             node = ua.NodeId(getattr(ua.ObjectIds, f"Server_ServerCapabilities_OperationLimits_{name}"))
@@ -134,7 +134,7 @@ class GuardedServer(InternalServer):
         """Return a new session of the client whose connection has this name.
 
         Raises:
-            ServiceError: its channel is not as it has to be.
+            ServiceError: its channel does not meet the requirements.
         """
         if self._encrypted and not self.certificate_of(name):
             raise ServiceError(ua.StatusCodes.BadSecurityModeInsufficient)
@@ -146,9 +146,9 @@ class GuardedServer(InternalServer):
         return made
 
     def has_place(self, session: GuardedSession, *, named: bool) -> bool:
-        """Whether one more client may come in, with a name or without: neither takes the places of the other.
+        """Return whether one more client may be admitted, with a name or without: each kind has places of its own.
 
-        Where there are too many, the oldest session goes whose connection is gone.
+        If there are too many, the oldest session without a connection ends.
         """
         address = session.name[0]
         group = [
@@ -169,29 +169,29 @@ class GuardedServer(InternalServer):
         return left is not None
 
     def left_behind(self, sessions: Iterable[Any]) -> Any:
-        """Return the first of some sessions that no connection has; None where each has one."""
+        """Return the first of some sessions that has no connection; None if each has one."""
         held = {id(each.processor.session) for each in self.connections if each.processor is not None}
         return next((each for each in sessions if id(each) not in held), None)
 
     def nameless(self, address: str | None = None) -> list[Any]:
-        """Return the sessions of clients without a name, of an address or of all, the oldest first."""
+        """Return the sessions of clients without a name, of one address or of all, oldest first."""
         every = self._external_sessions.values()
         return [each for each in every if not each.is_named and address in (None, each.name[0])]
 
     def subscriptions_of(self, sessions: Iterable[Any]) -> int:
-        """Return how many subscriptions some sessions have."""
+        """Return the number of subscriptions of some sessions."""
         theirs = {each.session_id for each in sessions}
         return sum(each.session_id in theirs for each in self.subscription_service.subscriptions.values())
 
     def certificate_of(self, name: str) -> bytes:
-        """Return the certificate with which a connection has opened its channel; empty where it is without."""
+        """Return the certificate with which a connection opened its channel; empty if it has none."""
         found = next((each for each in self.connections if each.peer_name == name), None)
         if found is None or found.processor is None:
             return b""
         return found.processor._connection.security_policy.peer_certificate or b""
 
     async def stop(self) -> None:
-        """End it; its clock, which asyncua waits for, sleeps for up to a second."""
+        """End the server; asyncua waits for its clock, which sleeps for up to a second."""
         clock, self.time_task = self.time_task, None
         if clock is not None:
             clock.cancel()
@@ -199,7 +199,7 @@ class GuardedServer(InternalServer):
         await super().stop()
 
     def register_server(self, server: Any, conf: Any = None) -> None:  # noqa: ARG002  # asyncua's shape
-        """Refuse it: this is no directory of servers.
+        """Refuse to register a server: this is no discovery server.
 
         Raises:
             ServiceError: always.

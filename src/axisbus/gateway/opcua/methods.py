@@ -1,4 +1,4 @@
-"""What may be asked of a machine by a method, given to it, and how it ended; for every axis, also where one refuses."""
+"""The methods of a machine: give the commands to every axis, even if one refuses, and return how they ended."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class OpcuaMethod(Enum):
 
     @property
     def words(self) -> str:
-        """What it does."""
+        """The description of the method."""
         return _WORDS[self]
 
 
@@ -35,7 +35,7 @@ _WORDS = {
 
 
 class MethodResult(NamedTuple):
-    """How a method ended: the status code of OPC UA by its name, and the words."""
+    """The result of a method: the name of its OPC UA status code, and a text."""
 
     status: str
     text: str
@@ -44,7 +44,7 @@ class MethodResult(NamedTuple):
 NO_MACHINE = MethodResult(
     "BadNoCommunication", "no machine runs, and nothing was asked of any drive by this call"
 )
-_REFUSED = (  # the first that fits
+_REFUSED = (  # the first match counts
     (OwnershipError, "BadUserAccessDenied"),
     (UserError, "BadInvalidState"),
     (TimeoutError, "BadTimeout"),
@@ -72,14 +72,14 @@ def given(axis: Axis, verb: OpcuaMethod) -> Handle | AxisbusError:
 async def carry_out(machine: Machine, verb: OpcuaMethod, axes: Sequence[str], limit: float) -> MethodResult:
     """Give each axis its command at once, and wait at most ``limit`` seconds for all to end.
 
-    What is being braked goes on being braked when nobody waits for it any more.
+    An axis that is still braking after that time continues to brake.
     """
     missing = [name for name in axes if name not in machine.axes]
     known = [machine[name] for name in axes if name in machine.axes]
     commands = [(axis, given(axis, verb)) for axis in known]
     handles = [command for _, command in commands if isinstance(command, Handle)]
     for handle in handles:
-        look_at_end(handle)  # also where the client is gone before it has ended
+        look_at_end(handle)  # the client may be gone before it ends
     if handles:
         await asyncio.wait([asyncio.ensure_future(_end(handle)) for handle in handles], timeout=limit)
     ends = [MethodResult("BadNoCommunication", f"{name}: its node has not come up") for name in missing]
@@ -87,7 +87,7 @@ async def carry_out(machine: Machine, verb: OpcuaMethod, axes: Sequence[str], li
 
 
 async def _end(handle: Handle) -> None:
-    with suppress(AxisbusError):  # the handle tells it
+    with suppress(AxisbusError):  # the handle has the error
         await handle
 
 
@@ -108,7 +108,7 @@ def _whereabouts(axis: Axis) -> str:
 
 
 def _together(ends: Sequence[MethodResult]) -> MethodResult:
-    """Return the worst status of all, and all words, those of what went wrong first."""
+    """Return the worst status of all, and all texts, those of errors first."""
     bad = [end for end in ends if end.status != "Good"]
     text = "\n".join(end.text for end in [*bad, *(end for end in ends if end.status == "Good")])
     return MethodResult(bad[0].status if bad else "Good", text)

@@ -1,4 +1,4 @@
-"""What clients subscribe to: so many items as may be, whose filters can be evaluated; a bad one keeps nothing from others."""
+"""Subscriptions of clients: limited numbers of items, with filters that can be evaluated; a bad item affects no other."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ log = logging.getLogger("axisbus")
 _Codes = ua.StatusCodes
 _Op = ua.FilterOperator
 _NOT_EVALUATED = {_Op.Like, _Op.Cast, _Op.InView, _Op.RelatedTo, _Op.BitwiseAnd, _Op.BitwiseOr}  # by asyncua
-_THING = 50  # bytes of what is neither text nor many
+_THING = 50  # bytes of a value that is neither a text nor an array
 _BASE = ua.NodeId(ua.ObjectIds.BaseEventType)
 
 
 class Subscriptions(SubscriptionService):
-    """All subscriptions: an event that one of them cannot take goes to all others."""
+    """All subscriptions: an event that one of them cannot process still goes to all others."""
 
     async def trigger_event(self, event: Any, subscription_id: int | None = None) -> None:
-        """Tell an event to one subscription, or to all."""
+        """Send an event to one subscription, or to all."""
         for number, each in list(self.subscriptions.items()):
             if subscription_id in (None, number):
                 try:
@@ -42,12 +42,12 @@ class Subscriptions(SubscriptionService):
 
     @property
     def items(self) -> int:
-        """How many items they have."""
+        """The number of their items."""
         return sum(len(each.monitored_item_srv._monitored_items) for each in self.subscriptions.values())
 
 
 class _Values(MonitoredItemValues):
-    """The last two values of an item, themselves: nobody changes them, and copies of thousands would keep the server busy."""
+    """The last two values of an item, without copies: they never change, and copying thousands would load the server."""
 
     def set_current_datavalue(self, cur_val: ua.DataValue) -> None:
         self.old_dvalue = self.get_current_datavalue()
@@ -55,7 +55,7 @@ class _Values(MonitoredItemValues):
 
 
 class _Where(WhereClauseEvaluator):
-    """The conditions of an event's filter; an event is of its own type, and of that which all have."""
+    """The conditions of an event's filter; an event has its own type and the base type."""
 
     def _eval_el(self, index: int, event: Any) -> Any:
         element = self.elements[index]
@@ -65,11 +65,11 @@ class _Where(WhereClauseEvaluator):
 
 
 class MonitoringSession(InternalSession):
-    """A session with its own subscriptions, and with items within ``limits``."""
+    """A session that can use only its own subscriptions, with items within ``limits``."""
 
     @property
     def is_named(self) -> bool:
-        """Whether its client has come in with a name and a password."""
+        """Whether its client has authenticated with a name and a password."""
         return self.user is not None and self.user.role is UserRole.User and bool(self.user.name)
 
     def _owns(self, number: int) -> bool:
@@ -89,7 +89,7 @@ class MonitoringSession(InternalSession):
     async def create_monitored_items(
         self, params: ua.CreateMonitoredItemsParameters
     ) -> list[ua.MonitoredItemCreateResult]:
-        """Subscribe to items; one whose filter is none is refused, the others are made."""
+        """Create monitored items; an item with an invalid filter is refused, the others are created."""
         service, asked = self._service(params.SubscriptionId), params.ItemsToCreate
         assert isinstance(self.subscription_service, Subscriptions)
         most = limits.ALL_MONITORED if self.is_named else limits.NAMELESS_MONITORED
@@ -113,17 +113,17 @@ class MonitoringSession(InternalSession):
     async def modify_monitored_items(
         self, params: ua.ModifyMonitoredItemsParameters
     ) -> list[ua.MonitoredItemModifyResult]:
-        """Change the filter of items, and what of them waits, within limits."""
+        """Change the filter and the queue of items, within limits."""
         service = self._service(params.SubscriptionId)
         return [_modified(service, each) for each in params.ItemsToModify]
 
     async def set_monitoring_mode(self, params: ua.SetMonitoringModeParameters) -> list[ua.StatusCode]:
-        """As asyncua does, for one of its own."""
+        """As in asyncua, for a subscription of this session."""
         self._require_own(params.SubscriptionId)
         return await super().set_monitoring_mode(params)
 
     async def delete_monitored_items(self, params: ua.DeleteMonitoredItemsParameters) -> list[ua.StatusCode]:
-        """As asyncua does, for one of its own."""
+        """As in asyncua, for a subscription of this session."""
         self._require_own(params.SubscriptionId)
         return await super().delete_monitored_items(params)
 
@@ -144,14 +144,14 @@ class Items(MonitoredItemService):
         return result
 
     def filter_by(self, item: MonitoredItemData, given: Any) -> None:
-        """Give an item another filter."""
+        """Set another filter for an item."""
         item.filter = given
         if isinstance(given, ua.EventFilter):
             item.where_clause_evaluator = _Where(self.logger, self.aspace, given.WhereClause)
 
 
 def weight(value: object) -> int:
-    """Return about how many bytes a value has when it is told."""
+    """Return the approximate size of a value in a message, in bytes."""
     if isinstance(value, ua.Variant):
         return weight(value.Value)
     if isinstance(value, str | bytes):
@@ -190,12 +190,12 @@ def _refusal(attribute: int, given: object) -> int | None:
 def _refusal_of_event(given: ua.EventFilter) -> int | None:
     elements = given.WhereClause.Elements or []
     if any(each.FilterOperator in _NOT_EVALUATED for each in elements):
-        return _Codes.BadFilterOperatorUnsupported  # and not: no event ever comes
+        return _Codes.BadFilterOperatorUnsupported  # otherwise no event would ever match
     return None if _is_small(elements) else _Codes.BadFilterNotAllowed
 
 
 def _is_small(elements: Sequence[ua.ContentFilterElement]) -> bool:
-    """Whether the elements of a filter are few, and a tree, so that each is evaluated once (OPC 10000-4 7.7.4.2)."""
+    """Whether a filter has few elements that form a tree, so that each is evaluated once (OPC 10000-4 7.7.4.2)."""
     named = [
         (place, each.Index)
         for place, element in enumerate(elements)

@@ -1,4 +1,4 @@
-"""Channels: with which certificate a client may open one, and what its sessions may ask for."""
+"""Security policies of channels: which certificates may open one, and which requests its sessions may send."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from asyncua.crypto.security_policies import SecurityPolicyFactory, SecurityPoli
 
 from axisbus.gateway.opcua.trust import Trust, is_in_time
 
-Policy = Any  # asyncua's are a family without types
+Policy = Any  # asyncua's policies have no types
 
 _WRITES = {ua.ObjectIds.WriteRequest_Encoding_DefaultBinary, ua.ObjectIds.CallRequest_Encoding_DefaultBinary}
 _NEVER = {*ADMIN_TYPES, ua.ObjectIds.HistoryReadRequest_Encoding_DefaultBinary}
@@ -22,7 +22,7 @@ def _ids(numbers: set[int]) -> frozenset[ua.NodeId]:
 
 
 class Rules(PermissionRuleset):
-    """What a session may ask for: who has no name reads, browses and subscribes; who has one also calls methods."""
+    """The permitted requests of a session: users without a name read, browse and subscribe; those with a name also call methods."""
 
     def __init__(self) -> None:
         named = set(map(int, USER_TYPES)) - set(map(int, _NEVER))
@@ -32,41 +32,41 @@ class Rules(PermissionRuleset):
         }
 
     def check_validity(self, user: User, action_type_id: ua.NodeId, body: object) -> bool:  # noqa: ARG002  # asyncua's shape
-        """Return whether a request of this kind is one of the user's role."""
+        """Return whether the user's role permits a request of this kind."""
         return action_type_id in self._of_role.get(user.role, frozenset())
 
 
 class _Nothing(PermissionRuleset):
-    """The rules of a channel by which a client only finds out how it may come in."""
+    """The rules of a channel on which a client can only ask for the endpoints."""
 
     def check_validity(self, user: User, action_type_id: ua.NodeId, body: object) -> bool:  # noqa: ARG002  # asyncua's shape
-        """Return that nothing is allowed."""
+        """Return False: no request is permitted."""
         return False
 
 
 def refusal(code: int) -> Exception:
-    """Return the refusal of a channel: of all errors, this kind alone is told to the client before its connection is closed."""
+    """Return the error that refuses a channel: only this error is sent to the client before its connection is closed."""
     error = ua.uaerrors.BadRequestTooLarge()
     error.code = code
     return error
 
 
 class TrustingFactory:
-    """Opens channels of one policy to those whose certificates are trusted, of what asyncua itself does not look at in time."""
+    """Open channels of one policy for trusted certificates; asyncua itself does not check that in time."""
 
     def __init__(self, factory: SecurityPolicyFactory, trust: Trust | None) -> None:
-        """``trust`` None: every certificate may open one, since a name and a password are asked for later."""
+        """``trust`` None: any certificate may open a channel, because name and password are required later."""
         self._factory, self._trust = factory, trust
 
     def matches(self, uri: str, mode: ua.MessageSecurityMode | None = None) -> bool:
-        """As asyncua's own."""
+        """As in asyncua."""
         return bool(self._factory.matches(uri, mode))
 
     def create(self, peer_certificate: bytes | None) -> Policy:
         """Return the policy of one channel.
 
         Raises:
-            BadRequestTooLarge: the certificate is not known here, or is not valid now (see ``refusal``).
+            BadRequestTooLarge: the certificate is not trusted, or is not valid now (see ``refusal``).
         """
         if self._trust is not None and not self._trust.is_known(peer_certificate):
             raise refusal(ua.StatusCodes.BadCertificateUntrusted)
@@ -76,10 +76,10 @@ class TrustingFactory:
 
 
 class Discovery:
-    """Channels without encryption beside encrypted ones: to ask for the endpoints, and for nothing else."""
+    """Unencrypted channels beside encrypted ones, only to ask for the endpoints."""
 
     def matches(self, uri: str, mode: ua.MessageSecurityMode | None = None) -> bool:
-        """Whether it is asked for."""
+        """Whether this policy is requested."""
         return uri == SecurityPolicyNone.URI and mode in (None, ua.MessageSecurityMode.None_)
 
     def create(self, peer_certificate: bytes | None) -> Policy:  # noqa: ARG002  # asyncua's shape
@@ -88,14 +88,14 @@ class Discovery:
 
 
 class Refusing:
-    """Every other policy: it is refused in words that the client understands, not by silence."""
+    """All other policies: refused with an error that the client understands, instead of silence."""
 
     def matches(self, uri: str, mode: ua.MessageSecurityMode | None = None) -> bool:  # noqa: ARG002  # asyncua's shape
-        """Whatever is left."""
+        """Match all remaining policies."""
         return mode is None
 
     def create(self, peer_certificate: bytes | None) -> Policy:  # noqa: ARG002  # asyncua's shape
-        """Refuse it.
+        """Refuse the channel.
 
         Raises:
             BadRequestTooLarge: always (see ``refusal``).
@@ -104,7 +104,7 @@ class Refusing:
 
 
 def guarded(policies: Sequence[SecurityPolicyFactory], encrypted: bool, trust: Trust | None) -> list[Policy]:
-    """Return what channels may be opened, of the policies that asyncua offers."""
+    """Return the permitted channels among the policies that asyncua offers."""
     if not encrypted:
         return [*policies, Refusing()]
     return [*(TrustingFactory(each, trust) for each in policies), Discovery(), Refusing()]

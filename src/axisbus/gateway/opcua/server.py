@@ -1,4 +1,4 @@
-"""The OPC UA server in a thread of its own, with its event loop: it follows the machine that it is told of."""
+"""The OPC UA server in a thread of its own, with its event loop: it follows the given machine."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ from axisbus.machine.machine import Machine
 from axisbus.version import __version__
 
 log = logging.getLogger("axisbus")
-_PATIENCE = 120.0  # seconds for its start: a slow computer makes some ten thousand nodes of the standard
-_LAST = 5.0  # seconds for its end
+_PATIENCE = 120.0  # seconds for its start: it creates some ten thousand nodes of the standard, slowly on a slow computer
+_LAST = 5.0  # seconds for the end of the server
 _POLICIES = {
     True: [ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt],
     False: [ua.SecurityPolicyType.NoSecurity],
@@ -41,7 +41,7 @@ _POLICIES = {
 
 
 class _Server(Server):
-    """asyncua's server on a socket that is bound already, with guarded channels."""
+    """asyncua's server on a socket that is already bound, with guarded channels."""
 
     def __init__(
         self, inner: GuardedServer, listening: socket.socket, encrypted: bool, trust: Trust | None
@@ -54,7 +54,7 @@ class _Server(Server):
         self.product_uri = "urn:axisbus"
 
     async def start(self) -> None:
-        """Begin to serve."""
+        """Start serving."""
         await self._setup_server_nodes()
         await self.iserver.start()
         self.bserver = GuardedListener(self.iserver, self._listening)
@@ -63,13 +63,13 @@ class _Server(Server):
 
 
 class OpcUaServer:
-    """Serves a cell until ``close``; holds the thread, the loop, and what the loop works with."""
+    """Serve a cell until ``close``; holds the thread, the loop, and the objects of the loop."""
 
     def __init__(self, cell: CellConfig, name: str, listening: socket.socket, keeping: ServerOptions) -> None:
-        """Serve on a socket that is bound; ``name`` is that of the cell. Blocks until it serves, some seconds.
+        """Serve on a bound socket; ``name`` is the name of the cell. Blocks for some seconds, until it serves.
 
         Raises:
-            StateError, ConfigError: the certificate, its key or those of clients cannot be used, or it does not start.
+            StateError, ConfigError: the certificate, its key or those of clients cannot be used, or the server does not start.
         """
         quiet()
         decoding.install()
@@ -89,17 +89,17 @@ class OpcUaServer:
 
     @property
     def url(self) -> str:
-        """Where it is."""
+        """The URL of the server."""
         address, port = self._listening.getsockname()[:2]
         return f"opc.tcp://{f'[{address}]' if ':' in address else address}:{port}/axisbus"
 
     @property
     def alive(self) -> bool:
-        """Whether it serves."""
+        """Whether the server runs."""
         return self._thread.is_alive()
 
     def follow(self, machine: Machine | None) -> None:
-        """Tell of another machine, or of none; does not block."""
+        """Follow another machine, or none; does not block."""
         self._looker.follow(machine)
         self._soon(self._update)
 
@@ -108,14 +108,14 @@ class OpcUaServer:
         return self._looker.now()
 
     def tell(self, told: Sequence[OpcuaEvent], devices: tuple[str, ...]) -> None:
-        """Send what has happened as events, and write what each node is; does not block."""
+        """Send events, and write the identity of each node; does not block."""
         clock, utc = self.now(), datetime.now(UTC)
         timed = [(each, utc - timedelta(seconds=max(0.0, clock - each.stamp))) for each in told]
         self._soon(lambda: self._tell(timed, devices))
 
     def close(self) -> None:
-        """End it; blocks for a moment."""
-        with suppress(RuntimeError):  # it has ended already
+        """End the server; blocks briefly."""
+        with suppress(RuntimeError):  # the loop has already ended
             self._loop.call_soon_threadsafe(self._ending.set)
         self._thread.join(_LAST)
         self._listening.close()
@@ -126,7 +126,7 @@ class OpcUaServer:
         try:
             asyncio.set_event_loop(self._loop)
             self._loop.run_until_complete(self._serve())
-        except Exception as error:  # told by whoever looks after the server
+        except Exception as error:  # reported by the caller that supervises the server
             if not self._started.done():
                 self._started.set_exception(error)
             else:
@@ -189,13 +189,13 @@ class OpcUaServer:
             await asyncio.sleep(1.0 / self._keeping.rate)
 
     async def _update(self) -> None:
-        """Write what is read; where that fails, such as in the midst of a machine's end, all is bad until the next look."""
+        """Write the readings; if that fails, for example while a machine ends, all values are bad until the next update."""
         try:
             if self._updater is not None:
                 await self._updater.update()
             self._fails = False
         except Exception:
-            if not self._fails:  # once, not at each look
+            if not self._fails:  # once, not at each update
                 log.exception("the values of the machine cannot be told by OPC UA")
             self._fails = True
 
@@ -203,7 +203,7 @@ class OpcUaServer:
         while True:
             machine = self._looker.machine
             if machine is not None and self._looker.image.value != "none":
-                with suppress(Exception):  # the machine ends in its midst, which the next look tells
+                with suppress(Exception):  # the machine may end meanwhile; the next update shows that
                     await asyncio.to_thread(self._measure, machine)
             await asyncio.sleep(TEMPERATURES_EVERY if machine is not None else 1.0)
 
@@ -221,13 +221,13 @@ class OpcUaServer:
             await self._updater.tell_devices(devices)
 
     def _soon(self, work: Callable[[], Coroutine[Any, Any, None]]) -> None:
-        """Let the loop do it; where it has ended, nothing is to be done any more."""
+        """Schedule work in the loop; if the loop has ended, do nothing."""
         with suppress(RuntimeError):
             self._loop.call_soon_threadsafe(lambda: self._loop.create_task(work()))
 
 
 def quiet() -> None:
-    """Let asyncua log nothing, and asyncio no writes to a client that is gone: what a user has to know is said in our own words."""
+    """Silence the logs of asyncua, and those of asyncio about lost clients: axisbus reports errors to users itself."""
     for name in ("asyncua", "asyncuagds"):
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     logging.getLogger("asyncio").setLevel(logging.ERROR)
@@ -238,7 +238,7 @@ def _uri(name: str) -> str:
 
 
 def _end_all(loop: asyncio.AbstractEventLoop) -> None:
-    """Cancel what is still under way, so that nothing of it is left when the loop is closed."""
+    """Cancel the running tasks, so that none is left when the loop is closed."""
     tasks = asyncio.all_tasks(loop)
     for task in tasks:
         task.cancel()

@@ -1,4 +1,4 @@
-"""How a server is kept: who may come in and by which files, which methods are there, and how often it looks."""
+"""The options of a server: admitted clients and files, available methods, and update rate."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from axisbus.gateway.opcua.users import Users
 
 @dataclass(frozen=True, slots=True)
 class ServerOptions:
-    """Who may come in, the files of the server's certificate and key, the folder of those that it trusts, and its users."""
+    """The admitted clients, the server's certificate and key, the folder of trusted certificates, and the users."""
 
     access: Access
     certificate: Path | None = None
@@ -20,9 +20,9 @@ class ServerOptions:
     trust: Path | None = None
     users: Users | None = None
     allow_reset: bool = False
-    rate: float = 10.0  # looks at the machine in a second
+    rate: float = 10.0  # updates per second
 
     @property
     def verbs(self) -> tuple[OpcuaMethod, ...]:
-        """The methods that are there."""
+        """The available methods."""
         return (OpcuaMethod.HALT, OpcuaMethod.STOP, *((OpcuaMethod.RESET,) if self.allow_reset else ()))

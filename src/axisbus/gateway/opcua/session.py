@@ -1,10 +1,10 @@
-"""The sessions of the server: what asyncua lets a client do, without what a stranger must not do to others or to the server.
+"""The sessions of the server: asyncua's functions, without those that could harm other clients or the server.
 
 Theory of operation
 -------------------
-asyncua numbers sessions and subscriptions, and takes any client's word for them. Here a session has a token that nobody guesses, a
-subscription belongs to the session that made it, what is asked for is brought within ``limits``, and nothing is written. The rights
-of a session are looked at twice: by the rules of its channel (``policies``), and here.
+asyncua numbers sessions and subscriptions, and trusts any client's numbers. Here a session has an unguessable token, a subscription
+belongs to the session that created it, requests are brought within ``limits``, and nothing can be written. The rights of a session
+are checked twice: by the rules of its channel (``policies``), and here.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from asyncua.server.internal_session import SessionState
 from axisbus.gateway.opcua import limits
 from axisbus.gateway.opcua.monitoring import Items, MonitoringSession, weight
 
-CALLER: ContextVar[str] = ContextVar("caller", default="")  # who calls the method, by name
-PEER: ContextVar[str] = ContextVar("peer", default="")  # from which address somebody wants to come in
+CALLER: ContextVar[str] = ContextVar("caller", default="")  # the name of the user that calls the method
+PEER: ContextVar[str] = ContextVar("peer", default="")  # the address of the client that activates a session
 
 
 class GuardedSession(MonitoringSession):
-    """A session of a client; ``required`` tells whether its channel must have a certificate."""
+    """A session of a client; ``required``: its channel must have a certificate."""
 
     required = False
 
@@ -42,13 +42,13 @@ class GuardedSession(MonitoringSession):
 
     @property
     def is_stale(self) -> bool:
-        """Whether it was made, and nobody has come in by it in time."""
+        """Whether it was created, but not activated in time."""
         return self.state is SessionState.Created and time.monotonic() - self._last_activity > limits.PATIENCE
 
     def activate_session(
         self, params: ua.ActivateSessionParameters, peer_certificate: bytes | None
     ) -> ua.ActivateSessionResult:
-        """Let the client in, where its channel is as it has to be."""
+        """Activate the session if its channel meets the requirements."""
         if self.required and not peer_certificate:
             raise ServiceError(ua.StatusCodes.BadSecurityModeInsufficient)
         named = isinstance(params.UserIdentityToken, ua.UserNameIdentityToken)
@@ -64,14 +64,14 @@ class GuardedSession(MonitoringSession):
             raise ServiceError(ua.StatusCodes.BadTooManySessions)
         return result
 
-    # -- nothing is written ------------------------------------------------------------------------------------------
+    # -- no writing --------------------------------------------------------------------------------------------------
 
     async def write(self, params: ua.WriteParameters) -> list[ua.StatusCode]:
-        """Write nothing: everything here is told by the machine."""
+        """Refuse to write: all values come from the machine."""
         return [ua.StatusCode(ua.StatusCodes.BadNotWritable) for _ in params.NodesToWrite]
 
     async def read(self, params: ua.ReadParameters) -> list[ua.DataValue]:
-        """Read values, of now."""
+        """Read up-to-date values."""
         _require_few(params.NodesToRead, limits.READS)
         await self.iserver.before_read()
         found = await super().read(params)
@@ -80,7 +80,7 @@ class GuardedSession(MonitoringSession):
         return found
 
     async def browse(self, params: ua.BrowseParameters) -> list[ua.BrowseResult]:
-        """Browse what is there, as much at once as may be."""
+        """Browse nodes, up to the limits of one request."""
         _require_few(params.NodesToBrowse, limits.BROWSES)
         found: list[ua.BrowseResult] = []
         references = 0
@@ -93,7 +93,7 @@ class GuardedSession(MonitoringSession):
         return found
 
     async def call(self, params: list[ua.CallMethodRequest]) -> list[ua.CallMethodResult]:
-        """Call methods, as a user with a name."""
+        """Call methods; permitted only for users with a name."""
         _require_few(params, limits.CALLS)
         if not self.is_named:
             refused = ua.StatusCode(ua.StatusCodes.BadUserAccessDenied)
@@ -104,7 +104,7 @@ class GuardedSession(MonitoringSession):
         finally:
             CALLER.reset(token)
 
-    # -- subscriptions, each its own ---------------------------------------------------------------------------------
+    # -- subscriptions of the session --------------------------------------------------------------------------------
 
     def _require_all_own(self, numbers: Iterable[int]) -> None:
         for number in numbers:
@@ -116,7 +116,7 @@ class GuardedSession(MonitoringSession):
         callback: Callable[..., Any],
         request_callback: Callable[..., Any] | None = None,
     ) -> ua.CreateSubscriptionResult:
-        """Make a subscription that is neither so fast that it would keep the server busy nor so slow that it never ends."""
+        """Create a subscription whose interval is limited, so that it neither overloads the server nor never ends."""
         while (crowd := self._crowd()) is not None:
             left = self.iserver.left_behind(crowd)
             if left is None:
@@ -135,7 +135,7 @@ class GuardedSession(MonitoringSession):
         return made
 
     def _crowd(self) -> list[Any] | None:
-        """Return the sessions without a name that have all subscriptions that they may have; None where one more may be."""
+        """Return the sessions of unnamed users if they have all their permitted subscriptions; None if one more is permitted."""
         if self.is_named:
             return None
         theirs, every = self.iserver.nameless(self.name[0]), self.iserver.nameless()
@@ -144,12 +144,12 @@ class GuardedSession(MonitoringSession):
         return every if self.iserver.subscriptions_of(every) >= limits.NAMELESS_SUBSCRIPTIONS else None
 
     def modify_subscription(self, params: ua.ModifySubscriptionParameters) -> ua.ModifySubscriptionResult:
-        """As asyncua does, for one of its own."""
+        """As in asyncua, for a subscription of this session."""
         self._require_own(params.SubscriptionId)
         return super().modify_subscription(params)
 
     async def delete_subscriptions(self, ids: list[int]) -> list[ua.StatusCode]:
-        """Delete those of its own."""
+        """Delete subscriptions of this session."""
         known = [number for number in ids if self._owns(number)]
         deleted = dict(zip(known, await super().delete_subscriptions(known), strict=True))
         unknown = ua.StatusCode(ua.StatusCodes.BadSubscriptionIdInvalid)
@@ -158,24 +158,24 @@ class GuardedSession(MonitoringSession):
     async def transfer_subscriptions(
         self, params: ua.TransferSubscriptionsParameters, callback: Callable[..., Any]
     ) -> list[ua.TransferResult]:
-        """Transfer those of its own."""
+        """Transfer subscriptions of this session."""
         self._require_all_own(params.SubscriptionIds)
         return await super().transfer_subscriptions(params, callback)
 
     async def set_publishing_mode(self, params: ua.SetPublishingModeParameters) -> list[ua.StatusCode]:
-        """As asyncua does, for its own."""
+        """As in asyncua, for subscriptions of this session."""
         self._require_all_own(params.SubscriptionIds)
         return await super().set_publishing_mode(params)
 
     def republish(self, params: ua.RepublishParameters) -> ua.NotificationMessage:
-        """As asyncua does, for one of its own."""
+        """As in asyncua, for a subscription of this session."""
         self._require_own(params.SubscriptionId)
         return super().republish(params)
 
     def publish(
         self, acks: Iterable[ua.SubscriptionAcknowledgement] | None = None
     ) -> tuple[int, list[ua.StatusCode]]:
-        """Acknowledge what came of its own subscriptions."""
+        """Acknowledge notifications of this session's subscriptions."""
         return super().publish([each for each in acks or () if self._owns(each.SubscriptionId)])
 
 

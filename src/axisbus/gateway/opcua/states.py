@@ -1,4 +1,4 @@
-"""What a variable that has states may be: numbers and names, by OPC 40400-2 where its numbers are known, else our own."""
+"""The values of variables that represent states: numbers and names of OPC 40400-2 if it defines them, else of axisbus."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LINEAR, ROTATORY, ROTATORY_MODULO = 0, 1, 2
 AXIS_TYPES: States = {LINEAR: "LINEAR", ROTATORY: "ROTATORY", ROTATORY_MODULO: "ROTATORY_MODULO"}
 # PLCopen's states, numbered in the order of ``AxisState``.
 AXIS_STATES: States = {number: state.value for number, state in enumerate(AxisState)}
-# The modes of CiA 402 by their value of 6061h, and one number for all that are a maker's own.
+# The modes of CiA 402 by their value of 6061h, and one number for all manufacturer-specific modes.
 MAKERS_OWN = 255
 CONTROL_MODES: States = {
     **{int(mode): mode.text for mode in ModeOfOperation},
@@ -29,7 +29,7 @@ _AXIS_STATE_NUMBERS = {state: number for number, state in enumerate(AxisState)}
 
 
 def axis_state(state: AxisState) -> int:
-    """Return the number of PLCopen's state."""
+    """Return the number of a PLCopen state."""
     return _AXIS_STATE_NUMBERS[state]
 
 
@@ -39,12 +39,12 @@ def control_mode(mode: int) -> int:
 
 
 def homing_state(homed: bool) -> int:
-    """Return the number of whether the position is a confirmed one."""
+    """Return the number for whether the position is confirmed by homing."""
     return int(homed)
 
 
 def axis_type(axis: AxisConfig) -> int | None:
-    """Return how an axis moves, by the unit of its cell file; None where that does not say it, such as for increments."""
+    """Return the kind of axis by the unit in its cell file; None if the unit does not define it, such as increments."""
     if axis.unit in TURNS:
         return ROTATORY if axis.modulo is None else ROTATORY_MODULO
     return LINEAR if axis.unit in LENGTHS and axis.modulo is None else None

@@ -1,4 +1,4 @@
-"""Whether a value is good, uncertain or bad, by how old the image is and what was known before; pure."""
+"""Decide whether a value is good, uncertain or bad, by the age of the process image and the last good value; pure."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Number = float | int
 
 
 class Quality(Enum):
-    """How sure a value is; each becomes one status code of OPC UA (OPC 10000-4 7.38.2, OPC 10000-8 6.3.2)."""
+    """The quality of a value; each has one status code of OPC UA (OPC 10000-4 7.38.2, OPC 10000-8 6.3.2)."""
 
     GOOD = "Good"
     LAST_USABLE = "UncertainLastUsableValue"
@@ -19,7 +19,7 @@ class Quality(Enum):
 
 
 class OpcuaValue(NamedTuple):
-    """A value (None where it is bad), how sure it is, and since when: ``stamp`` in seconds of the core's clock, None: unknown."""
+    """A value (None if it is bad), its quality, and its time: ``stamp`` in seconds of the core's clock, None: unknown."""
 
     value: Number | None
     quality: Quality
@@ -27,7 +27,7 @@ class OpcuaValue(NamedTuple):
 
 
 class ImageFreshness(Enum):
-    """Whether the image of a cycle is of now, is old since the core does no cycle, or is none: no machine runs."""
+    """Whether the process image is up to date, is old because the core runs no cycles, or is missing: no machine runs."""
 
     NOW = "now"
     OLD = "old"
@@ -40,10 +40,10 @@ NOT_SUPPORTED = OpcuaValue(None, Quality.NOT_SUPPORTED)
 
 
 def judged(fresh: Number | None, stamp: float, image: ImageFreshness, last: OpcuaValue | None) -> OpcuaValue:
-    """Return what may be told of a value that travels.
+    """Return the reading of a value that is received from the drive.
 
-    ``fresh`` is None where the value was never received, or is older than its maximum age; ``last`` is the last good reading of the
-    same machine. A value is good only while it is fresh, and its image too.
+    ``fresh`` is None if the value was never received, or is older than its maximum age; ``last`` is the last good reading of the
+    same machine. A value is good only while both it and the process image are fresh.
     """
     if image is ImageFreshness.NONE:
         return GONE
@@ -55,7 +55,7 @@ def judged(fresh: Number | None, stamp: float, image: ImageFreshness, last: Opcu
 
 
 class Memory:
-    """Keeps the last good reading of each value of one machine; holds these."""
+    """Store the last good reading of each value of one machine."""
 
     def __init__(self) -> None:
         self._last: dict[tuple[str, str], OpcuaValue] = {}
@@ -63,12 +63,12 @@ class Memory:
     def judge(
         self, key: tuple[str, str], fresh: Number | None, stamp: float, image: ImageFreshness
     ) -> OpcuaValue:
-        """Judge a value, and remember it where it is good."""
+        """Judge a value, and store it if it is good."""
         found = judged(fresh, stamp, image, self._last.get(key))
         if found.quality is Quality.GOOD:
             self._last[key] = found
         return found
 
     def forget(self) -> None:
-        """What comes is of another machine."""
+        """Forget all readings: the next ones belong to another machine."""
         self._last.clear()

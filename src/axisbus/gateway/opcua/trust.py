@@ -1,4 +1,4 @@
-"""Certificates: those of clients that are trusted, from a folder; and the server's own, with its key."""
+"""Certificates: those of trusted clients, from a folder, and the server's own, with its key."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from axisbus.errors import ConfigError, StateError
 
 _ENDINGS = (".pem", ".crt", ".cer", ".der")
-_UNFIT = (  # errors of an invalid file or certificate; those of cryptography have no common base
+_UNFIT = (  # errors for an invalid file or certificate; those of cryptography have no common base
     OSError,
     ValueError,
     x509.InvalidVersion,
@@ -24,17 +24,17 @@ _UNFIT = (  # errors of an invalid file or certificate; those of cryptography ha
 
 @dataclass(frozen=True, slots=True)
 class Trust:
-    """The certificates that are trusted, as octets (DER): each client by its own, not by who has signed it."""
+    """The trusted certificates, as octets (DER): each client's own certificate is trusted, not its issuer."""
 
     known: frozenset[bytes]
 
     def is_known(self, certificate: bytes | None) -> bool:
-        """Whether a certificate (DER) is one of them."""
+        """Whether a certificate (DER) is trusted."""
         return certificate in self.known
 
 
 def is_in_time(certificate: bytes) -> bool:
-    """Whether a certificate (DER) is one, and holds now."""
+    """Whether octets (DER) are a certificate that is valid now."""
     try:
         found = x509.load_der_x509_certificate(certificate)
         return found.not_valid_before_utc <= datetime.now(UTC) <= found.not_valid_after_utc
@@ -43,10 +43,10 @@ def is_in_time(certificate: bytes) -> bool:
 
 
 def trusted(folder: Path) -> Trust:
-    """Read the certificates of a folder: each file that ends in .pem, .crt, .cer or .der.
+    """Read the certificates in a folder: each file that ends in .pem, .crt, .cer or .der.
 
     Raises:
-        ConfigError: there is none, or one of them cannot be read.
+        ConfigError: there is no certificate, or one of them cannot be read.
     """
     try:
         files = sorted(path for path in folder.iterdir() if path.suffix.lower() in _ENDINGS)
@@ -74,10 +74,10 @@ def _parsed(octets: bytes) -> x509.Certificate:
 
 
 def uri_of(path: Path) -> str:
-    """Return the application URI that stands in the server's certificate; clients compare it with the one that they are told.
+    """Return the application URI in the server's certificate; clients compare it with the URI that the server reports.
 
     Raises:
-        StateError: there is none.
+        StateError: the certificate has none.
     """
     try:
         certificate = _parsed(path.read_bytes())

@@ -1,4 +1,4 @@
-"""The units of an axis as OPC UA has them: UNECE's common codes (Recommendation 20), and the numbers made of them."""
+"""The units of an axis for OPC UA: UNECE's common codes (Recommendation 20), and the numbers derived from them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _UNKNOWN = -1  # OPC 10000-8 5.6.4.3: a unit without a number
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit: its common code ("" where UNECE has none that is known here), what is written behind a number, and its name."""
+    """A unit: its common code ("" if no UNECE code is known), its symbol, and its name."""
 
     code: str
     symbol: str
@@ -19,7 +19,7 @@ class Unit:
 
     @property
     def number(self) -> int:
-        """The unitId of OPC 10000-8 5.6.4.3: the letters of the code, eight bits each; -1 without a code."""
+        """The unitId of OPC 10000-8 5.6.4.3: the characters of the code, eight bits each; -1 without a code."""
         return int.from_bytes(self.code.encode("ascii"), "big") if self.code else _UNKNOWN
 
 
@@ -62,7 +62,7 @@ PART_OF_RATED = Unit("C62", "", "part of the rated torque")
 
 
 def position_unit(unit: str) -> Unit:
-    """Return the unit of positions of an axis whose cell file says ``unit``; one that UNECE does not have keeps its word."""
+    """Return the unit of positions for the ``unit`` of a cell file; a unit without UNECE code keeps its name."""
     found = _POSITIONS.get(unit)
     return Unit("", unit, unit) if found is None else Unit(found[0][0], unit, found[0][1])
 
@@ -74,5 +74,5 @@ def velocity_unit(unit: str) -> Unit:
 
 
 def torque_unit(rated_torque: float | None) -> Unit:
-    """Return the unit of its torques: N·m where the cell file gives the rated torque, else parts of that."""
+    """Return the unit of torques: N·m if the cell file has the rated torque, else fractions of it."""
     return PART_OF_RATED if rated_torque is None else TORQUE

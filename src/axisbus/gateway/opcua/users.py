@@ -1,4 +1,4 @@
-"""Names and passwords of those who may call methods: a line each, with a hash of the password by scrypt."""
+"""Names and passwords of the users that may call methods: one line each, with a hash of the password by scrypt."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _FORM = "a line is NAME:scrypt:N:R:P:SALT:HASH, as axisbus bridge opcua-user NAM
 
 @dataclass(frozen=True, slots=True)
 class Secret:
-    """What is kept of a password: the numbers of scrypt, a salt and the hash."""
+    """The stored form of a password: the parameters of scrypt, a salt and the hash."""
 
     cost: int
     block: int
@@ -34,7 +34,7 @@ class Secret:
     hash: bytes
 
     def fits(self, password: str) -> bool:
-        """Whether it is of this password; takes its time, whatever the password is."""
+        """Return whether it matches this password; takes the same time for any password."""
         found = _hashed(password, self.cost, self.block, self.parallel, self.salt, len(self.hash))
         return hmac.compare_digest(found, self.hash)
 
@@ -45,10 +45,10 @@ def _hashed(password: str, cost: int, block: int, parallel: int, salt: bytes, le
 
 
 def line_of(name: str, password: str, salt: bytes | None = None) -> str:
-    """Return the line of a user; ``salt`` is made where it is not given.
+    """Return the line of a user; ``salt`` is generated if it is not given.
 
     Raises:
-        ArgumentError: the name has other letters than it may have, or the password is empty or too long.
+        ArgumentError: the name has characters that are not permitted, or the password is empty or too long.
     """
     if not _NAME.fullmatch(name):
         raise ArgumentError(
@@ -67,29 +67,29 @@ def _text(octets: bytes) -> str:
 
 
 def _nobody() -> Secret:
-    """What an unknown name is compared with, so that it takes as long as a known one."""
+    """Return the secret that an unknown name is compared with, so that it takes as long as a known one."""
     return Secret(_COST, _BLOCK, _PARALLEL, secrets.token_bytes(_SALT), secrets.token_bytes(_LENGTH))
 
 
 @dataclass(frozen=True, slots=True)
 class Users:
-    """Who may call methods: what is kept of their passwords, by name."""
+    """The users that may call methods: their secrets by name."""
 
     secrets: Mapping[str, Secret] = field(default_factory=dict)
     nobody: Secret = field(default_factory=_nobody)
 
     def let_in(self, name: str, password: str) -> bool:
-        """Whether name and password belong together. Takes some 50 ms of the processor."""
+        """Whether name and password belong together. Takes some 50 ms of processor time."""
         known = self.secrets.get(name)
         fits = (known or self.nobody).fits(password[: LONGEST + 1])
         return fits and known is not None
 
 
 def read(path: Path) -> Users:
-    """Read a file of users; empty lines and those that begin with # are passed over.
+    """Read a file of users; empty lines and lines that begin with # are ignored.
 
     Raises:
-        ConfigError: it cannot be read, a line is none, or no user or one of them twice is in it.
+        ConfigError: the file cannot be read, a line is invalid, there is no user, or a user is listed twice.
     """
     try:
         text = path.read_text("utf-8")
@@ -128,7 +128,7 @@ def _read_line(line: str, file: str, number: int) -> tuple[str, Secret]:
 
 
 def _is_sound(secret: Secret) -> bool:
-    """Whether scrypt takes its numbers, and none is so high that a wrong password would keep the server busy."""
+    """Whether scrypt accepts the parameters, and none is so high that a wrong password would overload the server."""
     power = secret.cost >= 2 and secret.cost & (secret.cost - 1) == 0
     small = (
         secret.cost <= _MOST_COST

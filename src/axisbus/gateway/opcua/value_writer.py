@@ -1,4 +1,4 @@
-"""Readings written to the nodes: what has changed at once, all others now and then, so that their times go on."""
+"""Write readings to the nodes: changed values at once, all others once per second, so that their time stamps advance."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from axisbus.gateway.opcua.axis_readings import AxisReadings, Key
 from axisbus.gateway.opcua.status_code import GONE, OpcuaValue, Quality
 from axisbus.gateway.opcua.variables import ROWS
 
-_ALL = 1.0  # seconds between two writings of what has not changed
-_OLD = 0.02  # seconds after which a look is too old for who reads
+_ALL = 1.0  # seconds between two writes of an unchanged value
+_OLD = 0.02  # seconds after which the last update is too old for a read request
 _STATUS = {quality: ua.StatusCode(getattr(ua.StatusCodes, quality.value)) for quality in Quality}
 _ROWS = {row.name: row for row in ROWS}
 
 
 class Updater:
-    """Writes what is read of the machine; holds what was written last, and when."""
+    """Write the readings of the machine; holds the last written ones, and their times."""
 
     def __init__(self, server: Server, nodes: CellVariables, looker: AxisReadings) -> None:
         self._server, self._nodes, self._looker = server, nodes, looker
         self._written: dict[Key, OpcuaValue] = {}
         self._running: bool | None = None
-        self._alone = asyncio.Lock()  # what was seen later is written later
+        self._alone = asyncio.Lock()  # keeps the order of the readings
         self._looked = self._all = float("-inf")
 
     @property
     def is_old(self) -> bool:
-        """Whether the last look is too old for who reads now, such as after a pause of the process."""
+        """Whether the last update is too old for a read request, for example after a pause of the process."""
         return time.monotonic() - self._looked > _OLD
 
     async def update(self) -> None:
-        """Look at the machine, and write what has changed; where it cannot be looked at, nothing of it stays good.
+        """Read the machine, and write the changed values; if it cannot be read, no value stays good.
 
         Raises:
-            Exception: why it cannot be looked at.
+            Exception: the reason why it cannot be read.
         """
         async with self._alone:
             try:
@@ -76,7 +76,7 @@ class Updater:
             await self._put(self._nodes.running, ua.DataValue(ua.Variant(running, ua.VariantType.Boolean)))
 
     async def tell_devices(self, devices: tuple[str, ...]) -> None:
-        """Write what each node is."""
+        """Write the identity of each node."""
         variant = ua.Variant(list(devices), ua.VariantType.String, is_array=True)
         await self._put(self._nodes.devices, ua.DataValue(variant))
 

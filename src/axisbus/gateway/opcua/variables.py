@@ -1,4 +1,4 @@
-"""The variables of an axis: the names of OPC 40400-2 8.2 (IDriveAxis, IServoDriveAxis), and where each comes from."""
+"""The variables of an axis: the names of OPC 40400-2 8.2 (IDriveAxis, IServoDriveAxis), and the source of each."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ Stamp = Callable[[Snapshot], float]
 
 
 def _cycle(snapshot: Snapshot) -> float:
-    """When the cycle was in which the value was within its maximum age."""
+    """Return the time of the cycle in which the value was within its maximum age."""
     return snapshot.now
 
 
 @dataclass(frozen=True, slots=True)
 class OpcuaVariable:
-    """A variable: ``value`` returns it from the image of a cycle, None where it is not known; without, it is read otherwise.
+    """A variable: ``value`` returns it from a process image, None if unknown; without ``value`` it is read by other means.
 
-    ``source`` is the name of its way to us (``Capabilities.inputs``); "" where the master itself knows it, also of a lost node.
+    ``source`` is the input that carries it (``Capabilities.inputs``); "" if the master itself knows it, even for a lost node.
     """
 
     name: str

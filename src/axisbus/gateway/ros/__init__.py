@@ -1,1 +1,1 @@
-"""ROS 2 over a session of Zenoh, as rmw_zenoh has it: joint states of a machine, and joint trajectories for it."""
+"""ROS 2 over a Zenoh session, compatible with rmw_zenoh: joint states of a machine, and joint trajectories for it."""

@@ -1,4 +1,4 @@
-"""What goes with each message of rmw_zenoh: its number, when it was sent, and by whom (rmw_zenoh's design, "Publishers")."""
+"""The attachment of each message of rmw_zenoh: number, time of sending, and publisher (rmw_zenoh's design, "Publishers")."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ class Attachment(NamedTuple):
     gid: bytes
 
     def packed(self) -> bytes:
-        """Return its octets."""
+        """Return the encoded attachment."""
         return _FORM.pack(self.number, self.sent, _GID, self.gid)
 
 
 def attachment_of(data: bytes | None) -> Attachment:
-    """Return what goes with a message.
+    """Return the attachment of a message.
 
     Raises:
-        ArgumentError: it is missing, or another one.
+        ArgumentError: it is missing or invalid.
     """
     if data is None or len(data) != _FORM.size:
         seen = "there is none" if data is None else f"it has {counted(len(data), 'octet')}, not {_FORM.size}"

@@ -1,16 +1,16 @@
-"""Whether a JointTrajectory has no points, found out in no time: a halt must not wait until what is long was read."""
+"""Detect a JointTrajectory without points quickly, so that a halt does not wait for the decoding of long messages."""
 
 from __future__ import annotations
 
 import struct
 
-_HEADER = 4  # octets before the message itself, from which it is aligned
+_HEADER = 4  # octets before the message itself; its alignment counts from there
 _STAMP = 8
-_MOST = 256  # joints that are looked at
+_MOST = 256  # the most joints that are read
 
 
 def names_to_halt(data: bytes) -> tuple[str, ...] | None:
-    """Return the joints of a JointTrajectory without points; None where it has some, or is none."""
+    """Return the joints of a JointTrajectory without points; None if it has points or is invalid."""
     if len(data) < _HEADER or data[0] != 0 or data[1] > 1:
         return None
     reader = _Reader(data, "<" if data[1] else ">")
@@ -23,7 +23,7 @@ def names_to_halt(data: bytes) -> tuple[str, ...] | None:
 
 
 class _Reader:
-    """Holds how far it has read."""
+    """Read a message in sequence."""
 
     def __init__(self, data: bytes, order: str) -> None:
         self._data = data
@@ -31,14 +31,14 @@ class _Reader:
         self._at = _HEADER + _STAMP
 
     def count(self) -> int:
-        """Return the number that is next."""
+        """Return the next number."""
         self._at += -self._at % 4
         (found,) = self._count.unpack_from(self._data, self._at)
         self._at += 4
         return int(found)
 
     def text(self) -> bytes:
-        """Return the text that is next, without the octet that ends it."""
+        """Return the next text, without its terminating octet."""
         length = self.count()
         found = self._data[self._at : self._at + length]
         self._at += length

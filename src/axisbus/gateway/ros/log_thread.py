@@ -1,4 +1,4 @@
-"""Lines for people about trajectories, said by a thread of its own: whoever does not read them keeps no halt from being heard."""
+"""Report trajectories to people in a thread of its own, so that a blocked terminal does not delay a halt."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from contextlib import suppress
 from axisbus.client_support.rate import Bucket
 from axisbus.errors import AxisbusError, said_of
 
-_REFUSALS = 2.0  # lines a second at most about what was refused
-_MOST = 64  # that wait
-_END = 1.0  # seconds that the end waits for whoever reads
+_REFUSALS = 2.0  # lines per second at most about refused trajectories
+_MOST = 64  # the most waiting lines
+_END = 1.0  # seconds for which ``close`` waits for the output
 
 
 class RosLogThread:
-    """Holds what waits to be said; ``tell`` is for any thread."""
+    """Hold the waiting lines; ``tell`` is for any thread."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
@@ -27,7 +27,7 @@ class RosLogThread:
         self._thread.start()
 
     def tell(self, text: str, error: AxisbusError | None) -> None:
-        """Let people know; what is too much is left out. Does not block."""
+        """Report a line; excess lines are dropped. Does not block."""
         if error is not None:
             if not self._bucket.take(time.monotonic()):
                 return
@@ -35,7 +35,7 @@ class RosLogThread:
         self._put(f"ROS 2: {text}")
 
     def close(self) -> None:
-        """Say what waits, and end; blocks for a moment."""
+        """Write the waiting lines, and end; blocks briefly."""
         self._put(None)
         self._thread.join(_END)
 

@@ -1,10 +1,10 @@
-"""Whether a message is of now: not sent before, not out of order, not held up on its way, and heard by a program that runs.
+"""Check that a message is fresh: not repeated, not reordered, not delayed, and received while this program runs.
 
 Theory of operation
 -------------------
-The clocks of two computers are not compared. What a message's way takes is known but for what both clocks differ by, so the
-quickest way of a publisher's messages is kept, and one that took ``HELD_UP`` longer is late. A program that stood still (suspended,
-starved) hears all that has waited at once: for ``AGAIN`` after that nothing that it hears is of now.
+The clocks of two computers are not compared. The transmission time of a message is known except for the difference of both clocks.
+So the shortest time of a publisher's messages is stored, and a message that took ``HELD_UP`` longer is late. A program that did not
+run for a while (suspended, starved) then receives all waiting messages at once: for ``AGAIN`` after that, no message is fresh.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from axisbus.gateway.ros.attachment import Attachment
 
 HELD_UP = 1.0  # seconds
 AGAIN = 1.0  # seconds
-STOOD = 0.5  # seconds without a beat
-_MOST = 256  # publishers that are known
+STOOD = 0.5  # seconds without a call of ``beat``
+_MOST = 256  # the most remembered publishers
 _REMEDY = "send it again, with another number"
 
 
 @dataclass(slots=True)
 class _Known:
     number: int
-    quickest: float  # seconds, with what the clocks differ by
+    quickest: float  # seconds, including the difference of the clocks
 
 
 class Freshness:
-    """Holds what was heard of each publisher, and when this program was seen to run; times in s, monotonic, of this computer."""
+    """Hold the last message of each publisher, and when this program was last seen to run; times in s, monotonic, local."""
 
     def __init__(self, now: float) -> None:
         self._known: OrderedDict[bytes, _Known] = OrderedDict()
@@ -37,16 +37,16 @@ class Freshness:
         self._from = now
 
     def beat(self, now: float) -> None:
-        """Note that this program runs; to be called several times in ``STOOD``."""
+        """Note that this program runs; to be called several times within ``STOOD``."""
         if now - self._beat > STOOD:
             self._from = now + AGAIN
         self._beat = now
 
     def require(self, attachment: Attachment, now: float) -> None:
-        """Check that a message is of now, and note it.
+        """Check that a message is fresh, and note it.
 
         Raises:
-            StateError: it is not.
+            StateError: the message is not fresh.
         """
         way = now - attachment.sent / 1e9
         known = self._known.get(attachment.gid)

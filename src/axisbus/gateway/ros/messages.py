@@ -1,4 +1,4 @@
-"""JointState and JointTrajectory as octets (CDR), by the types that the package rosbags has of them."""
+"""Encode JointState and decode JointTrajectory (CDR), with the type definitions of the package rosbags."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from axisbus.wording import counted
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 JOINT_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
-LARGEST = 1 << 20  # octets of a message that is looked at
+LARGEST = 1 << 20  # octets, the largest message that is decoded
 _SECOND = 1_000_000_000  # ns
 
 
 class JointState(NamedTuple):
-    """A joint: rad or m, per s, and N·m or N; NaN where it is not known."""
+    """A joint: rad or m, per s, and N·m or N; NaN if unknown."""
 
     name: str
     position: float
@@ -32,7 +32,7 @@ class JointState(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Waypoint:
-    """A point of a trajectory; ``time`` in s from its beginning, the rest for each joint or empty."""
+    """A point of a trajectory; ``time`` in s from its beginning, the other values for each joint or empty."""
 
     time: float
     positions: tuple[float, ...]
@@ -43,7 +43,7 @@ class Waypoint:
 
 @dataclass(frozen=True, slots=True)
 class JointTrajectory:
-    """A trajectory as it was sent; ``stamp`` in ns since 1970, 0: it is to begin at once."""
+    """A trajectory as received; ``stamp`` in ns since 1970, 0: it begins at once."""
 
     stamp: int
     joints: tuple[str, ...]
@@ -52,7 +52,7 @@ class JointTrajectory:
 
 @cache
 def _store() -> Typestore:
-    return get_typestore(Stores.ROS2_IRON)  # the first with hashes; both types are the same since then
+    return get_typestore(Stores.ROS2_IRON)  # the first release with hashes; both types have not changed since
 
 
 def topic_of(namespace: str, name: str, type_name: str) -> Topic:
@@ -73,24 +73,24 @@ def state_message(stamp: int, joints: Sequence[JointState]) -> bytes:
 
 
 def too_large(size: int) -> ArgumentError | None:
-    """Return why a message is not even read; None where it is."""
+    """Return why a message is too large to decode; None if it is not."""
     if size <= LARGEST:
         return None
     return ArgumentError("a message is no JointTrajectory", observed=f"it has {counted(size, 'octet')}")
 
 
 def trajectory_of(data: bytes) -> JointTrajectory:
-    """Return what a message says.
+    """Return the trajectory in a message.
 
     Raises:
-        ArgumentError: it is no JointTrajectory.
+        ArgumentError: the message is not a JointTrajectory.
     """
     refused = too_large(len(data))
     if refused is not None:
         raise refused
     try:
         found: Any = _store().deserialize_cdr(data, JOINT_TRAJECTORY)
-    except Exception as error:  # of whatever kind the package has for what is no message
+    except Exception as error:  # the package raises various errors for an invalid message
         raise ArgumentError("a message is no JointTrajectory", observed=str(error)) from error
     stamp = found.header.stamp
     return JointTrajectory(

@@ -1,4 +1,4 @@
-"""Names of ROS 2 as rmw_zenoh writes them: keys of topics, and the tokens by which nodes and their topics are seen.
+"""Names of ROS 2 in the form of rmw_zenoh: keys of topics, and the liveliness tokens of nodes and their topics.
 
 Published in the design document of rmw_zenoh: "Topic and Service name mapping to Zenoh key expressions" and "Graph Cache".
 """
@@ -13,9 +13,9 @@ from axisbus.errors import ArgumentError
 
 _ADMIN = "@ros2_lv"
 _NODE, PUBLISHER, SUBSCRIPTION = "NN", "MP", "MS"
-_ENCLAVE = "%"  # none
+_ENCLAVE = "%"  # no enclave
 _PART = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-LAST_ONE = "::,1:,:,:,,"  # reliable, volatile, the last one kept: what is as by default is left out
+LAST_ONE = "::,1:,:,:,,"  # reliable, volatile, keep last 1: defaults are left out
 
 
 class Topic(NamedTuple):
@@ -27,17 +27,17 @@ class Topic(NamedTuple):
 
     @property
     def dds_type(self) -> str:
-        """Its type as DDS has it."""
+        """Its type in the notation of DDS."""
         package, kind, name = self.type_name.split("/")
         return f"{package}::{kind}::dds_::{name}_"
 
     def key(self, domain: int) -> str:
-        """Return by which key its messages go."""
+        """Return the key of its messages."""
         return f"{domain}/{self.name.strip('/')}/{self.dds_type}/{self.type_hash}"
 
 
 class RosNode(NamedTuple):
-    """A node in a session: ``zid`` is that of the session, ``number`` its own, and one of a topic counts on from there."""
+    """A node in a session: ``zid`` is the ID of the session, ``number`` that of the node; its topics take the next numbers."""
 
     domain: int
     zid: str
@@ -47,11 +47,11 @@ class RosNode(NamedTuple):
 
     @property
     def token(self) -> str:
-        """By what it is seen."""
+        """The liveliness token of the node."""
         return f"{self._begin(self.number, _NODE)}/{mangled(self.namespace)}/{self.name}"
 
     def token_of(self, kind: str, number: int, topic: Topic, qos: str = LAST_ONE) -> str:
-        """Return by what a publisher or a subscription (``kind``) of it is seen."""
+        """Return the liveliness token of one of its publishers or subscriptions (``kind``)."""
         whose = f"{self._begin(number, kind)}/{mangled(self.namespace)}/{self.name}"
         return f"{whose}/{mangled(topic.name)}/{topic.dds_type}/{topic.type_hash}/{qos}"
 
@@ -60,15 +60,15 @@ class RosNode(NamedTuple):
 
 
 def mangled(name: str) -> str:
-    """Return a name as a part of a key."""
+    """Return a name as part of a key."""
     return name.replace("/", "%")
 
 
 def namespace_of(text: str) -> str:
-    """Return a namespace as ROS 2 has it: ``/``, or ``/`` before each of its parts.
+    """Return a namespace in the form of ROS 2: ``/``, or ``/`` before each of its parts.
 
     Raises:
-        ArgumentError: it is none.
+        ArgumentError: the text is not a valid namespace.
     """
     parts = [part for part in text.strip("/").split("/") if part]
     wrong = [part for part in parts if not _PART.fullmatch(part)]
@@ -86,5 +86,5 @@ def qualified(namespace: str, name: str) -> str:
 
 
 def gid_of(token: str) -> bytes:
-    """Return 16 octets that no other publisher has. (Those of rmw_zenoh are another hash of the same token.)"""
+    """Return 16 octets that are unique to a publisher. (rmw_zenoh uses another hash of the same token.)"""
     return hashlib.blake2b(token.encode(), digest_size=16).digest()

@@ -27,7 +27,7 @@ BROADCASTER, CONTROLLER = "joint_state_broadcaster", "joint_trajectory_controlle
 
 
 class RosOptions(NamedTuple):
-    """``rate`` in messages each second; ``command``: trajectories are followed; ``namespace`` as ``namespace_of`` has it."""
+    """``rate`` in messages per second; ``command``: follow trajectories; ``namespace`` as returned by ``namespace_of``."""
 
     domain: int = 0
     namespace: str = "/"
@@ -36,7 +36,7 @@ class RosOptions(NamedTuple):
 
 
 class RosNodes:
-    """Holds what is declared of a machine, until ``close``."""
+    """Hold the declarations for a machine, until ``close``."""
 
     def __init__(
         self,
@@ -46,7 +46,7 @@ class RosNodes:
         options: RosOptions,
         say: Callable[[str], None],
     ) -> None:
-        """Be in the graph; ``say`` tells people what becomes of trajectories."""
+        """Join the graph; ``say`` reports to people what happens to trajectories."""
         self._machine = machine
         self._options = options
         self._say = say
@@ -64,12 +64,12 @@ class RosNodes:
         self._say_joints()
 
     def close(self) -> None:
-        """Leave the graph; blocks until what was set going stands."""
+        """Leave the graph; blocks until the axes that it has moved are at standstill."""
         self._stack.close()
 
     @property
     def commands(self) -> bool:
-        """Whether a trajectory has the machine's command now."""
+        """Whether a trajectory has control of the machine now."""
         return self._commander is not None and self._commander.commands
 
     def joints(self) -> Mapping[str, JointUnit]:
@@ -95,17 +95,17 @@ class RosNodes:
     def _publish(self, publisher: zenoh.Publisher, gid: bytes) -> None:
         numbers, period, due = itertools.count(1), 1.0 / self._options.rate, time.monotonic()
         while not self._over.wait(max(0.0, due - time.monotonic())):
-            due = max(due + period, time.monotonic())  # what was missed is not caught up in a burst
+            due = max(due + period, time.monotonic())  # missed messages are not made up for in a burst
             try:
                 message = self._message()
                 if message is not None:
                     attachment = Attachment(next(numbers), time.time_ns(), gid)
                     publisher.put(message, attachment=attachment.packed())
-            except Exception as error:  # noqa: BLE001  # the machine ends, or the session: both are told elsewhere
+            except Exception as error:  # noqa: BLE001  # the machine or the session ends: both are reported elsewhere
                 log.debug("joint states could not be published: %s", error)
 
     def _message(self) -> bytes | None:
-        """Return the joints by the newest image; None where it was told already, or nobody knows it any more."""
+        """Return the joints from the newest process image; None if it was sent already, or is out of date."""
         session, joints = self._machine.session, self.joints()
         snapshots = session.snapshots
         image = max((snapshots[name].now for name in joints), default=self._image)
@@ -147,12 +147,12 @@ class RosNodes:
         attached = sample.attachment
         commander.hear(sample.payload.to_bytes(), None if attached is None else attached.to_bytes())
 
-    # -- who is there --------------------------------------------------------------------------------------------------
+    # -- the graph -----------------------------------------------------------------------------------------------------
 
     def _be_there(
         self, session: zenoh.Session, stack: ExitStack, name: str, number: int, kind: str, topic: Topic
     ) -> str:
-        """Let a node and what it has of a topic be seen; return the token of the latter."""
+        """Declare a node and its publisher or subscription in the graph; return the token of the latter."""
         options = self._options
         node = RosNode(options.domain, str(session.info.zid()), number, options.namespace, name)
         tokens = node.token, node.token_of(kind, number + 1, topic)

@@ -1,4 +1,4 @@
-"""The joints of a machine by the image of its last cycle: what is not fresh is NaN."""
+"""The joints of a machine by the process image of its last cycle; values that are not fresh are NaN."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from axisbus.motion.snapshot import Snapshot
 def states_of(
     snapshots: Mapping[str, Snapshot], units: Mapping[str, Units], joints: Mapping[str, JointUnit]
 ) -> list[JointState]:
-    """Return the joints that there are; an endless one counts on over the turn."""
+    """Return the present joints; the position of a continuous joint continues beyond one turn."""
     return [_state(name, snapshots[name], units[name], joint) for name, joint in joints.items()]
 
 

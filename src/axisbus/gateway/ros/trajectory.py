@@ -1,4 +1,4 @@
-"""A JointTrajectory judged: what is to be followed in the axes' units, what is to halt, or why not. No clock, no network."""
+"""Validate a JointTrajectory: convert it to the axes' units, find the axes to halt, or reject it. No clock, no network."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from axisbus.gateway.ros.units import JointUnit
 from axisbus.motion.point_stream.timed import MOST, TrajectoryPoint
 from axisbus.wording import counted
 
-NEAR = 500_000_000  # ns that the stamp may be off from now, either way
-LONGEST = 3600.0  # seconds of a trajectory
+NEAR = 500_000_000  # ns, the largest difference of the stamp from the present time
+LONGEST = 3600.0  # seconds, the longest trajectory
 
 
 class RosTrajectory(NamedTuple):
-    """What is to be followed: the axes in this order, and their points."""
+    """A trajectory to follow: the axes in this order, and their points."""
 
     axes: tuple[str, ...]
     points: tuple[TrajectoryPoint, ...]
 
 
 def to_halt(named: tuple[str, ...], axes: Mapping[str, object]) -> tuple[str, ...]:
-    """Return the axes that are to halt by a trajectory without points; where it names none that is known, all."""
+    """Return the axes that a trajectory without points halts: the named ones, or all if it names no known axis."""
     return tuple(dict.fromkeys(name for name in named if name in axes)) or tuple(axes)
 
 
 def judged(message: JointTrajectory, joints: Mapping[str, JointUnit], now: int) -> RosTrajectory:
-    """Return what is to be followed; ``now`` in ns since 1970.
+    """Return the trajectory to follow; ``now`` in ns since 1970.
 
     Raises:
-        ArgumentError: it is none that could be followed.
-        StateError: it is not to begin now.
+        ArgumentError: the trajectory is invalid.
+        StateError: its stamp says that it does not begin now.
     """
     if not message.points:
-        raise ArgumentError("the trajectory has no points")  # as a halt it was recognised before
+        raise ArgumentError("the trajectory has no points")  # a halt was recognised before
     _require_joints(message, joints)
     _require_now(message, now)
     factors = [joints[name].factor for name in message.joints]

@@ -1,12 +1,13 @@
-"""Trajectories on their way to a machine: each is judged, and followed with the machine's command, had as long as one runs.
+"""Execute trajectories: validate each and follow it, with control of the machine while one runs.
 
 Theory of operation
 -------------------
-What the network brings is looked at in its thread, which waits for nobody: a trajectory without points halts at once, by a machine
-that looks on, whoever has the command. All else waits for a thread that may take its time: it joins the machine with its command
-where that is free, and gives it back ``_LINGER`` seconds after the last trajectory has ended, or once a halt has ended it, so that
-others can enable, home and jog meanwhile. A halt is for what waits as well. While the command is had, the core is told several
-times in ``_HOLD`` seconds that this program runs: where it does not, what it has set going halts.
+The network's thread processes incoming messages and never waits. A trajectory without points halts at once, through a client
+without control, whichever client has control. All other trajectories go to a second thread, which may block: it joins the machine
+with control if that is free. It releases control ``_LINGER`` seconds after the last trajectory has ended, or as soon as a halt has
+ended one, so that other clients can enable, home and jog meanwhile. A halt also cancels waiting trajectories. While it has control,
+this program reports to the core several times in ``_HOLD`` seconds that it runs; if the reports stop, the core halts the axes that
+this program has moved.
 """
 
 from __future__ import annotations
@@ -33,12 +34,12 @@ from axisbus.motion.states import AxisState
 from axisbus.wording import counted
 
 log = logging.getLogger("axisbus")
-_HOLD = 0.5  # seconds without a word of this program, after which the core halts what it has set going
+_HOLD = 0.5  # seconds without a report of this program after which the core halts the axes that it has moved
 _BEAT = 0.1
-_LINGER = 1.0  # seconds that the command is had after the end of a trajectory
+_LINGER = 1.0  # seconds for which control is held after the end of a trajectory
 _LOOK = 0.1
-_WAITED = 1.0  # seconds from when it was heard, after which a trajectory is not begun any more
-_MOST = 2  # that wait
+_WAITED = 1.0  # seconds after its arrival, after which a trajectory is not started any more
+_MOST = 2  # the most waiting trajectories
 _HALT_FIRST = "wait for its end, or send a trajectory without points, which halts"
 Join = Callable[[], Machine]
 Tell = Callable[[str, AxisbusError | None], None]
@@ -47,22 +48,22 @@ Tell = Callable[[str, AxisbusError | None], None]
 class _Heard(NamedTuple):
     data: bytes
     at: float
-    halts: int  # that had come before it
+    halts: int  # the number of halts before it
 
 
 class Commander:
-    """Holds what waits, the machine with its command, and what it follows; ``hear`` is for the network's thread."""
+    """Hold the waiting trajectories, the machine with control, and the running trajectory; ``hear`` is for the network's thread."""
 
     def __init__(
         self, machine: Machine, join: Join, joints: Callable[[], Mapping[str, JointUnit]], tell: Tell
     ) -> None:
-        """``machine`` looks on, ``join`` joins it with its command; ``tell`` tells people what becomes of a trajectory."""
+        """``machine`` is joined without control, ``join`` joins it with control; ``tell`` reports to people."""
         self._machine = machine
         self._join = join
         self._joints = joints
         self._tell = tell
-        self._lock = threading.Lock()  # of halts
-        self._beating = threading.Lock()  # of what follows
+        self._lock = threading.Lock()  # protects the halts
+        self._beating = threading.Lock()  # protects the freshness
         self._freshness = Freshness(time.monotonic())
         self._waiting: queue.Queue[_Heard] = queue.Queue(_MOST)
         self._halts = self._halts_seen = 0
@@ -76,17 +77,17 @@ class Commander:
         ]
 
     def start(self) -> None:
-        """Begin."""
+        """Start the threads."""
         for thread in self._threads:
             thread.start()
 
     @property
     def commands(self) -> bool:
-        """Whether it has the machine's command now."""
+        """Whether it has control of the machine now."""
         return self._guest is not None
 
     def close(self) -> None:
-        """Halt what it has set going, and end; blocks until that stands, or is known not to."""
+        """Halt the axes that it has moved, and end; blocks until they are at standstill, or known not to be."""
         with self._lock:
             self._halts += 1
             self._over.set()
@@ -97,7 +98,7 @@ class Commander:
     # -- the network's thread ------------------------------------------------------------------------------------------
 
     def hear(self, data: bytes, attached: bytes | None) -> None:
-        """Take a message; does not block."""
+        """Process a message; does not block."""
         now = time.monotonic()
         try:
             self._take(data, attached, now)
@@ -137,7 +138,7 @@ class Commander:
                 self._freshness.beat(time.monotonic())
             guest = self._guest
             if guest is not None:
-                with suppress(Exception):  # the machine ends, or it is just given back: then nothing is held
+                with suppress(Exception):  # the machine ends, or control is being released: nothing to hold
                     guest.hold_to_run(_HOLD)
 
     def _run(self) -> None:
@@ -168,7 +169,7 @@ class Commander:
         with self._lock:
             self._require_wanted(heard)
             self._halts_seen = heard.halts
-        handle = self._handle = group.follow(wanted.points)  # a long one is checked for a while
+        handle = self._handle = group.follow(wanted.points)  # checking a long trajectory takes a while
         if heard.halts != self._halts:
             look_at_end(group.halt())
         self._busy_at = time.monotonic()
@@ -186,7 +187,7 @@ class Commander:
             )
 
     def _commanding(self) -> Machine:
-        """Return the machine with its command; raise OwnershipError where another program has it."""
+        """Return the machine with control; raise OwnershipError if another program has it."""
         if self._guest is not None and not self._guest.has_control:
             self._let_go()
         if self._guest is None:
@@ -197,7 +198,7 @@ class Commander:
         return self._guest
 
     def _look(self) -> None:
-        """Give the command back where nothing has been followed for a while."""
+        """Release control if no trajectory has run for a while."""
         now = time.monotonic()
         if self._handle is not None and self._handle.busy:
             self._busy_at = now
@@ -210,7 +211,7 @@ class Commander:
             return
         try:
             guest.close()
-        except BaseException as error:  # noqa: BLE001  # the machine may be gone: then nothing is to be given back
+        except BaseException as error:  # noqa: BLE001  # the machine may be gone: then there is nothing to release
             log.info("while the command was given back: %s", error)
 
     def _end(self, handle: Handle) -> None:

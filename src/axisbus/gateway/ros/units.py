@@ -1,4 +1,4 @@
-"""From an axis's unit to that of ROS 2 (REP 103): rad and N·m of what turns, m and N of what does not; nothing is guessed."""
+"""Convert an axis's unit to ROS 2 (REP 103): rad and N·m for revolute joints, m and N for prismatic ones; nothing is guessed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _TURN = 2.0 * math.pi
 
 
 class JointUnit(NamedTuple):
-    """``factor``: rad or m in one unit of the axis; ``turns``: whether it is revolute, else prismatic."""
+    """``factor``: rad or m in one unit of the axis; ``turns``: whether the joint is revolute, otherwise prismatic."""
 
     factor: float
     turns: bool
@@ -43,5 +43,5 @@ JOINT_UNITS: Mapping[str, JointUnit] = {
 
 
 def joints_of(units: Mapping[str, str]) -> dict[str, JointUnit]:
-    """Return the joints among axes, whose units are given by their names; others are in no unit that ROS 2 has."""
+    """Return the joints among axes, given their units by name; an axis in any other unit is not a joint."""
     return {name: JOINT_UNITS[unit] for name, unit in units.items() if unit in JOINT_UNITS}

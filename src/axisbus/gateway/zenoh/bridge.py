@@ -1,4 +1,4 @@
-"""The bridge of a cell: it follows the machine that runs, one after the other, and is known on the network as long as it runs."""
+"""The bridge of a cell: it follows one running machine after the other, and offers it on the network while it runs."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ from axisbus.version import __version__
 if TYPE_CHECKING:
     from axisbus.gateway.ros.node import RosOptions
 
-_LOOK = 0.05  # seconds between two looks whether the machine is there still
-_ROS = "a trajectory of ROS 2"  # who has the command, for people
-_RIVALS = 1.0  # seconds in which another bridge of the same name answers
+_LOOK = 0.05  # seconds between two checks whether the machine still runs
+_ROS = "a trajectory of ROS 2"  # the holder of control, for people
+_RIVALS = 1.0  # seconds within which another bridge of the same name answers
 
 
 class Cell(NamedTuple):
-    """What a bridge is of: the cell's file, its keys, the folder of recordings that are shown, and what ROS 2 is to have."""
+    """The subject of a bridge: the cell file, its keys, the folder of its public recordings, and the options for ROS 2."""
 
     file: Path
     keys: ZenohCellKeys
@@ -48,13 +48,13 @@ class Cell(NamedTuple):
 
 
 class Bridge:
-    """Holds what of a bridge outlives a machine: its name, its events, and the recordings. ``run`` is for the main thread."""
+    """Hold the state of a bridge that outlives a machine: its name, events, and recordings. ``run`` is for the main thread."""
 
     def __init__(self, session: zenoh.Session, cell: Cell, say: Callable[[str], None]) -> None:
-        """Be there on the network; blocks for some seconds. ``say`` tells people how it goes.
+        """Register on the network; blocks for some seconds. ``say`` reports to people.
 
         Raises:
-            StateError: another bridge is there under the same name.
+            StateError: another bridge of the same name is present.
         """
         self._session = session
         self._cell = cell
@@ -73,21 +73,21 @@ class Bridge:
             self._stack = stack.pop_all()
 
     def close(self) -> None:
-        """Be there no more; blocks for a moment."""
+        """Leave the network; blocks briefly."""
         self._stack.close()
 
     def run(self) -> None:
-        """Follow the machine that runs, and the next one where it ends, until it is interrupted."""
+        """Follow the running machine, and the next one when it ends, until interrupted."""
         MachineFollower(self._cell.file, self._say).run(self._served, _LOOK)
 
-    # -- who is there --------------------------------------------------------------------------------------------------
+    # -- presence ------------------------------------------------------------------------------------------------------
 
     def _be_there(self, stack: ExitStack) -> None:
-        """Declare that this bridge is there, unless another one is."""
+        """Declare the presence of this bridge, unless another one is present."""
         self._require_alone(set())
         token = self._session.liveliness().declare_token(self._cell.keys.presence(self._name))
         stack.callback(token.undeclare)
-        self._require_alone({self._name})  # of two that came at once only the first in the alphabet stays
+        self._require_alone({self._name})  # of two that start at once, only the alphabetically first stays
         others = self._session.liveliness().declare_subscriber(self._cell.keys.presence("*"), self._heard)
         stack.callback(others.undeclare)
 
@@ -102,7 +102,7 @@ class Bridge:
             )
 
     def _heard(self, sample: zenoh.Sample) -> None:
-        """Tell where another bridge of this name has come, over a connection that was not there before."""
+        """Report another bridge of this name that has appeared over a new connection."""
         other = str(sample.key_expr).rpartition("/")[2]
         if sample.kind == zenoh.SampleKind.PUT and other != self._name:
             text = f"another bridge of {self._cell.keys.base} is on this network too: end one of them"
@@ -125,7 +125,7 @@ class Bridge:
 
     @contextmanager
     def _served(self, machine: Machine) -> Iterator[Look]:
-        """Have a machine on the network, and tell that it came, and why it ended."""
+        """Offer a machine on the network, and report its start and the reason of its end."""
         with ExitStack() as stack:
             self._serve(machine, stack)
             self._events.tell(Happened("machine", "a machine runs, and the bridge has joined it"))
@@ -134,7 +134,7 @@ class Bridge:
             self._events.tell(Happened("machine", f"the machine has ended: {why}", severity="warning"))
 
     def _serve(self, machine: Machine, stack: ExitStack) -> None:
-        """Declare all that there is of a machine, and at last that it is alive; on the way out in the other order."""
+        """Declare everything about a machine, and finally that it is alive; undeclared in reverse order."""
         keys, file = self._cell.keys, self._cell.file
         transfers, answers = TransferWorker(), DeferredReplies()
         stack.callback(transfers.close)
@@ -165,10 +165,10 @@ class Bridge:
         stack.callback(token.undeclare)
 
     def _serve_ros(self, machine: Machine, stack: ExitStack) -> Callable[[], str | None]:
-        """Have its joints in ROS 2, where that is asked for; return what tells whether a trajectory has the machine's command."""
+        """Offer its joints in ROS 2 if requested; return a function that returns the holder of control if a trajectory has it."""
         if self._cell.ros is None:
             return lambda: None
-        from axisbus.gateway.ros.node import RosNodes  # only this has packages of ROS 2
+        from axisbus.gateway.ros.node import RosNodes  # only this module needs packages for ROS 2
 
         nodes = RosNodes(self._session, machine, self._cell.file, self._cell.ros, self._say)
         stack.callback(nodes.close)

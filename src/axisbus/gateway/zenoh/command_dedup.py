@@ -1,4 +1,4 @@
-"""The commands of each client by their ids: what comes again is the same one, and what comes too late is none."""
+"""The commands of each client by their ids: a repeated id is the same command, and an id that comes too late is rejected."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from axisbus.fleet.messages import TOO_LATE
 
 KEPT = 256  # commands of a client
 CLIENTS = 64
-Under = TypeVar("Under")  # what is known of a command that was given
+Under = TypeVar("Under")  # the state of a given command
 
 
 @dataclass(slots=True)
@@ -22,9 +22,10 @@ class _Client(Generic[Under]):
 
 
 class CommandDeduplicator(Generic[Under]):
-    """Holds the last commands of the last clients. For one thread at a time.
+    """Hold the last commands of the last clients. For one thread at a time.
 
-    Only who has the lease enters anything: a client that was forgotten has had none since many others had, and its token is void.
+    Only the holder of the lease enters commands. A client that was forgotten has not had the lease since many others, and its token
+    is void.
     """
 
     def __init__(self, kept: int = KEPT, clients: int = CLIENTS) -> None:
@@ -33,10 +34,10 @@ class CommandDeduplicator(Generic[Under]):
         self._clients: OrderedDict[str, _Client[Under]] = OrderedDict()
 
     def again(self, client: str, number: int, what: Hashable) -> Under | None:
-        """Return the command that a client has given by this id; None where it is a new one.
+        """Return the command that a client has already given with this id; None if the id is new.
 
         Raises:
-            StateError: the id is lower than the newest, and not kept; or it was another command's.
+            StateError: the id is lower than the newest and no longer cached, or it belonged to another command.
         """
         known = self._clients.get(client)
         if known is None or (number not in known.given and number > known.highest):
@@ -50,7 +51,7 @@ class CommandDeduplicator(Generic[Under]):
         before, under = known.given[number]
         if (
             before != what
-        ):  # also where a program begins anew under its old name: it must not be told of what was done before
+        ):  # also if a program restarts under its old name: it must not get answers of its previous run
             raise StateError(
                 f"command {number} of {client} was another one: nothing was done",
                 observed="it was for something else, or under an earlier lease",
@@ -67,7 +68,7 @@ class CommandDeduplicator(Generic[Under]):
             known.given.popitem(last=False)
 
     def passed(self, client: str, number: int) -> bool:
-        """Note an id of which nothing is kept; return whether it is above all that the client has used."""
+        """Note an id without storing its command; return whether it is higher than all earlier ids of the client."""
         known = self._known(client)
         newer = number > known.highest
         known.highest = max(known.highest, number)
@@ -82,10 +83,10 @@ class CommandDeduplicator(Generic[Under]):
 
 
 def require_id(number: int) -> None:
-    """Check that a number may be a command's.
+    """Check that a number is valid as the id of a command.
 
     Raises:
-        ArgumentError: it is below 1, or above 2^53.
+        ArgumentError: the number is below 1, or above 2^53.
     """
     if not 0 < number <= 1 << 53:
         raise ArgumentError(f"{number} is no id of a command", remedy="count them from 1")

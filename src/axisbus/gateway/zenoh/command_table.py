@@ -1,4 +1,4 @@
-"""What a fleet may command, as one table: which verbs there are, what each takes, and of whom."""
+"""The table of the commands of a fleet: the verbs, their values, and whether they need a lease."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from axisbus.fleet.messages import CommandAsk, Value
 
 @dataclass(frozen=True, slots=True)
 class ZenohVerb:
-    """What a verb needs: ``lease``; of how many axes it is (``single``: of one); values by name, each with its type.
+    """The requirements of a verb: ``lease``; exactly one axis (``single``); values by name, each with its type.
 
-    ``call`` is the library's method where that has another name.
+    ``call`` is the library's method if its name differs from the verb.
     """
 
     lease: bool = True
@@ -26,7 +26,7 @@ class ZenohVerb:
 
 @dataclass(frozen=True, slots=True)
 class BridgeAction:
-    """What is to be done: the library's ``call`` for each of the ``axes``, with these values."""
+    """A command to execute: the library's ``call`` for each of the ``axes``, with these values."""
 
     verb: str
     call: str
@@ -67,21 +67,21 @@ VERBS: Mapping[str, ZenohVerb] = {
     ),
 }
 STOPS = frozenset(name for name, verb in VERBS.items() if not verb.lease)
-ALL = "_all"  # what a stop of all axes ends in
+ALL = "_all"  # the suffix of a stop of all axes
 _WORDS = {float: "a number", int: "a whole number", bool: "true or false"}
 
 
 def act_of(verb: str, ask: CommandAsk, axes: Collection[str]) -> BridgeAction:
-    """Return what is to be done; ``axes`` are those of the cell, and all of them where a command names none.
+    """Return the command to execute; ``axes`` are those of the cell, and a command without axes is for all of them.
 
     Raises:
-        ArgumentError: there is no such verb, or axis, or a value is missing, unknown or of another type.
+        ArgumentError: the verb or an axis is unknown, or a value is missing, unknown or of another type.
     """
     row = VERBS.get(verb)
     if row is None:
         raise ArgumentError(f"there is no command {verb!r}", remedy=f"there are {', '.join(VERBS)}")
     named = tuple(axes) if verb.endswith(ALL) else ask.axes or tuple(axes)
-    if verb in STOPS:  # whatever is wrong with one of its axes, the others are stopped; values are none of it
+    if verb in STOPS:  # if one of its axes is invalid, the others are stopped; values are ignored
         return BridgeAction(verb, row.call or verb, tuple(dict.fromkeys(named)))
     for name in named:
         if name not in axes:

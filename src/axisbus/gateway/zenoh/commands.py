@@ -1,4 +1,4 @@
-"""Commands of a fleet: stops of everybody, and the rest of whoever has the lease; none is done twice."""
+"""Commands of a fleet: stops from any client, all others from the holder of the lease; none is executed twice."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _STOPS = 256  # that may be under way
 
 
 class Commands:
-    """Holds the ids of all clients, what they hold pressed, and the stops under way; for any thread. Nothing here blocks."""
+    """Hold the ids and jogs of all clients, and the running stops; for any thread. Nothing here blocks."""
 
     def __init__(
         self,
@@ -32,7 +32,7 @@ class Commands:
         answers: DeferredReplies,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """``machine`` looks on: stops go by it, whoever has the command."""
+        """``machine`` is joined without control: it executes stops, whichever client has control."""
         self._machine = machine
         self._holding = holding
         self._answers = answers
@@ -40,11 +40,11 @@ class Commands:
         self._lock = threading.Lock()
         self._ledger: CommandDeduplicator[CommandExecutor] = CommandDeduplicator()
         self._jogs = Jogs()
-        self._rate: tuple[str, Bucket] = "", Bucket()  # of whoever has the lease
+        self._rate: tuple[str, Bucket] = "", Bucket()  # of the holder of the lease
         self._stops: OrderedDict[Hashable, CommandExecutor] = OrderedDict()
 
     def take(self, verb: str, ask: CommandAsk, reply: Reply) -> None:
-        """Do what a query asks for; ``reply`` is called with its end, in whatever thread, or after 2 s with ``running``."""
+        """Execute a command; ``reply`` is called at its end, in any thread, or after 2 s with ``running``."""
         try:
             if verb in STOPS:
                 self._answers.put(self._stopped(verb, ask), reply)
@@ -60,7 +60,7 @@ class Commands:
             self._answers.put(found, reply)
 
     def _stopped(self, verb: str, ask: CommandAsk) -> CommandExecutor:
-        """Stop; the same stop once more is the same one only as long as it goes on: none is answered from memory."""
+        """Stop; a repeated stop counts as the same one only while it runs: the answer never comes from the cache."""
         act = act_of(verb, ask, tuple(self._machine.axes))
         key = verb, ask.client, ask.id, act.axes
         with self._lock:
@@ -68,7 +68,7 @@ class Commands:
             if self._holding.lease.holds(ask.client, ask.token, self._clock()):
                 self._ledger.passed(
                     ask.client, ask.id
-                )  # what was sent before it, and is heard after it, comes too late
+                )  # an earlier command that arrives after it is too late
             under_way = self._stops.get(key)
             if under_way is not None and under_way.busy:
                 return under_way
@@ -95,11 +95,11 @@ class Commands:
         return doing
 
     def _commanded(self, ask: CommandAsk) -> tuple[Machine, float]:
-        """Return the machine as the client of a command may command it, and the time.
+        """Return the machine with control for the client of a command, and the time.
 
         Raises:
-            OwnershipError: it has no lease.
-            StateError: it sends too much.
+            OwnershipError: the client has no lease.
+            StateError: the client sends too many commands.
         """
         now, lease, guest = self._clock(), self._holding.lease, self._holding.guest
         if guest is None or not lease.holds(ask.client, ask.token, now):

@@ -1,4 +1,4 @@
-"""Answers that wait for the end of a command: given by one thread, so that nobody who hears the network waits for a machine."""
+"""Answer commands when they end, in one thread, so that no thread of the network waits for a machine."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from axisbus.fleet.messages import CommandAnswer
 from axisbus.gateway.zenoh.execute import RUNNING, CommandExecutor
 
 log = logging.getLogger("axisbus")
-PATIENCE = 2.0  # seconds after which a command that has not ended is told to run
-_MOST = 256  # that wait; of more it is told at once that they run
-_SLICE = 1.0  # seconds that the thread sleeps at most
+PATIENCE = 2.0  # seconds after which a command that still runs is answered "running"
+_MOST = 256  # the most waiting answers; further commands are answered "running" at once
+_SLICE = 1.0  # seconds, the longest sleep of the thread
 Reply = Callable[[CommandAnswer], None]
 
 
@@ -25,7 +25,7 @@ class _Waiting(NamedTuple):
 
 
 class DeferredReplies:
-    """Holds what waits; ``put`` is for any thread."""
+    """Hold the waiting answers; ``put`` is for any thread."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -36,7 +36,7 @@ class DeferredReplies:
         self._thread.start()
 
     def put(self, doing: CommandExecutor, reply: Reply) -> None:
-        """Let ``reply`` be called once a command has ended, or in ``PATIENCE`` seconds; does not block."""
+        """Call ``reply`` when a command has ended, or after ``PATIENCE`` seconds; does not block."""
         with self._lock:
             full = len(self._waiting) >= _MOST
             until = 0.0 if full else time.monotonic() + PATIENCE
@@ -47,7 +47,7 @@ class DeferredReplies:
         self._news.set()
 
     def close(self) -> None:
-        """Answer what waits, and end; blocks for a moment."""
+        """Answer the waiting commands, and end; blocks briefly."""
         self._over = True
         self._news.set()
         self._thread.join()
@@ -72,5 +72,5 @@ class DeferredReplies:
         for each in ready:
             try:
                 each.reply(each.doing.answer if not each.doing.busy else RUNNING)
-            except Exception as error:  # noqa: BLE001  # whoever asked is gone
+            except Exception as error:  # noqa: BLE001  # the client is gone
                 log.debug("an answer could not be given: %s", error)

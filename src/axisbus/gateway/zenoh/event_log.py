@@ -1,4 +1,4 @@
-"""Events with numbers, the last of them kept for whoever has a gap."""
+"""Number events, and store the last ones for clients that have missed some."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Kind = Literal["machine", "node", "emcy", "incident", "bus", "command", "lease"]
 
 @dataclass(frozen=True, slots=True)
 class Happened:
-    """Something that has happened, before it has a number; as ``messages.Event``."""
+    """An event before it has a number; the fields are those of ``messages.Event``."""
 
     kind: Kind
     text: str
@@ -27,7 +27,7 @@ class Happened:
 
 
 class BridgeEventLog:
-    """Holds the last events of one run of a bridge. ``enter`` is for one thread at a time, the rest for any."""
+    """Hold the last events of one run of a bridge. ``enter`` is for one thread at a time, the rest for any."""
 
     def __init__(self, bridge: str) -> None:
         self._bridge = bridge
@@ -35,7 +35,7 @@ class BridgeEventLog:
         self._count = 0
 
     def enter(self, happened: Happened, clock: float) -> Event:
-        """Return something that has happened as the next event; ``clock`` in s since 1970."""
+        """Store an event with the next number and return it; ``clock`` in s since 1970."""
         self._count += 1
         event = Event(
             self._count,
@@ -52,7 +52,7 @@ class BridgeEventLog:
         return event
 
     def answer(self, ask: EventsAsk) -> EventsAnswer:
-        """Return those that are asked for, as far as they are kept; the oldest first, and no more than ``AT_ONCE``."""
+        """Return the requested events that are stored; oldest first, and no more than ``AT_ONCE``."""
         kept = tuple(self._kept)
         if not kept:
             return EventsAnswer(self._bridge)

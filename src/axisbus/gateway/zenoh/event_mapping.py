@@ -1,4 +1,4 @@
-"""What has happened at a machine, as it is told over the network: without this process, and as a kind of event."""
+"""Map the events of a machine to events for the network: without the name of this process, and by kind."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from axisbus.gateway.machine_events import MachineEvent
 from axisbus.gateway.zenoh.event_log import Happened, Kind
 from axisbus.gateway.zenoh.redact_process import without
 
-# What is not here is not told: of an incident, when it begins and when it is over.
+# Other kinds are not reported: of an incident, only its beginning and its end are.
 KINDS: dict[machine_events.MachineEventKind, Kind] = {
     machine_events.MachineEventKind.COMMAND: "command",
     machine_events.MachineEventKind.NODE: "node",
@@ -24,7 +24,7 @@ KINDS: dict[machine_events.MachineEventKind, Kind] = {
 
 
 def told(found: Iterable[MachineEvent]) -> list[Happened]:
-    """Return what is told of what has happened, in its order."""
+    """Return the events to report, in their order."""
     return [
         Happened(
             KINDS[one.kind],

@@ -1,4 +1,4 @@
-"""Commands given to a machine, and how they have ended."""
+"""Execute commands on a machine, and determine how they ended."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ RUNNING = CommandAnswer("running")
 
 
 class CommandExecutor:
-    """What has become of one command: its handles, one for each axis, and what was refused at the call."""
+    """The state of one command: its handles, one for each axis, and the error if it was refused at the call."""
 
     def __init__(self, handles: Sequence[Handle], refused: AxisbusError | None = None) -> None:
         self.handles = tuple(handles)
         self._refused = refused
         for handle in self.handles:
-            look_at_end(handle)  # whoever asked may be gone
+            look_at_end(handle)  # the client may be gone
 
     @property
     def busy(self) -> bool:
-        """Whether it has not ended."""
+        """Whether it still runs."""
         return any(handle.busy for handle in self.handles)
 
     @property
     def error(self) -> AxisbusError | None:
-        """What ended it badly, or kept it from being begun; the first, where there are several."""
+        """The error that ended it or refused it; the first, if there are several."""
         ends = (handle.exception() for handle in self.handles if not handle.busy)
         return self._refused or next((error for error in ends if error is not None), None)
 
     @property
     def answer(self) -> CommandAnswer:
-        """How it goes, as a message."""
+        """Its state, as a message."""
         if self.busy:
             return RUNNING
         if (error := self.error) is not None:
@@ -47,19 +47,19 @@ class CommandExecutor:
 
 
 def perform(machine: Machine, act: BridgeAction) -> CommandExecutor:
-    """Give a command for each of its axes, all of them also where one is refused at the call; does not block."""
+    """Give a command to each of its axes; if one refuses at the call, the others get it all the same. Does not block."""
     handles, refused = list[Handle](), list[AxisbusError]()
     for name in act.axes:
         try:
             handles.append(getattr(machine[name], act.call)(**act.values))
         except AxisbusError as error:
             refused.append(error)
-        except Exception as error:  # the other axes are to be stopped all the same
+        except Exception as error:  # the other axes have to be stopped in any case
             log.exception("%s could not be given", act)
             refused.append(CommandError(f"{act}: it could not be given", observed=str(error)))
     return CommandExecutor(handles, refused[0] if refused else None)
 
 
 def failed(error: AxisbusError) -> CommandAnswer:
-    """Return what tells an error."""
+    """Return the answer that reports an error."""
     return CommandAnswer("error", fields_of(error))

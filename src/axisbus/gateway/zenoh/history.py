@@ -1,4 +1,4 @@
-"""Recordings for a fleet, one question after the other, each read by a process of its own."""
+"""Recordings for a fleet: one query after the other, each in a process of its own."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from axisbus.ipc.errors import to_fields
 
 log = logging.getLogger("axisbus")
 _WAITING = 8
-_LONGEST = 120.0  # seconds that a question may take
+_LONGEST = 120.0  # seconds that a query may take
 Reply = Callable[[HistoryAnswer], None]
 
 
 class RecordingsWorker:
-    """Holds the questions that wait, and the process under way; ``put`` is for any thread."""
+    """Hold the waiting queries, and the running process; ``put`` is for any thread."""
 
     def __init__(self, folder: Path | None) -> None:
         self._folder = folder
@@ -34,14 +34,14 @@ class RecordingsWorker:
         self._thread.start()
 
     def put(self, ask: HistoryAsk, reply: Reply) -> None:
-        """Let a question be answered; refused where too many wait. Does not block."""
+        """Queue a query and answer it; refused if too many are waiting. Does not block."""
         try:
             self._work.put_nowait((ask, reply))
         except queue.Full:
             reply(refused(StateError("too many questions about recordings wait", remedy="ask again later")))
 
     def close(self) -> None:
-        """End, whatever is under way; blocks for a moment."""
+        """End, and kill the running process; blocks briefly."""
         self._over = True
         while not self._work.empty():
             self._work.get_nowait()
@@ -70,7 +70,7 @@ class RecordingsWorker:
         command = [sys.executable, "-m", "axisbus.gateway.zenoh.recordings_worker", str(self._folder)]
         with subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
-        ) as reading:  # Ctrl-C in the terminal is for the bridge
+        ) as reading:  # Ctrl-C in the terminal must only end the bridge
             self._reading = reading
             try:
                 told, _ = reading.communicate(msgspec.json.encode(ask), _LONGEST)
@@ -83,5 +83,5 @@ class RecordingsWorker:
 
 
 def refused(error: AxisbusError) -> HistoryAnswer:
-    """Return what tells an error."""
+    """Return the answer that reports an error."""
     return HistoryAnswer(error=to_fields(error))

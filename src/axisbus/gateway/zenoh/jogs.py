@@ -1,4 +1,4 @@
-"""Jogs of a fleet: each lives 0.2 s from the last of its queries, and a press that was silent, halted or late is over."""
+"""Jogs of a fleet: each lasts 0.2 s from its last query; a press is over after silence, a halt or a late query."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ _AGAIN = "let go of the button, and press it again"
 
 
 class Jogs:
-    """Holds what each client keeps pressed, and the handle of its last jog; for one thread at a time."""
+    """Hold the pressed button of each client, and the handle of its last jog; for one thread at a time."""
 
     def __init__(self) -> None:
         self._held: OrderedDict[str, tuple[DeadMan, Handle | None]] = OrderedDict()
 
     def jog(self, machine: Machine, client: str, act: BridgeAction, now: float) -> None:
-        """Let an axis jog on, or begin to, by one query of a client; ``now`` in s, monotonic. Does not block.
+        """Start or continue a jog by one query of a client; ``now`` in s, monotonic. Does not block.
 
         Raises:
-            StateError: its press is over, or the query comes too late.
-            AxisbusError: what ended the jog of this press; or as ``Axis.jog``.
+            StateError: the press is over, or the query comes too late.
+            AxisbusError: the error that ended the jog of this press; or as ``Axis.jog``.
         """
         before, last = self._held.get(client, (DeadMan(), None))
         values, axis = act.values, act.axes[0]
@@ -49,7 +49,7 @@ class Jogs:
         self._keep(client, after, handle)
 
     def stopped(self, axes: Collection[str]) -> None:
-        """Axes were halted or stopped by somebody: whoever holds one of them must press again."""
+        """Note that axes were halted or stopped: clients that jog one of them must press again."""
         for client, (deadman, handle) in self._held.items():
             if deadman.axis in axes:
                 self._held[client] = deadman.ended(), handle
@@ -62,7 +62,7 @@ class Jogs:
 
     @staticmethod
     def _broken(handle: Handle | None) -> AxisbusError | None:
-        """Return what ended the last jog but another one of the same press, and the end of its time."""
+        """Return the error that ended the last jog, unless the next jog of the same press replaced it, or its time ended."""
         error = None if handle is None or handle.busy else handle.exception()
         return None if isinstance(error, Replaced) else error
 

@@ -1,11 +1,11 @@
-"""Who may command a cell: one client at a time, for a second from each time that it says so. No clock, no network.
+"""The lease of a cell: one client at a time has control, for 1 s from each renewal. No clock, no network.
 
 Theory of operation
 -------------------
-``FREE`` -> ``TAKING`` (the machine's command is being had, which may take its time: what moves halts first) -> ``HELD`` ->
-``ENDING`` (what the client has set going is being halted) -> ``FREE``. Whoever holds it here asks ``CellLease.over`` again and
-again, in a thread that no network can hold up; each command asks ``holds`` as of the time at which it is given, so that nothing of
-a lease that has run out is done, even where nobody has noticed yet. A token is another at each taking.
+``FREE`` -> ``TAKING`` (control of the machine is being taken, which may take long: moving axes halt first) -> ``HELD`` ->
+``ENDING`` (the axes that the client has moved are being halted) -> ``FREE``. A thread that the network cannot block calls
+``CellLease.over`` periodically. Each command calls ``holds`` with its own time, so that no command of an expired lease is executed,
+even if the expiry has not been noticed yet. The token is different each time that the lease is taken.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from enum import Enum
 
 from axisbus.errors import AxisbusError, OwnershipError
 
-SECONDS = 1.0  # that a lease lasts from each renewal
+SECONDS = 1.0  # from each renewal to the end of a lease
 _RENEW = "take the lease, and renew it at least three times a second"
 
 
 class LeasePhase(Enum):
-    """How far a lease is."""
+    """The phase of a lease."""
 
     FREE = "nobody has the lease"
     TAKING = "it is being taken: what moves is being halted"
@@ -30,7 +30,7 @@ class LeasePhase(Enum):
 
 @dataclass(frozen=True, slots=True)
 class CellLease:
-    """The lease of a cell; ``client`` has it, called ``who`` for people, until ``until`` (s, monotonic) and by ``token``."""
+    """The lease of a cell; ``client`` holds it, called ``who`` for people, until ``until`` (s, monotonic), with ``token``."""
 
     phase: LeasePhase = LeasePhase.FREE
     client: str = ""
@@ -40,40 +40,40 @@ class CellLease:
 
     @property
     def holder(self) -> str | None:
-        """Who has it or is getting it, for people; None where nobody has."""
+        """The client that has it or is getting it, for people; None if there is none."""
         return self.who if self.phase in (LeasePhase.TAKING, LeasePhase.HELD) else None
 
     def seconds(self, now: float) -> float:
-        """Return for how long it lasts from now."""
+        """Return the seconds until it expires."""
         return max(0.0, self.until - now) if self.phase is LeasePhase.HELD else 0.0
 
     def over(self, now: float) -> bool:
-        """Whether it has run out."""
+        """Whether it has expired."""
         return self.phase is LeasePhase.HELD and now >= self.until
 
     def holds(self, client: str, token: str, now: float) -> bool:
-        """Whether a client has it now, by this token."""
+        """Whether a client holds it now, with this token."""
         held = self.phase is LeasePhase.HELD and now < self.until
         return held and client == self.client and token == self.token
 
     def renewed(self, now: float) -> CellLease:
-        """Return it as it is once its holder has said that it is there."""
+        """Return the lease after a renewal by its holder."""
         return replace(self, until=now + SECONDS)
 
     def taking(self, client: str, who: str) -> CellLease:
-        """Return it while the command is being had for a client."""
+        """Return the lease while control is being taken for a client."""
         return CellLease(LeasePhase.TAKING, client, who or client)
 
     def taken(self, token: str, now: float) -> CellLease:
-        """Return it once that client has it."""
+        """Return the lease when that client has it."""
         return replace(self, phase=LeasePhase.HELD, token=token, until=now + SECONDS)
 
     def ending(self) -> CellLease:
-        """Return it while what was moved under it is being halted."""
+        """Return the lease while the axes moved under it are being halted."""
         return replace(self, phase=LeasePhase.ENDING, token="", until=0.0)
 
     def refusal(self, client: str, *, over: bool) -> OwnershipError | None:
-        """Return why a client may not take it, None where it may, at once or when it has ended."""
+        """Return why a client may not take it; None if it may, at once or after its end."""
         if self.phase in (LeasePhase.FREE, LeasePhase.ENDING) or (self.phase is LeasePhase.HELD and over):
             return None
         if self.phase is LeasePhase.TAKING:

@@ -1,11 +1,11 @@
-"""The lease of a cell in time: the machine's command is had for its holder, and given back the moment that it is over.
+"""Manage the lease of a cell: take control of the machine for its holder, and release it as soon as the lease is over.
 
 Theory of operation
 -------------------
-Whoever has the lease has a guest of its own at the machine, with the command; the guest's end is the end of the lease. So what the
-core does where a program that commands is gone is done for a client that is gone, and for a bridge that was killed as well: what
-moves halts. A thread that does nothing else looks when the lease runs out; it waits for no network. With each look the guest
-promises to be heard again (``hold_to_run``): where this process is suspended, hangs or starves, the core halts in its place.
+The holder of the lease has a client of its own at the machine, with control; the lease ends with this client. So if a client on the
+network is lost, or this bridge is killed, the core reacts as it does to the loss of any program with control: it halts the moving
+axes. A thread that does nothing else checks whether the lease has expired; it never waits for the network. With each check the
+client promises to report again in time (``hold_to_run``): if this process is suspended, hangs or starves, the core halts the axes.
 """
 
 from __future__ import annotations
@@ -24,37 +24,37 @@ from axisbus.machine.machine import Machine
 
 log = logging.getLogger("axisbus")
 _RELEASED = "released the lease"
-_LOOK = 0.1  # seconds between two looks of the thread, where nothing wakes it
-_MARGIN = 0.25  # seconds after the end of the lease, at which the core halts by itself
-_CONTINUOUS = 0.3  # seconds without a word of this process after which the core halts an axis that goes on until it is halted
+_LOOK = 0.1  # seconds between two checks of the thread if nothing wakes it
+_MARGIN = 0.25  # seconds after the end of the lease at which the core halts the axes automatically
+_CONTINUOUS = 0.3  # seconds without a report of this process after which the core halts an axis in a motion without an end
 Join = Callable[[bool], Machine]
 Answer = Callable[[AxisbusError | None], None]
 
 
 class Holding:
-    """Holds the lease, and the guest that commands under it; for any thread."""
+    """Hold the lease, and the client that has control under it; for any thread."""
 
     def __init__(self, join: Join, tell: Callable[[Happened], None]) -> None:
-        """``join`` joins the machine with its command (True: from whoever has it)."""
+        """``join`` joins the machine with control (True: take it from its holder)."""
         self._join = join
         self._tell = tell
         self._changed = threading.Condition()
         self._lease = CellLease()
         self._guest: Machine | None = None
         self._wanted: tuple[bool, Answer] | None = None
-        self._next = "", ""  # who wants it: the client, and what it is called
+        self._next = "", ""  # the client that requests it, and its name
         self._why = ""
         self._closing = False
         self._takes = threading.Thread(target=self._take_again, name="lease taking", daemon=True)
         self._watches = threading.Thread(target=self._watch, name="lease", daemon=True)
 
     def start(self) -> None:
-        """Begin to watch."""
+        """Start the threads."""
         self._takes.start()
         self._watches.start()
 
     def close(self) -> None:
-        """End the lease, and the threads; blocks until what was moved under it halts, or is known not to."""
+        """End the lease and the threads; blocks until the axes moved under it are halted, or known not to be."""
         with self._changed:
             self._closing = True
             self._end("the bridge was ended")
@@ -64,18 +64,18 @@ class Holding:
 
     @property
     def lease(self) -> CellLease:
-        """The lease as it is now."""
+        """The present lease."""
         return self._lease
 
     @property
     def guest(self) -> Machine | None:
-        """The machine as its holder commands it; None while nobody does."""
+        """The machine with control for the holder; None while no client has the lease."""
         return self._guest if self._lease.phase is LeasePhase.HELD else None
 
-    # -- what a client asks for ----------------------------------------------------------------------------------------
+    # -- requests of clients -------------------------------------------------------------------------------------------
 
     def take(self, client: str, who: str, over: bool, answer: Answer) -> None:
-        """Let a client have the lease; ``answer`` is called once that is done, or why not, in whatever thread. Does not block."""
+        """Give a client the lease; ``answer`` is called when it has it, or with the refusal, in any thread. Does not block."""
         with self._changed:
             refused = self._lease.refusal(client, over=over)
             if refused is None and (self._closing or self._wanted is not None):
@@ -92,7 +92,7 @@ class Holding:
             answer(refused)
 
     def renew(self, client: str, token: str) -> AxisbusError | None:
-        """Its holder is there; return why it is no holder."""
+        """Renew the lease of its holder; return the error if the client does not hold it."""
         with self._changed:
             now = time.monotonic()
             if not self._lease.holds(client, token, now):
@@ -102,7 +102,7 @@ class Holding:
             return None
 
     def release(self, client: str, token: str) -> AxisbusError | None:
-        """Its holder gives it back: what it has moved halts. Return why it is no holder; does not block."""
+        """Release the lease of its holder: the axes that it has moved halt. Return the error if it is not held; does not block."""
         with self._changed:
             now = time.monotonic()
             if not self._lease.holds(client, token, now):
@@ -111,14 +111,14 @@ class Holding:
             return None
 
     def lost(self, why: str) -> None:
-        """The machine's command is another program's, or the machine is gone; harmless where nobody has the lease."""
+        """End the lease: another program has control of the machine, or the machine is gone; harmless if no client has it."""
         with self._changed:
             self._end(why)
 
     # -- the threads ---------------------------------------------------------------------------------------------------
 
     def _end(self, why: str) -> None:
-        """Begin to end it (with the lock): its commands are refused from now on, and the core halts what they have moved."""
+        """Begin to end the lease (with the lock): its commands are refused from now on, and the core halts their axes."""
         if self._lease.phase is not LeasePhase.HELD:
             return
         self._why = why
@@ -128,13 +128,13 @@ class Holding:
         self._changed.notify_all()
 
     def _hold(self) -> None:
-        """Let the core halt by itself where this process does not see to the end of the lease (with the lock)."""
+        """Make the core halt automatically if this process does not handle the end of the lease (with the lock)."""
         if self._guest is not None:
             left = self._lease.seconds(time.monotonic())
             self._guest.hold_to_run(max(0.0, left) + _MARGIN, _CONTINUOUS)  # does not block
 
     def _watch(self) -> None:
-        """End the lease when it runs out; nothing in here waits for anybody but the lock."""
+        """End the lease when it expires; this thread waits only for the lock."""
         while True:
             with self._changed:
                 held = self._lease.phase is LeasePhase.HELD
@@ -148,7 +148,7 @@ class Holding:
                 self._changed.wait(max(0.001, wait))
 
     def _take_again(self) -> None:
-        """Give the command back where the lease ends, and have it where it is wanted: both may take their time."""
+        """Release control when the lease ends, and take it when it is requested: both may block for long."""
         while True:
             with self._changed:
                 self._changed.wait_for(self._due)
@@ -172,12 +172,12 @@ class Holding:
         guest, why, who = self._guest, self._why, self._lease.who
         severity: Severity = (
             "info" if why.endswith(_RELEASED) else "warning"
-        )  # the one is usual, the other is not
+        )  # a release is normal, other ends are not
         self._tell(Happened("lease", f"{who} has the lease no more: {why}", severity=severity))
         try:
             if guest is not None:
                 guest.close()
-        except BaseException as error:  # noqa: BLE001  # the machine may be gone: then nothing is to be given back
+        except BaseException as error:  # noqa: BLE001  # the machine may be gone: then there is nothing to release
             log.info("while the command was given back: %s", error)
         with self._changed:
             self._guest = None

@@ -1,4 +1,4 @@
-"""Objects of nodes for a fleet: read by anybody, written with care by whoever has the lease; one transfer after the other."""
+"""Objects of nodes for a fleet: any client may read them, the holder of the lease may write them; one transfer at a time."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Work = Callable[[], ObjectAnswer]
 
 
 class TransferWorker:
-    """Carries transfers out one after the other in a thread of its own; ``put`` is for any thread."""
+    """Carry out one transfer after the other in a thread of its own; ``put`` is for any thread."""
 
     def __init__(self) -> None:
         self._work: queue.Queue[tuple[Work, Reply] | None] = queue.Queue(_WAITING)
@@ -36,14 +36,14 @@ class TransferWorker:
         self._thread.start()
 
     def put(self, work: Work, reply: Reply) -> None:
-        """Let a transfer be carried out and answered; it is refused where too many wait. Does not block."""
+        """Queue a transfer and answer it; refused if too many are waiting. Does not block."""
         try:
             self._work.put_nowait((work, reply))
         except queue.Full:
             reply(answer_of(StateError("too many transfers wait", remedy="ask again in a moment")))
 
     def close(self) -> None:
-        """End; what waits is not done. A transfer under way is not waited for."""
+        """End without carrying out the waiting transfers, and without waiting for the running one."""
         try:
             while True:
                 self._work.get_nowait()
@@ -64,15 +64,15 @@ class TransferWorker:
 
 
 def answer_of(error: AxisbusError) -> ObjectAnswer:
-    """Return what tells an error."""
+    """Return the answer that reports an error."""
     return ObjectAnswer(error=to_fields(error))
 
 
 def read(machine: Machine, node_id: int, index: int, subindex: int) -> ObjectAnswer:
-    """Read an object; blocks for a transfer.
+    """Read an object; blocks for one transfer.
 
     Raises:
-        ArgumentError: its EDS does not have it, or it is not to be read.
+        ArgumentError: the EDS does not have the object, or it must not be read.
         StateError, SdoError: as ``MachineSdo.read``.
     """
     node, entry = _entry(machine, node_id, index, subindex)
@@ -81,10 +81,10 @@ def read(machine: Machine, node_id: int, index: int, subindex: int) -> ObjectAns
 
 
 def write(machine: Machine, node_id: int, index: int, subindex: int, value: Value) -> ObjectAnswer:
-    """Write an object by a machine that has the command, and read it back; blocks for some transfers.
+    """Write an object through a client that has control, and read it back; blocks for some transfers.
 
     Raises:
-        ArgumentError, StateError: it is not to be written, now or ever, or not by this value; nothing was sent.
+        ArgumentError, StateError: the object must not be written, now or ever, or not with this value; nothing was sent.
         SdoError: as ``MachineSdo.download``.
     """
     node, entry = _entry(machine, node_id, index, subindex)
@@ -111,7 +111,7 @@ def _entry(machine: Machine, node_id: int, index: int, subindex: int) -> tuple[M
 
 
 def _typed(entry: DictionaryEntry, value: Value) -> Typed:
-    """Return a value as the object's type takes it; octets are given as hexadecimal digits."""
+    """Return a value in the type of the object; octets are given as hexadecimal digits."""
     kind, told = entry.data_type, type(value)
     if kind is None or value is None:
         raise ArgumentError(f"{entry}: it has no type by its EDS, or the value is missing")
@@ -137,5 +137,5 @@ def _shown(value: Typed) -> ObjectAnswer:
     if isinstance(value, bytes):
         return ObjectAnswer(hex=value.hex())
     if isinstance(value, float) and not math.isfinite(value):
-        return ObjectAnswer(value=str(value))  # JSON has no such number
+        return ObjectAnswer(value=str(value))  # JSON has no NaN and no infinity
     return ObjectAnswer(value=value)

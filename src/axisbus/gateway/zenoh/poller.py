@@ -1,4 +1,4 @@
-"""Looks at a machine for what it does not tell by itself: what has happened, and who has its command."""
+"""Poll a machine for its events, and for the program that has control."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from axisbus.machine.machine import Machine
 
 log = logging.getLogger("axisbus")
 _EVERY = 0.25  # seconds
-_LEAST = 0.05  # between two looks, also where there is always something new
-_BEGAN = 1e-3  # by which the clocks of a list may differ
+_LEAST = 0.05  # seconds between two polls, even if there is always something new
+_BEGAN = 1e-3  # seconds by which the time stamps of a list may differ
 
 
 class MachinePoller:
-    """Looks again and again in a thread of its own, which waits for answers of the core; ``wake`` is for any thread."""
+    """Poll in a thread of its own, which may wait for answers of the core; ``wake`` is for any thread."""
 
     def __init__(self, machine: Machine, holding: Holding, tell: Callable[[Happened], None]) -> None:
         self._machine = machine
@@ -35,22 +35,22 @@ class MachinePoller:
         self._thread = threading.Thread(target=self._run, name="looking", daemon=True)
 
     def start(self) -> None:
-        """Begin."""
+        """Start the thread."""
         self._thread.start()
 
     def wake(self) -> None:
-        """Look now; does not block."""
+        """Poll now; does not block."""
         self._woken.set()
 
     def close(self) -> None:
-        """Look once more, and end; blocks for a moment."""
+        """Poll once more, and end; blocks briefly."""
         self._over = True
         self._woken.set()
         self._thread.join(2.0)
 
     @property
     def commander(self) -> str | None:
-        """Which program at the machine has its command, but for this one; as of the last look."""
+        """The program at the machine that has control, other than this one; as of the last poll."""
         return self._commander
 
     def _run(self) -> None:

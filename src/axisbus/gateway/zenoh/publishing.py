@@ -1,4 +1,4 @@
-"""What a cell tells without being asked: the state of its axes, at most a hundred times a second, and what has happened."""
+"""Publish the states of a cell's axes, at most a hundred times per second, and its events."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from axisbus.motion.snapshot import Snapshot
 
 log = logging.getLogger("axisbus")
 PERIOD = 0.01  # seconds between two states of an axis
-_SAME = 0.1  # and where the image is no newer: only its age has changed
-_LOOK = 0.1  # between two looks whether anybody hears it
+_SAME = 0.1  # seconds, the same if the process image is unchanged and only its age has changed
+_LOOK = 0.1  # seconds between two checks for subscribers
 Counts = dict[str, Iterator[int]]  # of the states of each axis, in one run of a bridge
 _JSON = zenoh.Encoding.APPLICATION_JSON
 
 
 class EventPublisher:
-    """Numbers what has happened, keeps it, and publishes it in its order; ``tell`` is for any thread."""
+    """Number events, store them, and publish them in order; ``tell`` is for any thread."""
 
     def __init__(self, session: zenoh.Session, keys: ZenohCellKeys, bridge: str) -> None:
         self.kept = BridgeEventLog(bridge)
@@ -43,11 +43,11 @@ class EventPublisher:
         self._thread.start()
 
     def tell(self, happened: Happened) -> None:
-        """Let everybody know; does not block."""
+        """Publish an event; does not block."""
         self._told.put(happened)
 
     def close(self) -> None:
-        """Publish what waits, and end; blocks for a moment, for longer where somebody does not read."""
+        """Publish the waiting events, and end; blocks briefly, longer if a subscriber does not read."""
         self._told.put(None)
         self._thread.join(2.0)
         self._publisher.undeclare()  # type: ignore[no-untyped-call]
@@ -57,12 +57,12 @@ class EventPublisher:
             event: Event = self.kept.enter(happened, time.time())
             try:
                 self._publisher.put(msgspec.json.encode(event))
-            except Exception as error:  # noqa: BLE001  # it is kept, and can be asked for
+            except Exception as error:  # noqa: BLE001  # it is stored and can be queried
                 log.debug("an event could not be published: %s", error)
 
 
 class States:
-    """Publishes the states of a machine's axes in a thread of its own, where anybody hears them; ``of`` is for any thread."""
+    """Publish the states of a machine's axes in a thread of its own, if there are subscribers; ``of`` is for any thread."""
 
     def __init__(
         self,
@@ -73,9 +73,9 @@ class States:
         changed: Callable[[], None],
         counts: Counts,
     ) -> None:
-        """``changed`` is called where an axis has come into another state, by the thread.
+        """The thread calls ``changed`` when an axis has changed its state.
 
-        ``counts`` outlive a machine: whoever listens takes a lower number of the same bridge for an older state.
+        ``counts`` outlive a machine: subscribers take a lower number of the same bridge for an older state.
         """
         self._session = session
         self._keys = keys
@@ -87,17 +87,17 @@ class States:
         self._heard: frozenset[str] = frozenset()
         self._sent: dict[
             str, tuple[float, float]
-        ] = {}  # by axis: the time of the image, and when it was sent
+        ] = {}  # by axis: the time of the process image, and of its sending
         self._seen: dict[str, object] = {}
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, name="states", daemon=True)
 
     def start(self) -> None:
-        """Begin."""
+        """Start the thread."""
         self._thread.start()
 
     def close(self) -> None:
-        """End; blocks for a moment."""
+        """End the thread; blocks briefly."""
         self._over.set()
         self._thread.join(2.0)
         for publisher in self._publishers.values():
@@ -117,17 +117,17 @@ class States:
         due = look = time.monotonic()
         while not self._over.wait(max(0.0, due - time.monotonic())):
             now = time.monotonic()
-            due = max(due + PERIOD, now)  # what was missed is not caught up in a burst
+            due = max(due + PERIOD, now)  # missed states are not made up for in a burst
             try:
                 if now >= look:
                     look = now + _LOOK
                     self._look()
                 self._publish(now)
-            except Exception as error:  # noqa: BLE001  # the machine ends, or the session: both are told elsewhere
+            except Exception as error:  # noqa: BLE001  # the machine or the session ends: both are reported elsewhere
                 log.debug("states could not be published: %s", error)
 
     def _look(self) -> None:
-        """See which axes anybody hears, and give one that has joined a publisher."""
+        """Determine which axes have subscribers, and declare a publisher for new axes."""
         for axis in self._machine.session.axes:
             if axis not in self._publishers:
                 self._publishers[axis] = self._session.declare_publisher(

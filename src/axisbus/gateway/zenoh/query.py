@@ -1,4 +1,4 @@
-"""Queries and messages of Zenoh as the protocol's own: read with their sizes counted, and answered once."""
+"""Queries of Zenoh for this protocol: decoded with limited size, and answered once."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _JSON = zenoh.Encoding.APPLICATION_JSON
 
 
 class ZenohQuery:
-    """One query; to be answered or let go of, by any thread."""
+    """One query; to be answered or dropped, by any thread."""
 
     def __init__(self, query: zenoh.Query) -> None:
         self._query = query
@@ -27,11 +27,11 @@ class ZenohQuery:
 
     @property
     def concrete(self) -> bool:
-        """Whether it is about one key."""
+        """Whether it names exactly one key."""
         return "*" not in self.key and "$" not in self.key
 
     def intersects(self, key: str) -> bool:
-        """Whether it asks for a key."""
+        """Whether it matches a key."""
         return self._query.key_expr.intersects(key)
 
     def parameter(self, name: str) -> str | None:
@@ -40,10 +40,10 @@ class ZenohQuery:
 
     @property
     def data(self) -> bytes:
-        """What it brings; empty where nothing.
+        """The payload; empty if there is none.
 
         Raises:
-            ArgumentError: it is too much.
+            ArgumentError: the payload is too large.
         """
         payload = self._query.payload
         if payload is None:
@@ -56,10 +56,10 @@ class ZenohQuery:
         return payload.to_bytes()
 
     def message(self, kind: type[Message]) -> Message:
-        """Return what it brings as a message.
+        """Return the payload as a message.
 
         Raises:
-            ArgumentError: it is none.
+            ArgumentError: the payload is not a message of this kind.
         """
         try:
             return msgspec.json.decode(self.data, type=kind)
@@ -69,16 +69,16 @@ class ZenohQuery:
             ) from error
 
     def answer(self, key: str, message: msgspec.Struct, *, last: bool = True) -> None:
-        """Answer it on a key; ``last``: it has no further answer. What does not reach whoever asked is passed over."""
+        """Answer on a key; ``last``: there is no further answer. Errors are ignored, because the client may be gone."""
         try:
             self._query.reply(key, msgspec.json.encode(message), encoding=_JSON)
-        except Exception as error:  # noqa: BLE001  # whoever asked is gone, or the session
+        except Exception as error:  # noqa: BLE001  # the client or the session is gone
             log.debug("an answer on %s could not be given: %s", key, error)
         if last:
             self.drop()
 
     def drop(self) -> None:
-        """Let go of it; harmless when repeated."""
+        """Drop the query; harmless when repeated."""
         try:
             self._query.drop()  # type: ignore[no-untyped-call]
         except Exception as error:  # noqa: BLE001
@@ -86,7 +86,7 @@ class ZenohQuery:
 
 
 def heard(take: Callable[[ZenohQuery], None]) -> Callable[[zenoh.Query], None]:
-    """Return a callback of a queryable: whatever a query brings, the next one is heard."""
+    """Return a callback of a queryable that survives any error in a query."""
 
     def hear(query: zenoh.Query) -> None:
         asked = ZenohQuery(query)

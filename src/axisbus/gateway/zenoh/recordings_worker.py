@@ -1,6 +1,6 @@
-"""``python -m axisbus.gateway.zenoh.recordings_worker FOLDER``: answers a question about recordings (standard input and output).
+"""``python -m axisbus.gateway.zenoh.recordings_worker FOLDER``: answer a query about recordings (standard input and output).
 
-A process of its own, of little weight with the operating system: a recording is minutes of work for one that commands a machine.
+This is a process of its own with low priority, because reading a recording may take minutes, and the bridge commands a machine.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _NICE = 15
 
 
 def answer(folder: Path, ask: HistoryAsk) -> HistoryAnswer:
-    """Return what is asked for; an error is one of the things that it may come to. Blocks."""
+    """Return the answer to a query; an error is a possible answer. Blocks."""
     try:
         if not ask.recording:
             return HistoryAnswer(recordings=samples.recordings(folder))
@@ -31,7 +31,7 @@ def answer(folder: Path, ask: HistoryAsk) -> HistoryAnswer:
 
 
 def main() -> int:
-    """Read one question, and answer it."""
+    """Read one query, and answer it."""
     if hasattr(os, "nice"):
         os.nice(_NICE)
     ask = msgspec.json.decode(sys.stdin.buffer.read(), type=HistoryAsk)

@@ -1,4 +1,4 @@
-"""What the core says of this process, left out of what is told to others: there it is who has the lease that counts."""
+"""Remove this process from texts of the core before they are sent: for the network, the holder of the lease counts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def without(text: str) -> str:
 
 
 def fields_of(error: AxisbusError) -> ErrorFields:
-    """Return an error as plain values, its texts without this process."""
+    """Return an error as plain values, with this process removed from its texts."""
     found = to_fields(error)
     told = {name: without(one) if isinstance(one, str) else one for name, one in found.fields.items()}
     return msgspec.structs.replace(found, fields=told)

@@ -1,4 +1,4 @@
-"""Samples of a recording for a fleet: which recordings a folder has, and what of one is asked for."""
+"""Samples of a recording for a fleet: list the recordings of a folder, and select samples of one."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from axisbus.fleet.messages import HistoryAnswer, HistoryAsk, RecordingInfo
 from axisbus.record.recording_data import Recorded
 
 SUFFIX = ".mcap"
-LARGEST = 256 * 1024 * 1024  # bytes of a recording that is read for somebody on the network
+LARGEST = 256 * 1024 * 1024  # bytes, the largest recording that is read for clients
 MOST = 100_000  # values in an answer
 _LISTED = 1000
 
 
 def recordings(folder: Path) -> tuple[RecordingInfo, ...]:
-    """Return the recordings that a folder has, the newest first.
+    """Return the recordings in a folder, newest first.
 
     Raises:
-        StateError: it cannot be read.
+        StateError: the folder cannot be read.
     """
     try:
         files = [path for path in folder.iterdir() if path.suffix == SUFFIX and path.is_file()]
@@ -34,11 +34,11 @@ def recordings(folder: Path) -> tuple[RecordingInfo, ...]:
 
 
 def chosen(folder: Path, name: str) -> Path:
-    """Return the file of a recording by its name in the list: nothing outside of the folder has one.
+    """Return the file of a recording by its name in the list, so that no file outside the folder can be chosen.
 
     Raises:
-        ArgumentError: there is none of this name.
-        StateError: it is too large.
+        ArgumentError: there is no recording of this name.
+        StateError: the recording is too large.
     """
     there = next((each for each in recordings(folder) if each.name == name), None)
     if there is None:
@@ -55,12 +55,12 @@ def chosen(folder: Path, name: str) -> Path:
 
 
 def samples(recorded: Recorded, ask: HistoryAsk) -> HistoryAnswer:
-    """Return the signals that are asked for, between two times, evenly left out where there are more than asked for.
+    """Return the requested signals between two times, evenly thinned out if there are more samples than requested.
 
-    All of one answer are of the times of the first signal's axis or object; another one's are those nearest before these.
+    All samples have the times of the first signal's axis or object; the other signals have their latest values at these times.
 
     Raises:
-        ArgumentError: there is no such signal, or no number to it.
+        ArgumentError: there is no such signal, or no signal is given.
     """
     if not ask.signals:
         raise ArgumentError("which signals?", remedy=f"there are {', '.join(_names(recorded)) or 'none'}")
@@ -98,7 +98,7 @@ def _names(recorded: Recorded) -> list[str]:
 
 
 def _at(taken: Sequence[float], times: Sequence[float], values: Sequence[Any]) -> tuple[float | None, ...]:
-    """Return the values that were the newest at these times, which go up; None where there was none, or no number."""
+    """Return the latest values at these ascending times; None if there was none yet, or it is not a number."""
     found, at = list[float | None](), 0
     for time in taken:
         while at < len(times) and times[at] <= time:

@@ -1,4 +1,4 @@
-"""What a cell answers while its machine runs: who it is, states, the lease, commands, objects."""
+"""The queries that a cell answers while its machine runs: description, states, lease, commands, objects."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from axisbus.machine.machine import Machine
 
 
 class ZenohService:
-    """Holds the queryables of a machine; each is heard in a thread of its own, and none of them waits for the machine."""
+    """Hold the queryables of a machine; each is processed in a thread of its own, and none waits for the machine."""
 
     def __init__(
         self,
@@ -46,7 +46,7 @@ class ZenohService:
         info: Callable[[], CellInfo],
         commander: Callable[[], str | None],
     ) -> None:
-        """``commander``: what has the machine's command, for people, where nobody on the network has."""
+        """``commander``: returns the program that has control of the machine, for people, if no client on the network has it."""
         self._keys = keys
         self._machine = machine
         self._holding = holding
@@ -63,7 +63,7 @@ class ZenohService:
             keys.objects: self._object,
             **{
                 keys.command(verb): self._command for verb in STOPS
-            },  # a crowd of others holds none of them up
+            },  # so that a flood of other commands delays no stop
             keys.command("*"): self._command_but_stops,
         }
         for key, take in takes.items():
@@ -71,7 +71,7 @@ class ZenohService:
             self._declared.callback(queryable.undeclare)
 
     def close(self) -> None:
-        """Answer nothing more; blocks for a moment."""
+        """Answer no more queries; blocks briefly."""
         self._declared.close()
 
     def _state(self, asked: ZenohQuery) -> None:
@@ -84,7 +84,7 @@ class ZenohService:
 
     def _command_but_stops(self, asked: ZenohQuery) -> None:
         if asked.key.rpartition("/")[2] in STOPS or not asked.concrete:
-            asked.drop()  # it is heard elsewhere; and nothing but a stop is for several cells
+            asked.drop()  # a stop has its own queryable, and only a stop may address several cells
         else:
             self._command(asked)
 
@@ -132,9 +132,10 @@ class ZenohService:
             tell(ask.client if refused is None else "", refused)
 
     def _told(self, client: str, error: AxisbusError | None, received: float) -> LeaseAnswer:
-        """Return how the lease is; with its token for ``client`` alone, where that has it.
+        """Return the state of the lease; with its token only for ``client``, if that client has it.
 
-        Its seconds count from when the query came: whoever asked counts from when it was sent, and so ends before we do.
+        Its seconds count from the arrival of the query. The client counts from the sending, and so its lease ends earlier than
+        here.
         """
         lease = self._holding.lease
         token = lease.token if client and error is None and lease.client == client else ""
@@ -147,7 +148,7 @@ class ZenohService:
 
     def _object(self, asked: ZenohQuery) -> None:
         if not asked.concrete:
-            asked.drop()  # one transfer for each object of each node is not for one query
+            asked.drop()  # one query must not cause a transfer for each object of each node
             return
         try:
             node, index, subindex = _place(asked.key)
@@ -176,7 +177,7 @@ class ZenohService:
 
 
 class _Stop(msgspec.Struct, frozen=True):
-    """What is looked at of a stop."""
+    """The fields of a stop that are read."""
 
     client: str = ""
     id: int = 0
@@ -185,7 +186,7 @@ class _Stop(msgspec.Struct, frozen=True):
 
 
 def _stop(verb: str, asked: ZenohQuery) -> CommandAsk:
-    """Return what a stop is about; nothing beside its axes can spoil it, and one of all axes cannot be spoilt at all."""
+    """Return a stop as a command; no field but its axes can invalidate it, and a stop of all axes is always valid."""
     whole = verb.endswith(ALL)
     try:
         found = asked.message(_Stop) if asked.data else _Stop()
@@ -204,10 +205,10 @@ def _require_name(ask: LeaseAsk) -> None:
 
 
 def _place(key: str) -> tuple[int, int, int]:
-    """Return node, index and sub-index by the end of a key.
+    """Return node, index and sub-index from the end of a key.
 
     Raises:
-        ArgumentError: they are none.
+        ArgumentError: they are invalid.
     """
     node, index, subindex = key.split("/")[-3:]
     try:

@@ -1,4 +1,4 @@
-"""What an axis does, as a message: in its units, with its age, and nothing in it that is too old."""
+"""The state of an axis as a message: in its units, with its age, and without values that are too old."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.snapshot import Snapshot
 
 UNKNOWN = "unknown"
-OLD = 1.0  # seconds after which what an image says of states is not of now
+OLD = 1.0  # seconds; the states of an older process image are not valid
 
 
 def state_of(
@@ -23,9 +23,9 @@ def state_of(
     bridge: str,
     silent: bool,
 ) -> AxisStateMessage:
-    """Return the state of an axis by its image; ``now`` (s, monotonic) of this computer, ``clock`` for people.
+    """Return the state of an axis from its process image; ``now`` (s, monotonic) of this computer, ``clock`` for people.
 
-    ``silent``: whether the image is no longer of now, so that only its age can be told.
+    ``silent``: the process image is out of date, so that only its age is reported.
     """
     age = max(0.0, now - snapshot.now)
     unit, error = parameters.units.position.unit, snapshot.error
@@ -52,7 +52,7 @@ def state_of(
 
 
 def info_of(axis: Axis, node: int | None) -> AxisInfo:
-    """Return what is known of an axis before it moves."""
+    """Return the description of an axis."""
     limits = axis.limits
     found = {
         "min_position": None if limits.position is None else limits.position[0],

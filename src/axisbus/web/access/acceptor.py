@@ -2,11 +2,11 @@
 
 Theory of operation
 -------------------
-This module accepts the connections of the page's server, because asyncio accepts all waiting connections at once, and waits a minute
-for a TLS handshake that never starts. Here, each round of the event loop accepts one connection. If there are too many, the oldest
-connection of the client with the most is closed; all clients that the gate has not admitted count as one. So a flood closes only its
-own connections, and a new connection has as many rounds as the limit of connections to send its request. A connection that is the
-socket of a page is not closed: the gate limits these by browser.
+This module accepts the connections of the page's server, because asyncio accepts all waiting connections at once, and waits a
+minute for a TLS handshake that never starts. Here, each round of the event loop accepts one connection. If there are too many, the
+oldest connection of the client with the most is closed; all clients that the gate has not admitted count as one. So a flood closes
+only its own connections, and a new connection has as many rounds as the limit of connections to send its request. A connection that
+is the socket of a page is not closed: the gate limits these by browser.
 """
 
 from __future__ import annotations
@@ -37,7 +37,10 @@ Peer = tuple[str, int]
 
 @dataclass(slots=True)
 class Connection:
-    """An open connection; ``session`` is the number of its browser once the gate has admitted it, ``kept``: it is a page's socket."""
+    """An open connection; ``session`` is the number of its browser once the gate has admitted it.
+
+    ``kept``: it is the socket of a page.
+    """
 
     line: socket.socket
     session: int | None = None

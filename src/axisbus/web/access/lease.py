@@ -35,7 +35,7 @@ class PageLease:
         return self.holder is not None and self.holder.number == seat.number
 
     def taken(self, seat: Seat, *, over: bool) -> PageLease | Refusal:
-        """Return the lease of ``seat``; ``over``: take the controls from the page that has them, which needs an explicit request."""
+        """Return the lease of ``seat``; ``over``: take the controls from the page that has them, by an explicit request."""
         if seat.role is not Role.OPERATOR:
             return Refusal(
                 "this page looks on: it has no controls to take",

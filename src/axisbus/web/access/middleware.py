@@ -90,7 +90,7 @@ class AccessMiddleware:
             self._let_in(scope.get("client"), session.number, kept=scope["type"] == "websocket")
 
     async def _welcome(self, send: Send, entered: Entered) -> None:
-        """Send the cookie; the browser then loads the page itself, because a strict cookie is not sent if another site started the request."""
+        """Send the cookie, and let the page reload itself: a strict cookie is not sent with a request that another site started."""
         secure = "; Secure" if self._door.scheme == "https" else ""
         cookie = f"{self._cookie}={entered.cookie}; HttpOnly; SameSite=Strict; Path=/{secure}"
         page = "<!doctype html><meta charset=utf-8><title>axisbus</title><meta http-equiv=refresh content='0;url=/'>"
@@ -169,7 +169,7 @@ def _bounded(receive: Receive, left: int) -> Receive:
 
 
 def _watched(receive: Receive, send: Send, bucket: Bucket) -> Receive:
-    """Return a ``receive`` that closes a socket with too large or too many messages; such sockets carry no commands, so no stop is lost."""
+    """Return a ``receive`` that closes a socket with too large or too many messages; no stop is sent by such a socket."""
 
     async def received() -> Message:
         message = await receive()

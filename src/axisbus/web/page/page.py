@@ -117,7 +117,7 @@ def _news() -> None:
 def _question() -> None:
     with Tag("dialog", id="question", aria_labelledby="asked"):
         Tag("p", id="asked")
-        with Tag("div", classes="row stops"):  # nothing behind a question can be pressed
+        with Tag("div", classes="row stops"):  # nothing behind a question can be clicked
             button("Halt all", "halt_all", "halt")
             button("Quick stop (space)", "quick_stop_all", "stop")
         with Tag("div", classes="row"):

@@ -1,4 +1,4 @@
-"""The view of the scope: which signals, what starts and stops it, the picture that its script draws, and the values in words."""
+"""The view of the scope: the signals, start and stop, the diagram that its script draws, and the values as text."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _KEYS = (
 
 
 def scope_view(cell: str) -> Tag:
-    """Put the view into the page; return where the signals go to. ``cell`` is the name by which a browser keeps its choice."""
+    """Put the view into the page; return the container of the signals. ``cell`` is the name for a browser's stored selection."""
     with Tag("section", data_view=VIEW, aria_label="Scope", data_cell=cell, data_most=str(MOST)):
         Tag("h1", "Scope")
         signals = Tag("div", classes="signals")

@@ -1,4 +1,4 @@
-"""HTML elements of the page by name; their texts are never taken for markup."""
+"""HTML elements of the page by name; their texts are always escaped."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class Tag(TextElement):
     """An element with a text and attributes; an underscore in the name of an attribute is a hyphen."""
 
     def __init__(self, name: str, text: str = "", classes: str = "", **attributes: str) -> None:
-        """Put it into the element that is open (``with``)."""
+        """Put the element into the open one (``with``)."""
         super().__init__(tag=name, text=text)
         if classes:
             self.classes(classes)
@@ -20,12 +20,12 @@ class Tag(TextElement):
 
 
 def button(text: str, do: str, classes: str = "", **attributes: str) -> Tag:
-    """Return a button that asks for something; the page's own script sends it."""
+    """Return a button that sends a request; the page's own script sends it."""
     return Tag("button", text, classes, type="button", data_do=do, **attributes)
 
 
 def live(name: str, classes: str = "") -> Tag:
-    """Return a place for a value that the page's own script fills."""
+    """Return an element for a value that the page's own script fills in."""
     return Tag("output", "", f"live {classes}", data_live=name)
 
 

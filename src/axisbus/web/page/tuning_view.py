@@ -1,4 +1,4 @@
-"""The view of tuning: a step of an axis, the gains that are looked at, the picture that its script draws, and the figures."""
+"""The view of tuning: a step of an axis, the observed gains, the diagram that its script draws, and the figures."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from axisbus.web.page.tags import Tag, scrolled, select
 from axisbus.web.tuning.metrics import FIGURES
 
 VIEW = "tuning"
-_GAINS, _ROWS = 6, 20  # objects that are looked at, and trials that are kept by the browser
+_GAINS, _ROWS = 6, 20  # the most observed objects, and the most trials that the browser stores
 _KINDS = (("position", "position"), ("velocity", "velocity"))
 _FIELDS = ("distance", "velocity", "acceleration", "seconds")
 _HINT = (
@@ -23,7 +23,7 @@ _LINES = f"Time counts from when the axis is seen to go. It has settled where it
 
 
 def tuning_view(machine: Machine, cell: str) -> None:
-    """Put the view into the page; ``cell`` is the name by which a browser keeps the gains that were chosen."""
+    """Put the view into the page; ``cell`` is the name under which a browser stores the selected gains."""
     with Tag(
         "section",
         data_view=VIEW,

@@ -50,16 +50,16 @@ class ScopeBuffer:
 
     def __init__(self, kept: int = KEPT) -> None:
         self._kept: deque[ScopeCycle] = deque(maxlen=kept)
-        self.end = 0  # the number that the next one has
+        self.end = 0  # the number of the next cycle
 
     def add(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:
-        """Keep one cycle; for ``Session.observe``."""
+        """Store one cycle; for ``Session.observe``."""
         self._kept.append(ScopeCycle(self.end, now, dict(snapshots)))
         self.end += 1
 
     def since(self, at: int, most: int) -> Fetched:
-        """Return at most so many of the cycles from number ``at`` on."""
-        there = self._kept.copy()  # in one step, whatever is added meanwhile
+        """Return at most ``most`` cycles, beginning with number ``at``."""
+        there = self._kept.copy()  # atomic: the other thread may add cycles
         if not there or there[-1].number < at:
             return Fetched((), 0, at)
         first = there[0].number

@@ -1,4 +1,4 @@
-"""The scope's sockets: each page gets every cycle of the signals that it chose, in thirty batches a second."""
+"""The scope's sockets: each page gets every cycle of its selected signals, in thirty batches per second."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ _PERIOD = 1.0 / 30.0  # s
 
 
 class Hub:
-    """Holds the last cycles while anybody looks at them; nothing is kept while nobody does. Its sockets live in one event loop."""
+    """Buffer the last cycles while a page observes them, and nothing otherwise. Its sockets belong to one event loop."""
 
     def __init__(self, machine: Machine) -> None:
         """Nothing happens before ``serve``."""
         self._machine = machine
         self._cycles = ScopeBuffer()
         self._looking = 0
-        # A batch may be longer than usual, after a page was slow, but no longer than it can catch up by.
+        # After a page was slow, a batch may be longer than usual, but only as long as needed to catch up.
         self._most = max(64, math.ceil(4 * _PERIOD / machine.cell.bus.scan_period))
 
     async def serve(self, socket: WebSocket) -> None:
-        """Serve one page until it is gone; each message that it sends is a choice, and one that is none ends it."""
+        """Serve one page until it disconnects; each message selects signals, and an invalid message ends the connection."""
         await socket.accept()
         self._enter()
         sender: asyncio.Task[None] | None = None
@@ -60,7 +60,7 @@ class Hub:
                 if fetched.cycles:
                     async with asyncio.timeout(SLOW):
                         await socket.send_bytes(batch(choice.number, fetched.cycles, reader, fetched.lost))
-        except (TimeoutError, *GONE):  # it takes none, or is gone
+        except (TimeoutError, *GONE):  # the page accepts no data, or is gone
             await end(socket)
 
     def _enter(self) -> None:

@@ -1,4 +1,4 @@
-"""The request of the page for an MCAP file of what its scope shows; one is made at a time, and one for each browser."""
+"""HTTP request of the page for an MCAP file of its scope's samples; one at a time, and one for each browser."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from axisbus.web.access.middleware import SESSION
 from axisbus.web.scope.saving import mcap
 from axisbus.web.view.axes import explained
 
-_PATIENCE = 20.0  # seconds that the samples may take to come
+_PATIENCE = 20.0  # seconds that the upload of the samples may take
 _BUSY = StateError("another file of this browser is being made", remedy="save it again in a moment")
 
 
 class ScopeRoutes:
-    """Holds for which browsers a file is being made; used by one event loop."""
+    """Hold the browsers for which a file is being made; used by one event loop."""
 
     def __init__(self, machine: Machine) -> None:
         """``machine`` is the one whose signals are shown."""
@@ -28,7 +28,7 @@ class ScopeRoutes:
         self._turn = asyncio.Lock()
 
     async def save(self, request: Request) -> Response:
-        """Return the file, or why there is none as JSON."""
+        """Return the file, or the error as JSON."""
         browser = request.scope[SESSION].number
         if browser in self._busy:
             return _told(_BUSY)

@@ -1,9 +1,9 @@
-"""What a page shows on its scope as an MCAP file: it sends its samples back, since it alone has them.
+"""Make an MCAP file of the samples on a page's scope; the page sends them back, because only the page has them.
 
 Theory of operation
 -------------------
-Little-endian: how many samples (uint32), how long the names are (uint32), the names of the signals (JSON, a list), then the times
-(float64, s), then the values of each signal (float32), one signal after the other, as in the batches that it got; NaN is unknown.
+Little-endian: number of samples (uint32), length of the names (uint32), the names of the signals (JSON, a list), then the times
+(float64, s), then the values of each signal (float32), one signal after the other, as in the batches to the page; NaN is unknown.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ from axisbus.web.scope.signal_request import MOST
 from axisbus.web.scope.signals import all_signals
 
 HEAD = Struct("<II")
-MOST_SAMPLES = 1 << 17  # as many as a browser keeps
+MOST_SAMPLES = 1 << 17  # as many as a browser stores
 _LONGEST_NAMES = 4096  # bytes
 _FACTS = {"from": "what a page showed on its scope"}
 
 
 @dataclass(frozen=True, slots=True)
 class ScopeSamples:
-    """Times (s), and as many values of each signal by its name."""
+    """Times (s), and the same number of values of each signal, by name."""
 
     times: array[float]
     values: dict[str, array[float]]
 
 
 def can_save() -> bool:
-    """Whether the package is there by which MCAP files are written."""
+    """Whether the package that writes MCAP files is installed."""
     return find_spec("mcap") is not None
 
 
 def read(data: bytes, there: Collection[str]) -> ScopeSamples | None:
-    """Return what a page has sent, of the signals that are ``there``; None where it is none of this page's."""
+    """Return the samples in a page's data, of the signals in ``there``; None if the data are invalid."""
     if len(data) < HEAD.size:
         return None
     count, long = HEAD.unpack_from(data)
@@ -63,10 +63,12 @@ def read(data: bytes, there: Collection[str]) -> ScopeSamples | None:
 
 
 def mcap(machine: Machine, data: bytes) -> bytes:
-    """Return the file of what a page has sent; blocks for a second or two.
+    """Return the MCAP file of a page's data; blocks for a second or two.
 
     Raises:
-        ArgumentError: it is none of this page's. UserError: the package is not installed. OSError: there is no room for it.
+        ArgumentError: the data are invalid.
+        UserError: the package is not installed.
+        OSError: there is no room for the file.
     """
     found = read(data, {signal.name for signal in all_signals(machine)})
     if found is None:

@@ -1,4 +1,4 @@
-"""What a page asks its scope for: some signals by name, or what is wrong with the message."""
+"""Parse a page's selection of signals for its scope."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ MOST = 10  # signals
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """The signals that are wanted, and the number by which the page tells the answers to this choice from those before."""
+    """The selected signals, and the number by which the page recognises the batches of this selection."""
 
     number: int
     signals: tuple[str, ...]
 
 
 def read(text: str, there: Collection[str]) -> Choice | None:
-    """Return the choice that a message is, of the signals that are ``there``; None where it is none of this page's."""
+    """Return the selection in a message, of the signals in ``there``; None if the message is invalid."""
     found = as_object(text) if len(text) <= MESSAGE else None
     if found is None:
         return None

@@ -1,4 +1,4 @@
-"""The signals that a scope shows: which there are, in which unit, and how an axis's image becomes their value."""
+"""The signals of a scope: their names and units, and how to compute their values from an axis's process image."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _PLACE = {column.name: place for place, column in enumerate(COLUMNS)}
 
 
 class ScopeSignal(NamedTuple):
-    """One signal of one axis: ``name`` as ``x.position``, the lane that it shares with others of its unit, and what it says."""
+    """One signal of one axis: ``name`` such as ``x.position``, the unit, which defines its lane, and its description."""
 
     name: str
     unit: str
@@ -30,14 +30,14 @@ def signals_of(axis: str, parameters: AxisParameters) -> list[ScopeSignal]:
 
 
 def all_signals(machine: Machine) -> list[ScopeSignal]:
-    """Return the signals of every axis that is there."""
+    """Return the signals of every axis that is present."""
     facts = machine.session.axes
     there = [axis for axis in machine.axes if axis in facts]
     return [each for axis in there for each in signals_of(axis, facts[axis].parameters)]
 
 
 class SignalReader:
-    """Reads the values of some signals out of a cycle; what is not known is NaN."""
+    """Read the values of some signals from a cycle; unknown values are NaN."""
 
     def __init__(self, wanted: Iterable[str], parameters: Mapping[str, AxisParameters]) -> None:
         """``wanted``: signals by name, of axes that ``parameters`` has."""
@@ -48,7 +48,7 @@ class SignalReader:
         self.count = len(self._places)
 
     def values(self, cycle: ScopeCycle) -> list[float]:
-        """Return a value for each signal, in their order; NaN where it is not known, or its axis is not there."""
+        """Return a value for each signal, in their order; NaN if it is unknown, or its axis is absent."""
         rows = {axis: cycle.row(axis, form) for axis, form in self._forms.items()}
         return [_number(rows[axis], place) for axis, place in self._places]
 
