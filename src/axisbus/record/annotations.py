@@ -1,4 +1,4 @@
-"""What happened in a recording, as few flags with words that can stand beneath a picture."""
+"""Events of a recording as a limited number of numbered flags, with texts that fit below a diagram."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import NamedTuple
 from axisbus.record.recording_data import RecordedEvent
 from axisbus.wording import counted
 
-_NEAR = 0.012  # of the time shown: flags that are nearer to each other are one
-_MOST = 28  # lines of words
+_NEAR = 0.012  # fraction of the shown time: closer flags are merged
+_MOST = 28  # the most lines of text
 _WIDTH = 150  # characters of a line
 _UNTOLD = ("done", "given")
 
 
 class Flag(NamedTuple):
-    """A flag at ``time`` (s) with its number and what it stands for, a line each."""
+    """A flag at ``time`` (s) with its number and its texts, one line each."""
 
     number: int
     time: float
@@ -24,7 +24,7 @@ class Flag(NamedTuple):
 
 
 def flags(events: Sequence[RecordedEvent], begin: float, end: float) -> list[Flag]:
-    """Return the flags of what happened between two times."""
+    """Return the flags for the events between two times."""
     found: list[Flag] = []
     for time, words in _told(sorted(events)):
         if not begin <= time <= end:
@@ -37,7 +37,7 @@ def flags(events: Sequence[RecordedEvent], begin: float, end: float) -> list[Fla
 
 
 def lines(found: Sequence[Flag]) -> list[str]:
-    """Return the words of flags, a line for each; of too many the last ones are only counted."""
+    """Return the texts of flags, one line each; if there are too many, the last ones are only counted."""
     told: list[str] = []
     for flag in found:
         head = f"{flag.number:>3}  {flag.time:8.3f} s  "
@@ -49,7 +49,7 @@ def lines(found: Sequence[Flag]) -> list[str]:
 
 
 def _told(events: Sequence[RecordedEvent]) -> Iterator[tuple[float, list[str]]]:
-    """Yield times with words: a command where it is given, and its end only if it was another than it should be."""
+    """Yield times with texts: a command when it is given, and its end only if it was not the normal one."""
     together: list[str] = []
     since = 0.0
     for event in events:

@@ -1,4 +1,4 @@
-"""A capture: the cycles around a moment, kept when it comes, with what was before it."""
+"""A capture: the cycles around a trigger, including those before it."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from axisbus.record.output_file import McapFile, Row
 from axisbus.record.triggers.parse import moment_of
 
 log = logging.getLogger("axisbus")
-_LONGEST = 60.0  # seconds before and after
-_LATE = 0.5  # seconds after a moment within which a core in another process has told of it
+_LONGEST = 60.0  # seconds, the longest time before and after the trigger
+_LATE = 0.5  # seconds within which a core in another process has reported a trigger
 _SAME = 1e-6  # seconds
-_PATIENCE = 5.0  # seconds that the end waits for a slow disk
+_PATIENCE = 5.0  # seconds for which ``close`` waits for a slow disk
 
 
 class Capture:
-    """One capture of a machine, for a ``with`` block; holds the last cycles until its trigger fires, then those that follow."""
+    """One capture of a machine, for a ``with`` block; holds the last cycles until its trigger fires, then the following ones."""
 
     def __init__(
         self,
@@ -58,10 +58,10 @@ class Capture:
         self._thread: threading.Thread | None = None
         self._claim = threading.Lock()
         self._looks = False
-        self.failed = ""  # why there is no file, for people
+        self.failed = ""  # the reason if there is no file, for people
 
     def __enter__(self) -> Capture:
-        """Begin to look.
+        """Begin to observe.
 
         Raises:
             UserError: the package mcap is not installed.
@@ -75,23 +75,23 @@ class Capture:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Look no more; after an error the stop of the axes may still fire it, until the machine is closed."""
+        """Stop observing; after an error, the stop of the axes can still fire the trigger, until the machine is closed."""
         if error is None or self._session.ended:
             self.close()
 
     @property
     def path(self) -> Path:
-        """The file."""
+        """The path of the file."""
         return self._target.path
 
     @property
     def fired(self) -> bool:
-        """Whether its moment has come."""
+        """Whether the trigger has fired."""
         return self._fired is not None
 
     @property
     def done(self) -> bool:
-        """Whether its file is written, or could not be (``failed``)."""
+        """Whether the file is written, or could not be written (``failed``)."""
         return self._done.is_set()
 
     def wait(self, timeout: float | None = None) -> bool:
@@ -99,7 +99,7 @@ class Capture:
         return self._session.waiter.wait(self._done.is_set, timeout)
 
     def close(self) -> None:
-        """Look no more; where its moment has come, what there is of it is written. Harmless when repeated. Blocks, at most 5 s."""
+        """Stop observing; if the trigger has fired, write the cycles so far. Harmless when repeated. Blocks for at most 5 s."""
         if self._looks:
             self._looks = False
             self._session.forget(self._observe)
@@ -121,7 +121,7 @@ class Capture:
         self._before.append(row)
         try:
             self._fired = self._moment.seen(now, snapshots)
-        except Exception as error:  # noqa: BLE001  # a user's function must not end a cycle
+        except Exception as error:  # noqa: BLE001  # a user's function must not end the scan
             self._give_up(f"its condition failed: {one_line(error)}")
 
     def _give_up(self, why: str) -> None:
@@ -131,7 +131,7 @@ class Capture:
         self._done.set()
 
     def _finish(self) -> None:
-        """Write the file, once: in a thread of its own, in virtual time here and now."""
+        """Write the file, once: in a thread of its own, or immediately in virtual time."""
         if not self._claim.acquire(blocking=False):
             return
         if self._realtime:
@@ -141,7 +141,7 @@ class Capture:
             self._write()
 
     def _since(self) -> list[Row]:
-        """Return the cycles before the moment that are wanted: it may have been told late."""
+        """Return the wanted cycles before the trigger, which may have been reported late."""
         assert self._fired is not None
         begin, rows = self._fired - self._lead - _SAME, list(self._before)
         late = next((n for n, row in enumerate(rows) if self._target.time_of(row) >= begin), len(rows) - 1)
@@ -155,7 +155,7 @@ class Capture:
             self._target.note(f"the moment: {self._told}" if self._told else "the moment", self._fired)
             self._target.write_happenings()
             self._target.close()
-        except Exception as error:  # noqa: BLE001  # whatever it is, the motion goes on
+        except Exception as error:  # noqa: BLE001  # the motion continues after any error
             self._give_up(one_line(error))
         self._target.abandon()
         self._done.set()

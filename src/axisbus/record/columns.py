@@ -1,4 +1,4 @@
-"""What a recording holds of an axis in each cycle: its columns, their units, and how a sample becomes their values."""
+"""The columns of an axis in a recording: their units, and how to compute them from a sample."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from axisbus.record.sample_packing import AxisSample
 
 
 class Column(NamedTuple):
-    """One column: of which quantity it is (its unit), its type in JSON, and what it says."""
+    """One column: its quantity (which defines its unit), its JSON type, and its description."""
 
     name: str
     quantity: str
@@ -39,16 +39,16 @@ COLUMNS = (
     Column("homed", "", "boolean", "whether the zero of the axis is known"),
 )
 NAMES = tuple(column.name for column in COLUMNS)
-# In these the target of a cycle is what the drive has to follow; the drive's number, as samples have it.
+# In these modes the drive follows the target of each cycle; mode numbers of CiA 402, as in samples.
 _LED = frozenset({int(ModeOfOperation.CYCLIC_SYNC_POSITION), int(ModeOfOperation.INTERPOLATED_POSITION)})
 _OF_RATED = "of rated torque"
 
 
 @dataclass(frozen=True, slots=True)
 class AxisForm:
-    """How the samples of one axis become the values of ``COLUMNS``: in its units, with as many digits as its increments tell.
+    """Convert the samples of one axis to the values of ``COLUMNS``: in its units, with the decimals that its increments resolve.
 
-    ``position`` and ``velocity``: increments of one unit; ``torque``: one per mille in the unit of torques.
+    ``position`` and ``velocity``: increments per unit; ``torque``: one per mille in the unit of torques.
     """
 
     position: float
@@ -58,7 +58,7 @@ class AxisForm:
     _digits: tuple[int, int, int] = field(init=False, repr=False, compare=False)  # of the three above
 
     def __post_init__(self) -> None:
-        """Find out once what each sample needs."""
+        """Compute once what each conversion needs."""
         told = digits(self.position), digits(self.velocity), digits(1.0 / self.torque)
         object.__setattr__(self, "_digits", told)
 
@@ -75,7 +75,7 @@ class AxisForm:
         return cls(units.position.factor, units.velocity.factor, units.torque(1), names)
 
     def unit(self, column: str) -> str:
-        """Return the unit of a column, empty where it has none."""
+        """Return the unit of a column, empty if it has none."""
         return self.units[next(each.quantity for each in COLUMNS if each.name == column)]
 
     def values(self, sample: AxisSample) -> tuple[float | str | bool | None, ...]:
@@ -99,7 +99,7 @@ class AxisForm:
         )
 
     def schema(self, axis: str) -> dict[str, Any]:
-        """Return the JSON schema of a sample of this axis, with the unit of each value; what is unknown is left out."""
+        """Return the JSON schema of a sample of this axis, with the unit of each value; unknown values are omitted."""
         return {
             "$schema": "https://json-schema.org/draft/2020-12/schema",
             "title": f"axis {axis}",
@@ -118,7 +118,7 @@ def _short(mode: int) -> str:
 
 
 def track_of(name: str, form: AxisForm, times: list[float], rows: Iterable[Sequence[Any]]) -> RecordedSeries:
-    """Return the track of an axis from its values in the order of ``COLUMNS``, in which None is unknown."""
+    """Return the series of an axis from its values in the order of ``COLUMNS``; None is unknown."""
     columns = list(zip(*rows, strict=True)) or [()] * len(COLUMNS)
     known = {
         column.name: [math.nan if value is None else value for value in values]
@@ -133,5 +133,5 @@ def track_of(name: str, form: AxisForm, times: list[float], rows: Iterable[Seque
 
 @cache
 def digits(increments: float) -> int:
-    """Return how many digits behind the point tell one increment from the next, of so many in a unit."""
+    """Return the number of decimals that resolve one increment, given the number of increments per unit."""
     return max(0, math.ceil(math.log10(abs(increments))) + 1)

@@ -1,4 +1,4 @@
-"""Two recordings of one job laid over each other: where, when and by how much each axis went another way."""
+"""Compare two recordings of one job: where, when and by how much the motion of each axis differed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ COMPARED = ("position", "velocity", "torque", "following_error")
 
 
 class Deviation(NamedTuple):
-    """The largest difference of one column of an axis: ``time`` in s after each began to move, both values, in ``unit``."""
+    """The largest difference of one column of an axis: ``time`` in s after the start of motion, both values, in ``unit``."""
 
     axis: str
     column: str
@@ -25,24 +25,24 @@ class Deviation(NamedTuple):
 
     @property
     def by(self) -> float:
-        """The second minus the first."""
+        """The second value minus the first."""
         return self.second - self.first
 
 
 class Compared(NamedTuple):
-    """What comparing came to; ``shift``: seconds that the second began to move later; ``only``: axes that only one of them has."""
+    """The result of a comparison; ``shift``: seconds by which the second started later; ``only``: axes in one recording only."""
 
     deviations: list[Deviation]
     shift: float
     only: list[str]
-    seconds: float  # that both have
+    seconds: float  # the common duration
 
 
 def compare(first: Recorded, second: Recorded) -> Compared:
-    """Return the largest deviations of each axis, the two laid over each other from when an axis first moved.
+    """Return the largest deviations of each axis; the recordings are aligned at the first motion of an axis.
 
     Raises:
-        UserError: they have no axis in common, or the same axis in different units.
+        UserError: the recordings have no axis in common, or the same axis in different units.
     """
     common = [name for name in first.tracks if name in second.tracks]
     if not common:
@@ -62,7 +62,7 @@ def compare(first: Recorded, second: Recorded) -> Compared:
 
 
 def begin(recorded: Recorded, axes: Sequence[str]) -> float:
-    """Return when the first of some axes was first in a moving state; where none was, when the recording began."""
+    """Return when the first of some axes was first in a state of motion; if none was, the begin of the recording."""
     found = (
         next(
             (time for time, state in zip(track.times, track.columns["state"], strict=True) if _moves(state)),
@@ -106,7 +106,7 @@ def _worst(
 
 
 def _at(times: Sequence[float], values: Sequence[float], time: float) -> float:
-    """Return a value between two samples; NaN where it is unknown."""
+    """Return a value interpolated between two samples; NaN if it is unknown."""
     place = bisect_right(times, time)
     if not 0 < place < len(times):
         return values[min(place, len(times) - 1)] if times else math.nan

@@ -1,4 +1,4 @@
-"""Conditions on values of axes, as people write them: ``x.velocity > 100``, ``|x.torque| > 0.5``, ``x.state = fault``."""
+"""Parse conditions on values of axes: ``x.velocity > 100``, ``|x.torque| > 0.5``, ``x.state = fault``."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ _EXAMPLES = "write it as 'x.velocity > 100', '|x.torque| > 0.5', or 'x.state = f
 
 
 def condition(text: str, axes: Iterable[str], kinds: Kinds, examples: str = _EXAMPLES) -> Condition:
-    """Return the condition that ``text`` is; what is unknown meets none. ``examples``: the remedy where it is none.
+    """Return the condition in ``text``; an unknown value meets no condition. ``examples``: the remedy for an invalid text.
 
     Raises:
-        ArgumentError: it is none, or one of an axis or a value that there is not.
+        ArgumentError: the text is not a condition, or names an unknown axis or value.
     """
     found = _TEXT.fullmatch(text.strip())
     if found is None:
@@ -52,10 +52,10 @@ def condition(text: str, axes: Iterable[str], kinds: Kinds, examples: str = _EXA
 
 
 def comparison(text: str, found: re.Match[str], kind: str, examples: str) -> Callable[[Any], bool]:
-    """Return what says of a value of that JSON type whether it is as ``found`` has it, by its ``bar``, ``sign`` and ``value``.
+    """Return a test for values of this JSON type, by the ``bar``, ``sign`` and ``value`` of ``found``.
 
     Raises:
-        ArgumentError: what it is compared with is none of its kind.
+        ArgumentError: the comparison value has another type.
     """
     sign = found["sign"]
     wanted = _wanted(text, found["value"].strip(), kind, sign, examples)
@@ -64,10 +64,10 @@ def comparison(text: str, found: re.Match[str], kind: str, examples: str) -> Cal
 
 
 def _wanted(text: str, value: str, kind: str, sign: str, examples: str) -> Any:
-    """Return the value that is compared with.
+    """Return the comparison value.
 
     Raises:
-        ArgumentError: it is none of its kind.
+        ArgumentError: it has another type.
     """
     if kind == "string" and sign not in _ORDERED:
         return value.strip("'\"")

@@ -1,4 +1,4 @@
-"""What happens in a machine beside its samples, collected by looks: commands, nodes, emergency messages, PDOs, the bus."""
+"""Collect the events of a machine by polling: commands, nodes, emergency messages, PDOs, the bus."""
 
 from __future__ import annotations
 
@@ -14,57 +14,57 @@ from axisbus.session import CommandSeen, MachineSession
 
 
 class OfNode(Protocol):
-    """What is known of a node: ``machine.node(1)``."""
+    """Access to a node, such as ``machine.node(1)``."""
 
     @property
     def incidents(self) -> Sequence[Incident]:
-        """Its incidents, oldest first."""
+        """The incidents of the node, oldest first."""
 
     @property
     def pdo_events(self) -> Sequence[Any]:
-        """What became of its TPDOs."""
+        """Events of the node's TPDOs."""
 
     def format_incident(self, incident: Incident) -> list[str]:
         """Return an incident as lines."""
 
 
 class Telling(Protocol):
-    """What tells what happens: a ``Machine``, or its core."""
+    """A source of events: a ``Machine``, or its core."""
 
     cell: CellConfig
 
     @property
     def session(self) -> MachineSession:
-        """The way to its core."""
+        """The session with the core."""
 
     def node(self, node_id: int) -> Any:
         """Return direct access to a node."""
 
 
 class Watched(Telling, Protocol):
-    """What can be recorded: a ``Machine``."""
+    """A machine that can be recorded: a ``Machine``."""
 
     @property
     def is_simulated(self) -> bool:
-        """Whether its drives are."""
+        """Whether its drives are simulated."""
 
     @property
     def real_time_status(self) -> str:
-        """How surely its cycles come in time, in words."""
+        """The real-time status of its cycle, in words."""
 
 
 class RecordingEventSource:
-    """Looks at a machine again and again; holds what it has told already. Times are those of the monotonic clock, in seconds."""
+    """Poll a machine; holds the events already returned. Times are those of the monotonic clock, in seconds."""
 
     def __init__(self, machine: Telling) -> None:
         self._machine = machine
         self._told: set[RecordedEvent] = set()
 
     def take(self, since: float) -> list[RecordedEvent]:
-        """Return what has happened from ``since`` on and was not returned yet, in the order of time; blocks for some answers."""
+        """Return the new events since ``since`` in the order of time; blocks for some answers."""
         found = {one for one in self._look() if one.time >= since}
         new = sorted(found - self._told)
-        self._told = found  # what the machine has forgotten is not kept here
+        self._told = found  # events that the machine has dropped are dropped here
         return new
 
     def _look(self) -> Iterator[RecordedEvent]:
@@ -97,7 +97,7 @@ def _of_node(node_id: int, node: OfNode) -> Iterator[RecordedEvent]:
             yield RecordedEvent(incident.ended, "emcy", where, f"incident {incident.number} is over")
     try:
         events = node.pdo_events
-    except AxisbusError:  # without a bus no PDO can stop coming
+    except AxisbusError:  # without a bus there are no PDO events
         return
     for event in events:
         yield RecordedEvent(event.stamp, "pdo", where, str(event))

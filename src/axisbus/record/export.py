@@ -1,4 +1,4 @@
-"""A recording as a table for other programs, and a CSV file read back; CSV has units in its heads, Parquet in its metadata."""
+"""Export a recording as a table, and read a CSV file back; CSV has units in its header, Parquet in its metadata."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ class ExportColumn(NamedTuple):
 
 
 def table(recorded: Recorded) -> list[ExportColumn]:
-    """Return a recording as columns of one length: ``time``, then those of each axis, then the objects, each where it was read.
+    """Return a recording as columns of equal length: ``time``, those of each axis, then the objects, each at its read times.
 
     Raises:
-        UserError: it has no samples.
+        UserError: the recording has no samples.
     """
     tracks = list(recorded.tracks.values())
     times = max((track.times for track in tracks), key=len, default=[])
@@ -49,10 +49,11 @@ def table(recorded: Recorded) -> list[ExportColumn]:
 
 
 def write_csv(recorded: Recorded, path: Path) -> None:
-    """Write the table, with a line of heads such as ``x.position [deg]``; an empty field is an unknown value.
+    """Write the table, with a header such as ``x.position [deg]``; an empty field is an unknown value.
 
     Raises:
-        OSError: it cannot be written; and as ``table``.
+        UserError: as ``table``.
+        OSError: the file cannot be written.
     """
     fields = table(recorded)
     with path.open("w", newline="", encoding="utf-8") as file:
@@ -62,11 +63,11 @@ def write_csv(recorded: Recorded, path: Path) -> None:
 
 
 def write_parquet(recorded: Recorded, path: Path) -> None:
-    """Write the table; each column's metadata has its ``unit`` and ``description``, the table's the facts and the events, as JSON.
+    """Write the table; metadata has each column's ``unit`` and ``description``, and the facts and events as JSON.
 
     Raises:
         UserError: the package pyarrow is not installed; and as ``table``.
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     try:
         import pyarrow
@@ -137,10 +138,11 @@ _COLUMNS = {column.name: _READ[column.type] for column in COLUMNS}
 
 
 def read_csv(path: Path) -> Recorded:
-    """Read a CSV recording; columns that are none of an axis (objects that were read) are left out. Blocks for its file.
+    """Read a CSV recording; columns that belong to no axis (objects) are skipped. Blocks while reading.
 
     Raises:
-        UserError: a line of it is not as it was written. OSError: it cannot be read.
+        UserError: a line of the file is invalid.
+        OSError: the file cannot be read.
     """
     with path.open(newline="", encoding="utf-8", errors="replace") as file:
         rows = csv.reader(file)
@@ -164,7 +166,7 @@ def read_csv(path: Path) -> Recorded:
     return Recorded({track.name: track for track in _tracks(times, columns, taken)})
 
 
-_Taken = list[tuple[int, tuple[str, str], str]]  # the number of a column, its axis and name, its unit
+_Taken = list[tuple[int, tuple[str, str], str]]  # index of a column, its axis and name, its unit
 
 
 def _taken(heads: list[str]) -> _Taken:

@@ -1,4 +1,4 @@
-"""A fault that was kept: the cycles around it as a core has put them away, without any package, and how they are read again."""
+"""Stored faults: the cycles around a fault as a core writes them, without any extra package, and how to read them back."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ def write(
     events: Iterable[RecordedEvent],
     facts: Mapping[str, str],
 ) -> None:
-    """Write one: packed rows (``RowForm``), and what happened; ``facts`` as those of an MCAP file. Whole, or not at all.
+    """Write one fault: packed rows (``RowForm``) and events; ``facts`` as in an MCAP file. The write is atomic.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     axes = {
         name: [form.position, form.velocity, form.torque, dict(form.units)] for name, form in forms.items()
@@ -45,11 +45,11 @@ def write(
 
 
 def read(path: Path) -> Recorded:
-    """Read one.
+    """Read one fault.
 
     Raises:
-        UserError: it is none, or not whole.
-        OSError: it cannot be read.
+        UserError: the file is not a fault file, or is incomplete.
+        OSError: the file cannot be read.
     """
     head, _, rows = path.read_bytes().removeprefix(MAGIC).partition(b"\n")
     try:

@@ -1,10 +1,9 @@
-"""The last minute of a machine, kept while somebody types: its last motion can be drawn without having been asked for.
+"""Keep the last minute of a machine in an interactive session, so that its last motion can be plotted afterwards.
 
 Theory of operation
 -------------------
-In the cycle a row is packed, nothing else, and of more than a minute the oldest go. A motion is what the states of the axes say:
-from when one of them leaves rest until all are there again, by whatever command, of whatever program. So a move that took over from
-another is drawn with that one, and moves that were asked for together are drawn together.
+The cycle only packs a row; rows older than a minute are dropped. The states of the axes define a motion. The motion of another axis
+at the same time is plotted with it, and moves that were commanded together are plotted together.
 """
 
 from __future__ import annotations
@@ -27,14 +26,14 @@ from axisbus.record.sample_packing import AxisSample, PackedRows
 
 log = logging.getLogger("axisbus")
 KEPT = 60.0  # seconds
-_BEFORE, _AFTER = 0.2, 0.4  # seconds of rest that are drawn with a motion
-_ON_THEIR_WAY = 2.0  # seconds that rows may be, on a busy computer
+_BEFORE, _AFTER = 0.2, 0.4  # seconds of standstill that are plotted before and after a motion
+_ON_THEIR_WAY = 2.0  # seconds that the transmission of rows may take on a busy computer
 
 Cycle = tuple[float, list[AxisSample]]
 
 
 class _Span(NamedTuple):
-    """From when until when (s), and which axes."""
+    """Begin and end (s), and the axes."""
 
     begin: float
     end: float
@@ -42,7 +41,7 @@ class _Span(NamedTuple):
 
 
 class LastMinute:
-    """Keeps the last cycles of a machine; axes that come later begin a new minute. One thread adds, any may draw."""
+    """Hold the last cycles of a machine; new axes start a new minute. One thread adds, any thread may plot."""
 
     def __init__(self, machine: Telling) -> None:
         self._machine = machine
@@ -52,13 +51,13 @@ class LastMinute:
         self._seen = -math.inf
 
     def begin(self) -> None:
-        """Begin to keep."""
+        """Start recording."""
         self._machine.session.observe(self._observe)
 
     def _observe(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:
         try:
             self._keep(now, snapshots)
-        except Exception as error:  # noqa: BLE001  # whoever draws may do without, the scan goes on
+        except Exception as error:  # noqa: BLE001  # the scan continues without this recording
             self._machine.session.forget(self._observe)
             log.warning("the last motion is not kept any more: %s", one_line(error))
 
@@ -71,7 +70,7 @@ class LastMinute:
         self._rows.append(now, [snapshots[name] for name in self._forms])
 
     def picture(self, seconds: float | None, axes: Iterable[str] | None) -> RecordingPlot:
-        """Draw the last motion, or the last ``seconds``; see ``Machine.plot_last``."""
+        """Plot the last motion, or the last ``seconds``; see ``Machine.plot_last``."""
         self._await_newest()
         forms, cycles = self._forms, list(self._rows)
         names = list(forms)
@@ -88,7 +87,7 @@ class LastMinute:
         return RecordingPlot(recorded, title)
 
     def _await_newest(self) -> None:
-        """Wait until the cycle that the program has seen last is among the rows: they come a few at a time."""
+        """Wait for the row of the newest cycle that the program has seen: rows arrive in groups."""
         session = self._machine.session
         newest = max((snapshot.now for snapshot in session.snapshots.values()), default=0.0)
         until = time.monotonic() + _ON_THEIR_WAY
@@ -122,7 +121,7 @@ class LastMinute:
         return Recorded(tracks, {}, [event for event in events if event.time <= times[-1]])
 
     def _happenings(self, since: float) -> list[RecordedEvent]:
-        """Return what has happened; nothing where the core tells nothing any more."""
+        """Return the events; empty if the core is gone."""
         try:
             return RecordingEventSource(self._machine).take(since)
         except AxisbusError:
@@ -141,7 +140,7 @@ def _last_seconds(cycles: list[Cycle], names: list[str], seconds: float) -> _Spa
 
 
 def _last_motion(cycles: list[Cycle], names: list[str]) -> _Span | None:
-    """Look from the newest cycle backwards, as far as some axis moves; and a little farther, while none does."""
+    """Search backwards from the newest cycle while an axis moves, and a little farther while none does."""
     at = len(cycles) - 1
     while at >= 0 and not _moving(cycles[at][1]):
         at -= 1
@@ -163,7 +162,7 @@ def _moving(samples: list[AxisSample]) -> list[int]:
 
 
 def _title(recorded: Recorded) -> str:
-    """Return what was asked for, and if that is too much for a line, of which axes."""
+    """Return the commands; if they are too long for a line, the names of the axes."""
     given = [event.where for event in recorded.events if event.sort == "command" and event.text == "given"]
     text = ", ".join(given)
     return text if 0 < len(text) <= 90 else f"the last motion of {', '.join(recorded.tracks)}"

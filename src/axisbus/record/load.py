@@ -1,4 +1,4 @@
-"""A recording read back, whatever kind of file it is."""
+"""Read a recording of any supported file type."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from axisbus.record.recording_data import Recorded
 
 
 def load(path: Path | str, progress: mcap_reader.Progress | None = None) -> Recorded:
-    """Read an MCAP file of ours (see ``mcap_reader.load``), a CSV file of ours, or a fault that a core has kept.
+    """Read an MCAP file of axisbus (see ``mcap_reader.load``), a CSV file of axisbus, or a fault stored by a core.
 
     Raises:
-        UserError: it cannot be read, or is another kind of file.
+        UserError: the file cannot be read, or is of another type.
     """
     path = Path(path)
     try:

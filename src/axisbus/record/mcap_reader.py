@@ -1,11 +1,11 @@
-"""An MCAP file of ours read back, also one that ends in the midst of a write; any other file is refused.
+"""Read an MCAP file of axisbus, even one that ends in the middle of a write; any other file is refused.
 
 Theory of operation
 -------------------
-Nothing that the file says of itself is believed. A length is never longer than the rest of the file, a chunk is decompressed no
-further than its own size, and each value must have the type that the schema of its channel gives. Everything that is read is
-charged to one budget, which grows with the size of the file, so that the file bounds the memory and the time that it takes. A
-recording of ours needs about a twentieth of its budget.
+The reader trusts none of the file's own statements. A length is never longer than the rest of the file, a chunk is decompressed no
+further than its stated size, and each value must have the type in the schema of its channel. Everything that is read is charged to
+one budget, which is proportional to the size of the file, so that the file's size bounds memory and time. A recording of axisbus
+needs about a twentieth of its budget.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _NAN = math.nan
 _TIMES = 1 << 64  # ns: a time of MCAP has 64 bits
 _INTEGERS = 1 << 64  # the largest integers of CiA 301 have 64 bits
 _MAGIC_SIZE = 8
-_WINDOW = 8 << 20  # octets that a decompressor looks back
+_WINDOW = 8 << 20  # octets, the window of a decompressor
 
 # The budget in octets: a multiple of the file's size, plus a constant.
 _BUDGET_RATIO = 512
@@ -56,7 +56,7 @@ _TYPES: Mapping[str, Any] = {
     "boolean": bool | None,
     "integer": int | None,
 }
-# What each channel of its sort must have, as whatever shows a recording relies on it.
+# The values that each channel of a sort must have, because every consumer of a recording relies on them.
 _NEEDED: Mapping[str, Mapping[str, str]] = {
     "axis": {
         column.name: column.type for column in COLUMNS if column.type == "number" or column.name == "state"
@@ -72,12 +72,12 @@ class _Event(msgspec.Struct):
 
 
 class _Property(msgspec.Struct):
-    type: str | list[str] = ""  # a list in older files
+    type: str | list[str] = ""  # older files have a list
     unit: str = ""
 
     @property
     def kind(self) -> str:
-        """The type of its values, empty where there are several."""
+        """The type of its values, empty if there are several."""
         kinds = {self.type} if isinstance(self.type, str) else {*self.type} - {"null"}
         return kinds.pop() if len(kinds) == 1 else ""
 
@@ -93,7 +93,7 @@ class _Channel(NamedTuple):
     columns: dict[str, Any]
     units: dict[str, str]
     decode: Callable[[bytes], Any]
-    cost: int  # of a message, beside its octets
+    cost: int  # per message, in addition to its octets
 
     @property
     def topic(self) -> str:
@@ -101,7 +101,7 @@ class _Channel(NamedTuple):
 
 
 class _Damaged(ValueError):
-    """A chunk is not what it says of itself."""
+    """A chunk contradicts its own statements."""
 
 
 class _Readable(Protocol):
@@ -109,12 +109,12 @@ class _Readable(Protocol):
 
 
 def load(path: Path | str, progress: Progress | None = None) -> Recorded:
-    """Read a recording; blocks for some seconds for each hour of it. ``progress`` is told which part of it is done (0 to 1).
+    """Read a recording; blocks for some seconds per hour of recording. ``progress`` gets the fraction done (0 to 1).
 
-    A file that is not whole is read as far as it goes; ``lacks`` says so. Its size bounds the memory and the time that it takes.
+    An incomplete file is read as far as possible; ``lacks`` then has the reason. The file's size bounds memory and time.
 
     Raises:
-        UserError: the package mcap is not installed, the file cannot be read, or it is no recording of axisbus.
+        UserError: the package mcap is not installed, the file cannot be read, or it is not a recording of axisbus.
     """
     library()
     path = Path(path)
@@ -132,12 +132,12 @@ def load(path: Path | str, progress: Progress | None = None) -> Recorded:
 
 
 class _Loading:
-    """Holds what has been read so far."""
+    """Hold the data read so far."""
 
     def __init__(self, path: Path, size: int) -> None:
         self._path = path
         self._size = size
-        self._left = _BUDGET_RATIO * size + _BUDGET_BESIDE  # octets of the budget
+        self._left = _BUDGET_RATIO * size + _BUDGET_BESIDE  # octets left of the budget
         self._schemas: dict[int, Any] = {}
         self._channels: dict[int, _Channel] = {}
         self._events: list[RecordedEvent] = []
@@ -177,7 +177,7 @@ class _Loading:
         """Yield the records of a chunk.
 
         Raises:
-            ValueError: it is not what it says of itself.
+            ValueError: the chunk contradicts its own statements.
             UserError: the budget is spent.
         """
         from mcap import data_stream, exceptions, opcode, records
@@ -202,7 +202,7 @@ class _Loading:
             raise _Damaged("a record is longer than its chunk") from error
 
     def _spend(self, octets: int) -> None:
-        """Charge so many octets to the budget.
+        """Charge octets to the budget.
 
         Raises:
             UserError: it is spent.
@@ -216,20 +216,20 @@ class _Loading:
     # -- from records to values ----------------------------------------------------------------------------------------
 
     def take(self, record: Any) -> None:
-        """Take one record.
+        """Process one record.
 
         Raises:
-            UserError: it is none of ours.
+            UserError: it is not a record of axisbus.
         """
         take = _TAKES.get(type(record).__name__)
         if take is not None:
             take(self, record)
 
     def recorded(self) -> Recorded:
-        """Return all of it.
+        """Return the whole recording.
 
         Raises:
-            UserError: it is none of ours.
+            UserError: it is not a recording of axisbus.
         """
         if self._began is None:
             raise self._not_ours(
@@ -253,10 +253,10 @@ class _Loading:
         self._schemas[record.id] = record
 
     def _metadata(self, record: Any) -> None:
-        """Take the time at which the recording began; it comes before all messages.
+        """Store the start time of the recording, which precedes all messages.
 
         Raises:
-            UserError: there is none.
+            UserError: it is missing.
         """
         if record.name != "axisbus":
             return
@@ -294,10 +294,10 @@ class _Loading:
         )
 
     def _properties(self, channel: Any) -> dict[str, _Property]:
-        """Return what the schema of a channel says of its values.
+        """Return the description of a channel's values in its schema.
 
         Raises:
-            UserError: it is none of ours.
+            UserError: it is not a schema of axisbus.
         """
         schema = self._schemas.get(channel.schema_id)
         try:
@@ -356,14 +356,14 @@ _TAKES: dict[str, Callable[[_Loading, Any], None]] = {
 
 
 class _Bounded:
-    """A file that says at its end that it ends, whatever length is asked for, and takes no memory for what it has not."""
+    """A file that reports its end whatever length is requested, and allocates no memory for data that it does not have."""
 
     def __init__(self, file: _Readable, size: int) -> None:
         self._file = file
         self._left = size
 
     def read(self, size: int) -> bytes:
-        """Return so many octets.
+        """Return exactly ``size`` octets.
 
         Raises:
             EndOfFile: there are fewer.
@@ -378,7 +378,7 @@ class _Bounded:
 
 
 def _bounded(file: _Readable, size: int) -> Any:
-    """Return a file as mcap reads it: by nothing but ``read``."""
+    """Return a file with the only method that mcap uses, ``read``."""
     return _Bounded(file, size)
 
 
@@ -386,7 +386,7 @@ def _decompressed(chunk: Any) -> bytes:
     """Return the octets of a chunk.
 
     Raises:
-        ValueError: they are not as many as it says, or not compressed as it says.
+        ValueError: their number or their compression differs from the chunk's statements.
     """
     import lz4.frame  # type: ignore[import-untyped]
     import zstandard
@@ -402,7 +402,7 @@ def _decompressed(chunk: Any) -> bytes:
             data = chunk.data
         else:
             raise _Damaged(f"a chunk is compressed by {chunk.compression!r}, which is not known")
-    except (zstandard.ZstdError, RuntimeError) as error:  # the latter is that of lz4
+    except (zstandard.ZstdError, RuntimeError) as error:  # lz4 raises RuntimeError
         raise _Damaged(f"a chunk cannot be decompressed: {error}") from error
     if len(data) != size:
         raise _Damaged("a chunk has not the size that it says")
@@ -412,7 +412,7 @@ def _decompressed(chunk: Any) -> bytes:
 
 
 def _decoder(sort: str, about: Mapping[str, _Property]) -> Callable[[bytes], Any]:
-    """Return what makes values, each of its type, of the JSON of a message."""
+    """Return a decoder for the JSON of a message, with typed values."""
     if sort == "events":
         return msgspec.json.Decoder(_Event).decode
     kinds = [_TYPES.get(each.kind, _ANY) if sort == "axis" else _ANY for each in about.values()]

@@ -1,9 +1,9 @@
-"""A recording as an MCAP file, written while it runs: whole chunks at a time, so that it can be read however it ends.
+"""Write a recording as an MCAP file while it runs: whole chunks at a time, so that it is readable however it ends.
 
-A channel for each axis (``axis/x``) and object (``object/x:6074``), one for each sort of events (``events/nmt``), all in JSON with
-a schema that has the units. Each value has one plain type, and is left out where it is unknown: other readers take no type that may
-be null. ``log_time`` is the time of day of a cycle, ``publish_time`` its time of the monotonic clock; the
-former is the latter moved by what the clocks differed in when the recording began, so that it never leaps.
+There is one channel for each axis (``axis/x``) and object (``object/x:6074``), and one for each sort of events (``events/nmt``),
+all in JSON with a schema that has the units. Each value has one plain type and is omitted if unknown, because other readers do not
+accept nullable types. ``publish_time`` is the time of a cycle by the monotonic clock. ``log_time`` is its time of day: the
+monotonic time plus the difference of the clocks at the begin of the recording, so that it never jumps.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _EVENT_SCHEMA = {
 
 
 class ToldObject(NamedTuple):
-    """What is told of an object: its name, how its values come, and what they are in JSON."""
+    """The description of an object: its name, how its values are obtained, and their JSON type."""
 
     name: str
     comes: str
@@ -63,10 +63,10 @@ class McapWriter:
     def __init__(
         self, path: Path, facts: Mapping[str, str], now: float, chunk: int, offset: int | None = None
     ) -> None:
-        """Open ``path``, which is replaced; its folder is made if needed. ``now``: when its time begins, in s, monotonic.
+        """Open ``path``, which is replaced; its folder is made if needed. ``now``: the start time, in s, monotonic.
 
-        ``chunk``: bytes of one. ``offset``: by how much the time of day is ahead of the monotonic clock, in ns; by so much that it
-        begins at this moment where it is left out.
+        ``chunk``: the size of a chunk in bytes. ``offset``: the time of day minus the monotonic clock, in ns; by default, the
+        present difference.
 
         Raises:
             UserError: the package is not installed.
@@ -76,7 +76,7 @@ class McapWriter:
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = path.open("wb", buffering=0)
         self._stream = _Counted(self._file)
-        # All indexes: that of messages is as long as what it leads to, but other readers (Foxglove's) refuse a file without it.
+        # All indexes: the message index is as long as the messages, but other readers (Foxglove's) refuse a file without it.
         self._writer = mcap.Writer(self._stream, chunk_size=chunk)
         self._channels: dict[str, int] = {}
         self._counts: dict[int, int] = {}
@@ -97,21 +97,21 @@ class McapWriter:
 
     @property
     def size(self) -> int:
-        """How many bytes are in the file."""
+        """The number of bytes in the file."""
         return self._stream.written
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Keep a whole file in it."""
+        """Attach a whole file."""
         stamp = time.time_ns()
         self._writer.add_attachment(stamp, stamp, name, media_type, data)
 
     def axis(self, name: str, schema: Mapping[str, Any]) -> int:
-        """Make the channel of an axis, and return its number."""
+        """Create the channel of an axis, and return its number."""
         topic = f"axis/{name}"
         return self._register(topic, self._schema(f"axisbus/{topic}", schema), {})
 
     def objects(self, wanted: Mapping[str, ToldObject]) -> dict[str, int]:
-        """Make the channels of objects, by label, and return their numbers by label."""
+        """Create the channels of objects, and return their numbers by label."""
         kinds = sorted({one.json_type for one in wanted.values()})
         schemas = {kind: self._schema(f"axisbus/object/{kind}", _object_schema(kind)) for kind in kinds}
         return {
@@ -122,7 +122,7 @@ class McapWriter:
         }
 
     def write(self, channel: int, now: float, value: object) -> None:
-        """Write a value as of ``now`` (s, monotonic)."""
+        """Write a value with its time ``now`` (s, monotonic)."""
         stamp = round(now * _NANO)
         count = self._counts[channel] = self._counts.get(channel, 0) + 1
         self._writer.add_message(channel, stamp + self._offset, msgspec.json.encode(value), stamp, count)
@@ -138,7 +138,7 @@ class McapWriter:
         self._file.close()
 
     def abandon(self) -> None:
-        """Close the file as it is. Harmless when it is closed."""
+        """Close the file without a summary. Harmless if it is closed."""
         self._file.close()
 
     def _schema(self, name: str, schema: Mapping[str, Any]) -> int:
@@ -161,7 +161,7 @@ def _object_schema(json_type: str) -> dict[str, Any]:
 
 
 class _Counted(io.BufferedIOBase):
-    """Counts what goes into a file, and writes all of it or raises."""
+    """Count the bytes written to a file; write all of them or raise."""
 
     def __init__(self, file: io.FileIO) -> None:
         self._file = file
@@ -177,5 +177,5 @@ class _Counted(io.BufferedIOBase):
         return len(data)
 
     def tell(self) -> int:
-        """Where the next byte goes; not the file's own answer, which a pipe does not have."""
+        """Return the position of the next byte, counted here because a pipe has none."""
         return self.written

@@ -1,4 +1,4 @@
-"""A picture of a recording that is not a file yet: a notebook shows it, and it can be saved."""
+"""A plot of a recording in memory: a notebook shows it, and it can be saved."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from axisbus.wording import counted
 
 
 class RecordingPlot:
-    """What a recording looks like; holds it, and the picture once it has been drawn."""
+    """The plot of a recording; holds the recording, and the image."""
 
     def __init__(self, recorded: Recorded, title: str) -> None:
-        """Draw ``recorded``; blocks for that.
+        """Plot ``recorded``; blocks meanwhile.
 
         Raises:
-            UserError: matplotlib is not installed, or there is nothing to draw.
+            UserError: matplotlib is not installed, or there is nothing to plot.
         """
         self.recorded = recorded
         self.title = title
@@ -27,13 +27,13 @@ class RecordingPlot:
         return f"<Picture of {axes}, {self.recorded.seconds:.2f} s: {self.title}>"
 
     def _repr_png_(self) -> bytes:
-        """Let a notebook show it."""
+        """Return the image for a notebook."""
         return self._png
 
     def save(self, path: Path | str) -> Path:
-        """Write it to ``path``, as .png or .svg, and return that; the folder is made if needed. Blocks for it.
+        """Write the plot to ``path``, as .png or .svg, and return the path; the folder is made if needed. Blocks meanwhile.
 
         Raises:
-            UserError: ``path`` is of another kind.
+            UserError: ``path`` has another suffix.
         """
         return plot(self.recorded, path, self.title)

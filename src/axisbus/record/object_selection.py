@@ -1,4 +1,4 @@
-"""The objects that are wanted beside the axes of a recording, as people name them."""
+"""The objects to record in addition to the axes, as users name them."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from axisbus.record.events import Watched
 
 @dataclass(frozen=True, slots=True)
 class WantedObject:
-    """One object of a node; ``label`` is what it was asked for by, the index the device's own.
+    """One object of a node; ``label`` is the name that the user gave, the index is the device's own.
 
-    ``point``: the input or output that is wanted of it, by its name.
+    ``point``: the name of the input or output, if the object was requested as one.
     """
 
     label: str
@@ -31,9 +31,9 @@ class WantedObject:
     point: IoPoint | None = None
 
     def json_type(self, *, carried: bool) -> str:
-        """Return what its values are in JSON; ``carried``: by a PDO, out of which bits without a type are a number.
+        """Return the JSON type of its values; ``carried``: by a PDO, whose untyped bits become a number.
 
-        Bytes are told in hexadecimal digits.
+        Bytes become hexadecimal digits.
         """
         if self.point is not None:
             return "number" if self.point.bit is None else "boolean"
@@ -43,14 +43,14 @@ class WantedObject:
         return "number" if kind.integer or kind in (DataType.REAL32, DataType.REAL64) else "string"
 
     def means(self, value: Value | None) -> Value | None:
-        """Return what a value of the object means: of an input or output True or False, or a number in its unit."""
+        """Return the meaning of a value of the object: for an input or output, True or False, or a number in its unit."""
         if self.point is None or not isinstance(value, int):
             return value
         return self.point.shown(self.point.of(value))
 
 
 def wanted_object(machine: Watched, text: str) -> WantedObject:
-    """Return the object that ``x:6074``, ``x:6099:01`` or ``3:1001`` means, of an axis or a node, by index or name; or ``lamp``.
+    """Return the object for ``x:6074``, ``x:6099:01`` or ``3:1001`` (axis or node, index or name), or for ``lamp``.
 
     Raises:
         ArgumentError, StateError: no such object, axis, node, input or output.

@@ -1,4 +1,4 @@
-"""Objects that are read beside a recording, one after the other, by SDO: as often as a small share of the bus allows."""
+"""Read objects for a recording by SDO, one after the other, as often as a small share of the bus load permits."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from axisbus.errors import SdoError
 from axisbus.record.events import Watched
 from axisbus.record.object_selection import WantedObject
 
-_SHARE = 0.05  # of the bus
+_SHARE = 0.05  # of the bus load
 _BITS = 260  # of a request and its answer, with stuff bits
-_SLOWEST = 125_000  # bit/s, where the cell file gives none
+_SLOWEST = 125_000  # bit/s, if the cell file has no bit rate
 
 
 class ObjectReads:
-    """Reads what was asked for, in turn; holds how often each was, and when the next is due. For one thread."""
+    """Read the requested objects in turn; holds the number of reads of each, and when the next is due. For one thread."""
 
     def __init__(self, machine: Watched, wanted: Sequence[WantedObject]) -> None:
         self._machine = machine
@@ -27,11 +27,11 @@ class ObjectReads:
         self._next = 0
 
     def wait(self, most: float) -> float:
-        """Return how many seconds there is nothing to do, at most ``most``."""
+        """Return the seconds until the next read, at most ``most``."""
         return most if not self._wanted else min(most, max(0.0, self._due - time.monotonic()))
 
     def read_next(self) -> tuple[str, Value | None] | None:
-        """Read the one whose turn it is and return its label and value (None: no answer); None where none is due. Blocks."""
+        """Read the object that is due and return its label and value (None: no answer); None if none is due. Blocks."""
         if not self._wanted or time.monotonic() < self._due:
             return None
         one = self._wanted[self._next]
@@ -40,7 +40,7 @@ class ObjectReads:
         return one.label, self._read(one)
 
     def read_all(self) -> Iterator[tuple[str, Value | None]]:
-        """Read each of them now: in virtual time, where a read takes none, and no frame carries any."""
+        """Read all objects now: for virtual time, where a read takes no time and no frames are sent."""
         for one in self._wanted:
             yield one.label, self._read(one)
 
@@ -54,5 +54,5 @@ class ObjectReads:
 
     @property
     def reads(self) -> Mapping[str, int]:
-        """How often each has been read."""
+        """The number of reads of each object."""
         return self._counts

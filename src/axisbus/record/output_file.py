@@ -1,4 +1,4 @@
-"""The file that the rows of a machine and what happens in it are written into, with what is to be known of both."""
+"""The output file of a recording: the cycles of a machine, its events, and the description of both."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from axisbus.record.sample_packing import AxisSample, RowForm, sample_of
 
 Row = bytes | tuple[float, CellImage]
 
-# Twice as fast into JSON as a dict; what is unknown is left out, as the schema of the channel has it.
+# Twice as fast to encode as a dict; unknown values are omitted, as the schema of the channel requires.
 _Row = msgspec.defstruct("_Row", [(name, Any, None) for name in NAMES], omit_defaults=True)
 _SAMPLE = 220  # bytes of a sample before it is compressed: a chunk is about a second
 
 
 class McapFile:
-    """One MCAP file of some axes of a machine; holds how far it is. ``pack`` may be called in any thread, the rest in one."""
+    """One MCAP file of some axes of a machine; holds its progress. ``pack`` may be called in any thread, the rest in one."""
 
     def __init__(self, machine: Watched, path: Path | str, axes: Iterable[str] | None) -> None:
         """``axes``: all, if None.
@@ -57,28 +57,28 @@ class McapFile:
 
     @property
     def is_open(self) -> bool:
-        """Whether it was begun."""
+        """Whether the file is open."""
         return self._writer is not None
 
     @property
     def size(self) -> int:
-        """How many bytes are in the file."""
+        """The number of bytes in the file."""
         return 0 if self._writer is None else self._writer.size
 
     def pack(self, now: float, snapshots: Mapping[str, Snapshot]) -> Row:
-        """Return a cycle as what is kept of it, in the shortest time: bytes, as which an image of a core is there already."""
+        """Pack a cycle into a row as fast as possible: bytes, in which form a core's process image arrives already."""
         if isinstance(snapshots, CellImage):
             return now, snapshots
         return self._row.struct.pack(*self._row.values(now, [snapshots[name] for name in self.forms]))
 
     def time_of(self, row: Row) -> float:
-        """Return when a packed cycle was, in seconds of the monotonic clock."""
+        """Return the time of a packed cycle, in seconds of the monotonic clock."""
         return self._unpacked(row)[0]
 
     def begin(self, began: float, objects: Mapping[str, ToldObject] | None = None) -> None:
-        """Open the file, which is replaced; ``began``: when its time begins (s, monotonic).
+        """Open the file, which is replaced; ``began``: its start time (s, monotonic).
 
-        ``objects``: by label, what is told of each.
+        ``objects``: the description of each object, by label.
 
         Raises:
             UserError: the package mcap is not installed, or the file cannot be written.
@@ -115,23 +115,23 @@ class McapFile:
             self.rows += 1
 
     def write_object(self, label: str, now: float, value: Value | None) -> None:
-        """Write what was read of an object."""
+        """Write the value of an object."""
         assert self._writer is not None
         plain = value.hex() if isinstance(value, bytes) else value
         self._writer.write(self._objects[label], now, {} if plain is None else {"value": plain})
 
     def write_happenings(self) -> None:
-        """Write what has happened since it began, and since the last call; blocks for some answers of the core."""
+        """Write the events since the begin or the last call; blocks for some answers of the core."""
         assert self._writer is not None
         try:
             found = self._happenings.take(self.began)
-        except (AxisbusError, ExceptionGroup):  # the core is gone: what it told last is told already
+        except (AxisbusError, ExceptionGroup):  # the core is gone: its last events are already written
             return
         for happening in found:
             self._writer.tell(happening)
 
     def note(self, text: str, time: float | None = None) -> None:
-        """Write something about the recording itself, of ``time`` (s, monotonic) or of its newest cycle."""
+        """Write a remark about the recording itself, at ``time`` (s, monotonic) or at its newest cycle."""
         assert self._writer is not None
         self._writer.tell(RecordedEvent(self.newest if time is None else time, "recording", "", text))
 
@@ -141,7 +141,7 @@ class McapFile:
         self._writer.close()
 
     def abandon(self) -> None:
-        """Close the file as it is. Harmless when it is closed."""
+        """Close the file without a summary. Harmless if it is closed."""
         if self._writer is not None:
             self._writer.abandon()
 
@@ -151,7 +151,7 @@ class McapFile:
         files = {
             node_id: resolve(node.file, cell.folder)
             for node_id, node in cell.nodes.items()
-            if node.file is not None  # a module that speaks CAN Simple has none
+            if node.file is not None  # a module with CAN Simple has none
         }
         told = {
             str(node_id): {"file": str(file), "sha256": hashlib.sha256(file.read_bytes()).hexdigest()}
@@ -160,12 +160,12 @@ class McapFile:
         writer.attach("eds.json", "application/json", json.dumps(told, indent=1).encode())
 
     def _second(self) -> int:
-        """Return about how many bytes a second is, before it is compressed."""
+        """Return the approximate number of bytes per second, before compression."""
         return max(4096, int(_SAMPLE * max(1, len(self.forms)) / self._machine.cell.bus.scan_period))
 
 
 def facts_of(cell: CellConfig, *, simulated: bool, degree: str) -> dict[str, str]:
-    """Return what is to be known of a recording as a whole; ``degree`` as ``Machine.real_time_status``."""
+    """Return the facts about a whole recording; ``degree`` as ``Machine.real_time_status``."""
     real = f"{cell.bus.interface} {cell.bus.channel or ''}".strip()
     return {
         "cell": str(cell.file),
@@ -184,7 +184,7 @@ def _chosen(axes: Iterable[str] | None, there: Mapping[str, object], machine: Wa
 
 
 def texts_of(what: str, given: Iterable[str]) -> list[str]:
-    """Return the names in ``given``, each once; raises ArgumentError where it is none (``what`` says of what in its text)."""
+    """Return the names in ``given``, each once; raises ArgumentError if one is not a name (``what`` names them in the text)."""
     found = [given] if isinstance(given, str) else _all_of(given)
     if found is None or not all(isinstance(each, str) for each in found):
         raise ArgumentError(

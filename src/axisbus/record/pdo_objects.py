@@ -1,4 +1,4 @@
-"""Objects that PDOs carry, for a recording: the value in each frame, as it came or went, without a transfer of their own."""
+"""Record objects that PDOs carry: the value in each frame sent or received, without extra transfers."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from axisbus.cia301.pdo import PdoLocation
 from axisbus.record.object_selection import WantedObject
 from axisbus.session import MachineSession
 
-_MOST = 100_000  # values that wait to be written
+_MOST = 100_000  # the most values waiting to be written
 
 
 @dataclass(frozen=True, slots=True)
 class MappedSignal:
-    """Where an object is that a PDO carries, and what its bits mean."""
+    """The location of an object in a PDO, and the meaning of its bits."""
 
     wanted: WantedObject
     carried: PdoLocation
 
     @property
     def label(self) -> str:
-        """What it was asked for by."""
+        """The name under which it was requested."""
         return self.wanted.label
 
     def value(self, data: bytes) -> Value | None:
-        """Return the value in a frame, None where it is too short."""
+        """Return the value in a frame, None if the frame is too short."""
         _, _, shift, bits = self.carried
         if len(data) * 8 < shift + bits:
             return None
@@ -39,7 +39,7 @@ class MappedSignal:
 
 
 class MappedObjects:
-    """Takes the values of objects out of the frames of the bus; holds those that wait to be written, and how many came."""
+    """Extract the values of objects from the frames of the bus; holds those waiting to be written, and their number."""
 
     def __init__(self, session: MachineSession, places: Sequence[MappedSignal]) -> None:
         self._session = session
@@ -51,17 +51,17 @@ class MappedObjects:
         self.counts = {place.label: 0 for place in self.places}
 
     def begin(self) -> None:
-        """Listen from now on."""
+        """Start listening."""
         if self._by_id:
             self._session.tap(self._hear, self._by_id)
 
     def end(self) -> None:
-        """Listen no more."""
+        """Stop listening."""
         if self._by_id:
             self._session.untap(self._hear)
 
     def write(self, write: Callable[[str, float, Value | None], None]) -> None:
-        """Give every value that waits to ``write(label, time, value)``."""
+        """Call ``write(label, time, value)`` for every waiting value."""
         for label, now, value in self._take():
             write(label, now, value)
             self.counts[label] += 1

@@ -1,4 +1,4 @@
-"""A picture of a recording (needs the ``plot`` extra): what each axis did, its states, and what happened, with words."""
+"""Plot a recording (needs the ``plot`` extra): the values and states of each axis, and the events with texts."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _SUFFIXES = (".png", ".svg")
 _WIDTH = 11.0  # inches
 _DOTS = 110  # of an inch
 _LEFT, _RIGHT = 0.1, 0.985  # of the width
-_POINTS = 4000  # of a line: of more, the lowest and the highest of each piece are drawn
+_POINTS = 4000  # the most points of a line; of longer ones, the minimum and maximum of each section are drawn
 
 
 class _Panel(NamedTuple):
@@ -51,7 +51,7 @@ _BAND, _FLAGS, _GAP, _BETWEEN, _LINE = 0.16, 0.28, 0.09, 0.34, 0.155  # inches
 
 
 def require_picture(path: Path) -> None:
-    """Raise UserError where the name of ``path`` ends otherwise than that of a picture that can be drawn."""
+    """Raise UserError if the suffix of ``path`` is not that of a supported image format."""
     if path.suffix.lower() not in _SUFFIXES:
         raise UserError(
             f"{path} is no picture that can be drawn", remedy=f"end its name in {' or '.join(_SUFFIXES)}"
@@ -66,12 +66,12 @@ def plot(
     begin: float = -math.inf,
     end: float = math.inf,
 ) -> Path:
-    """Draw a recording, or an MCAP file, as a PNG or SVG at ``path`` and return it; the folder is made if needed. Blocks for it.
+    """Plot a recording or an MCAP file as a PNG or SVG at ``path`` and return the path; the folder is made if needed. Blocks.
 
-    ``begin`` and ``end``: what is shown of it, in seconds since it began.
+    ``begin`` and ``end``: the shown range, in seconds from the begin of the recording.
 
     Raises:
-        UserError: matplotlib is not installed, nothing was recorded (within these times), or ``path`` is of another kind.
+        UserError: matplotlib is not installed, nothing was recorded (in this range), or ``path`` has another suffix.
     """
     path = Path(path)
     require_picture(path)
@@ -82,7 +82,7 @@ def plot(
 
 
 def png(recording: Recorder | Recorded | Path | str, title: str = "") -> bytes:
-    """Return the same picture as a PNG. Blocks for it; raises as ``plot``."""
+    """Return the same plot as a PNG. Blocks; raises as ``plot``."""
     file = BytesIO()
     _figure(recording, title, -math.inf, math.inf).savefig(file, format="png", dpi=_DOTS)
     return file.getvalue()
@@ -103,7 +103,7 @@ def _recorded(recording: Recorder | Recorded | Path | str) -> Recorded:
 
 
 def _maker() -> Any:
-    """Return what makes a figure: matplotlib's own class, which leaves the pictures of the program itself alone."""
+    """Return matplotlib's own Figure class, which does not affect the figures of the program."""
     try:
         from matplotlib.figure import Figure
     except ImportError:
@@ -112,7 +112,7 @@ def _maker() -> Any:
 
 
 def load_pyplot() -> Any:
-    """Return matplotlib's pyplot, which draws without a screen; raises UserError where it is not installed."""
+    """Return matplotlib's pyplot with a backend that needs no screen; raises UserError if it is not installed."""
     try:
         import matplotlib
     except ImportError:
@@ -128,7 +128,7 @@ def _missing() -> UserError:
 
 
 class _Figure:
-    """One picture under work: its panels from the top down, measured in inches; holds how far down it is."""
+    """One plot under construction: its panels from the top down, measured in inches; holds the present height."""
 
     def __init__(self, make: Any, shown: Recorded, title: str) -> None:
         self._tracks = [track for track in shown.tracks.values() if track.times]
@@ -154,7 +154,7 @@ class _Figure:
         return 0.2 + 0.26 * heads + (_FLAGS if self._flags else 0.0) + axes + 0.5 + words
 
     def drawn(self) -> Any:
-        """Draw all of it and return the figure."""
+        """Draw everything and return the figure."""
         if self._flags:
             self._draw_flags(self._place(_FLAGS))
         for number, (track, panels) in enumerate(zip(self._tracks, self._panels, strict=True)):
@@ -168,7 +168,7 @@ class _Figure:
         return self._figure
 
     def _place(self, height: float) -> Any:
-        """Return axes of so many inches beneath what is there."""
+        """Return axes of this height in inches below the present content."""
         bottom = 1.0 - (self._top + height) / self._height
         axes = self._figure.add_axes((_LEFT, bottom, _RIGHT - _LEFT, height / self._height))
         axes.set_xlim(*self._span)
@@ -230,7 +230,7 @@ class _Figure:
 
 
 def _panels_of(track: RecordedSeries) -> list[_Panel]:
-    """Return the panels that have something to show; that of the position always is there."""
+    """Return the panels that have data; the position panel is always included."""
     return [
         panel
         for panel in _PANELS
@@ -266,7 +266,7 @@ def _draw_panel(axes: Any, panel: _Panel, track: RecordedSeries, colour: str) ->
 
 
 def _led(track: RecordedSeries) -> tuple[Sequence[float], str]:
-    """Return what the axis was led by, and what that is: the drive's own demand, where it tells it."""
+    """Return the commanded values of the axis, and their label: the drive's own demand, if it reports one."""
     demand = track.columns["demand"]
     if any(not math.isnan(value) for value in demand):
         return demand, "commanded (demand of the drive)"
@@ -306,7 +306,7 @@ def _draw_flag(axes: Any, flag: Flag) -> None:
 
 
 def _thinned(times: Sequence[float], values: Sequence[float]) -> tuple[Sequence[float], Sequence[float]]:
-    """Return a line of not too many points: of each piece the lowest and the highest, in their order."""
+    """Return a line with a limited number of points: the minimum and maximum of each section, in their order."""
     size = len(times) // (_POINTS // 2)
     if size < 2:
         return times, values

@@ -1,4 +1,4 @@
-"""Recording every cycle of a machine's axes in memory, for a program that looks at it right away."""
+"""Record every cycle of a machine's axes in memory, for a program that evaluates them immediately."""
 
 from __future__ import annotations
 
@@ -13,22 +13,23 @@ from axisbus.record.recording_data import Recorded
 from axisbus.record.sample_packing import PackedRows
 from axisbus.session import AxisSession
 
-LIMIT = 2_000_000  # cycles; the oldest go first
+LIMIT = 2_000_000  # cycles; the oldest are dropped first
 
 
 class SessionOwner(Protocol):
-    """What has a way to a core: a ``Machine``."""
+    """An object with a session with a core: a ``Machine``."""
 
     @property
     def session(self) -> AxisSession:
-        """The way to the core that moves all axes."""
+        """The session with the core that moves all axes."""
 
 
 class Recorder:
-    """Keeps each cycle of the axes in memory while it is attached to a machine; of more than ``LIMIT`` cycles the oldest go.
+    """Hold each cycle of the axes in memory while attached to a machine; beyond ``LIMIT`` cycles the oldest are dropped.
 
-    In the cycle values are only packed; conversion to units happens when rows are read. Axes of nodes that come later are not
-    recorded. Use it as a context manager: ``with Recorder(cell) as recorder:``. ``Machine.recording`` writes a file meanwhile.
+    In the cycle, values are only packed; they are converted to units when rows are read. Axes of nodes that join later are not
+    recorded. Use it as a context manager: ``with Recorder(cell) as recorder:``. ``Machine.recording`` instead writes a file while
+    recording.
     """
 
     def __init__(self, machine: SessionOwner, every: int = 1) -> None:
@@ -78,7 +79,7 @@ class Recorder:
             yield row
 
     def recorded(self) -> Recorded:
-        """Return what was recorded so far, as a recording that was read has it."""
+        """Return the cycles recorded so far, in the form of a recording read from a file."""
         cycles = list(self._cycles)
         times = [round(now - cycles[0][0], 6) for now, _ in cycles]
         tracks = {
@@ -88,7 +89,7 @@ class Recorder:
         return Recorded(tracks)
 
     def write_csv(self, path: Path | str) -> Path:
-        """Write all rows to ``path`` and return it: heads with units, an empty field is an unknown value. Its folder is made.
+        """Write all rows to ``path`` and return it; the header has units, an empty field is an unknown value. Makes the folder.
 
         Raises:
             UserError: nothing was recorded.

@@ -1,11 +1,11 @@
-"""A recording under way: the cycles of a machine's axes, and what happens meanwhile, on their way into a file.
+"""Record the cycles of a machine's axes, and its events, to a file.
 
 Theory of operation
 -------------------
-In the cycle a row is packed, unless a core has done so already; nothing else. A thread takes the rows, turns them into units and
-writes them; now and then it asks the machine what has happened, and reads the objects that were asked for. What that thread cannot
-do in time is left out, counted and told, so that memory is bounded; a file that cannot be written ends the recording, and never the
-motion. In virtual time there is no thread: whoever lets time pass writes, a second at a time.
+The cycle only packs a row, unless a core has already packed it. A thread takes the rows, converts them to units and writes them;
+periodically it asks the machine for events, and reads the requested objects. Rows that this thread cannot process in time are
+dropped, counted and reported, so that memory is bounded. If the file cannot be written, the recording ends, but never the motion.
+In virtual time there is no thread: the caller that advances time writes, one second at a time.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ from axisbus.session import AxisSession
 from axisbus.wording import counted
 
 log = logging.getLogger("axisbus")
-_ROUND = 0.5  # seconds between two looks at the rows
-_LOOK = 1.0  # seconds between two looks at what has happened
-_MOST = 15_000  # rows that wait: a minute at 4 ms
-_ON_THEIR_WAY = 0.2  # seconds that rows may be
-_PATIENCE = 5.0  # seconds that the end waits for a slow disk
+_ROUND = 0.5  # seconds between two checks for rows
+_LOOK = 1.0  # seconds between two checks for events
+_MOST = 15_000  # the most waiting rows: a minute at 4 ms
+_ON_THEIR_WAY = 0.2  # seconds that the transmission of rows may take
+_PATIENCE = 5.0  # seconds for which ``close`` waits for a slow disk
 
 
 class Recording:
-    """One recording of a machine, for a ``with`` block; holds the rows that wait, and what is written of them."""
+    """One recording of a machine, for a ``with`` block; holds the waiting rows, and the progress of writing."""
 
     def __init__(
         self,
@@ -49,7 +49,7 @@ class Recording:
         objects: Iterable[str] = (),
         realtime: bool = True,
     ) -> None:
-        """``machine`` is recorded into ``path``; see ``Machine.recording``."""
+        """Record ``machine`` to ``path``; see ``Machine.recording``."""
         self._session = machine.session
         self._period = machine.cell.bus.scan_period
         self._target = McapFile(machine, path, axes)
@@ -73,12 +73,12 @@ class Recording:
         self._thread = threading.Thread(target=self._run, name="recording", daemon=True)
         self._looked = self._due = self._seen = 0.0
         self._ended = False
-        self.failed = ""  # why nothing more is written, for people
+        self.failed = ""  # why writing has ended, for people
 
     # -- beginning and ending ------------------------------------------------------------------------------------------
 
     def __enter__(self) -> Recording:
-        """Begin.
+        """Start recording.
 
         Raises:
             UserError: the package mcap is not installed, or the file cannot be written.
@@ -94,12 +94,12 @@ class Recording:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """End it; after an error the stop of the axes is still in it, and the machine ends it when it is closed."""
+        """End the recording; after an error, it continues during the stop of the axes, and ends when the machine is closed."""
         if error is None or self._session.ended:
             self.close()
 
     def close(self) -> None:
-        """Write what waits, and end the file. Harmless when repeated. Blocks, at most 5 s where a disk does not take it."""
+        """Write the waiting rows, and close the file. Harmless when repeated. Blocks, for at most 5 s if the disk is slow."""
         if self._ended or not self._target.is_open:
             return
         self._ended = True
@@ -115,17 +115,17 @@ class Recording:
             log.warning("the recording %s is not written to its end yet: its disk is slow", self.path)
 
     def _await_newest(self) -> None:
-        """Wait until the cycle that the program has seen last is among the rows: they come a few at a time."""
+        """Wait for the row of the newest cycle that the program has seen: rows arrive in groups."""
         newest = max((snapshot.now for snapshot in self._session.snapshots.values()), default=0.0)
         until = time.monotonic() + _ON_THEIR_WAY
         while self._realtime and self._seen < newest and time.monotonic() < until:
             time.sleep(0.005)
 
-    # -- how it stands -------------------------------------------------------------------------------------------------
+    # -- progress ------------------------------------------------------------------------------------------------------
 
     @property
     def path(self) -> Path:
-        """The file."""
+        """The path of the file."""
         return self._target.path
 
     @property
@@ -135,27 +135,27 @@ class Recording:
 
     @property
     def cycles(self) -> int:
-        """How many cycles have been written."""
+        """The number of written cycles."""
         return self._target.rows
 
     @property
     def lost(self) -> int:
-        """How many were not, as nobody took them in time."""
+        """The number of cycles dropped because they were not processed in time."""
         return self._lost
 
     @property
     def seconds(self) -> float:
-        """How long it is."""
+        """The duration of the recording."""
         return self._target.newest - self._target.began
 
     @property
     def size(self) -> int:
-        """How many bytes are in the file."""
+        """The number of bytes in the file."""
         return self._target.size
 
     @property
     def reads(self) -> Mapping[str, int]:
-        """How often each object has been read, or has come in a PDO."""
+        """How often each object has been read, or received in a PDO."""
         return {**self._objects.reads, **self._mapped.counts}
 
     # -- in the cycle --------------------------------------------------------------------------------------------------
@@ -201,13 +201,13 @@ class Recording:
         self._target.abandon()
 
     def _guarded(self, work: Callable[[], None]) -> None:
-        """Do something for the file; where that fails, nothing more is written."""
+        """Run work on the file; if it fails, end the writing."""
         if self.failed:
             self._rows.clear()
             return
         try:
             work()
-        except Exception as error:  # noqa: BLE001  # whatever it is, the motion goes on
+        except Exception as error:  # noqa: BLE001  # the motion continues after any error
             self.failed = one_line(error)
             log.warning("the recording %s has ended: it cannot be written (%s)", self.path, self.failed)
 
@@ -234,6 +234,6 @@ def clock_of(session: AxisSession) -> float:
 
 
 def _places(machine: Watched, wanted: Iterable[WantedObject]) -> list[MappedSignal]:
-    """Return where those are that a PDO carries."""
+    """Return the locations of the objects that PDOs carry."""
     found = [(one, machine.node(one.node).mapped_in(one.index, one.subindex)) for one in wanted]
     return [MappedSignal(one, carried) for one, carried in found if carried is not None]

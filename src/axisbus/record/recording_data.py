@@ -1,4 +1,4 @@
-"""A recording as values: what each axis did over time, and what happened meanwhile."""
+"""A recording in memory: the values of each axis over time, and the events."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 
 class RecordedEvent(NamedTuple):
-    """Something that happened: ``time`` in s, ``sort`` of ``SORTS``, ``where`` (a node, a command), ``text`` for people."""
+    """An event: ``time`` in s, ``sort`` of ``SORTS``, ``where`` (a node, a command), ``text`` for people."""
 
     time: float
     sort: str
@@ -18,7 +18,7 @@ class RecordedEvent(NamedTuple):
     text: str
 
 
-# What can happen, and what it says.
+# The sorts of events, and their descriptions.
 SORTS: Mapping[str, str] = {
     "command": "commands, with their ends",
     "nmt": "what error control tells of the nodes",
@@ -32,7 +32,7 @@ SORTS: Mapping[str, str] = {
 
 @dataclass(frozen=True, slots=True)
 class RecordedSeries:
-    """What one axis (or one object) did: ``times`` in seconds since the recording began, and as many values in each column.
+    """The values of one axis or object: ``times`` in seconds since the begin of the recording, and columns of equal length.
 
     An unknown number is NaN, another unknown value None.
     """
@@ -40,10 +40,10 @@ class RecordedSeries:
     name: str
     times: Sequence[float]
     columns: Mapping[str, Sequence[Any]]
-    units: Mapping[str, str]  # by column; empty where it has none
+    units: Mapping[str, str]  # by column; empty if it has none
 
     def within(self, begin: float, end: float) -> RecordedSeries:
-        """Return what of it lies between two times (s)."""
+        """Return the part between two times (s)."""
         chosen = [begin <= time <= end for time in self.times]
         columns = {name: list(compress(values, chosen)) for name, values in self.columns.items()}
         return replace(self, times=list(compress(self.times, chosen)), columns=columns)
@@ -51,9 +51,9 @@ class RecordedSeries:
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """A whole recording. ``began`` by the wall clock (UTC), None where nobody noted it; ``lacks``: why it is not whole, for people.
+    """A whole recording. ``began``: its start (UTC), None if unknown; ``lacks``: why it is incomplete, for people.
 
-    ``objects``: what was read beside the axes, a track each with the column ``value``. ``facts``: what else was noted, as texts.
+    ``objects``: the recorded objects, each a series with the column ``value``. ``facts``: further remarks, as texts.
     """
 
     tracks: Mapping[str, RecordedSeries]
@@ -69,7 +69,7 @@ class Recorded:
         return max((track.times[-1] for track in self.tracks.values() if track.times), default=0.0)
 
     def within(self, begin: float, end: float) -> Recorded:
-        """Return what of it lies between two times (s); its times stay as they were."""
+        """Return the part between two times (s); its times do not change."""
         return replace(
             self,
             tracks={name: track.within(begin, end) for name, track in self.tracks.items()},

@@ -1,7 +1,7 @@
-"""What was seen of some axes, cycle by cycle, packed into bytes.
+"""Samples of some axes, packed cycle by cycle into bytes.
 
-However many there are, they are nothing that Python's collector has to look at: a recording of an hour pauses no cycle. One thread
-appends, others may read meanwhile what was there when they began.
+Python's garbage collector does not inspect packed samples, so that an hour of recording pauses no cycle. One thread appends; others
+may read meanwhile the rows that existed when they began.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
 
 BLOCK = 4096  # rows
-_AXIS = "qqqqqqhHBBB"  # the values in the order of AxisSample; then the state, the power, and the bits of what is known
+_AXIS = "qqqqqqhHBBB"  # the values in the order of AxisSample; then the state, the power, and the bits for known values
 _STATES, _POWERS = tuple(AxisState), tuple(PowerState)
 _STATE_AT = {state: number for number, state in enumerate(_STATES)}
 _POWER_AT = {power: number for number, power in enumerate(_POWERS)}
-# Of what may be unknown, a bit each; beside them whether the axis is homed.
+# One bit for each value that may be unknown, and one for whether the axis is homed.
 _POSITION, _VELOCITY, _TORQUE, _TARGET, _DEMAND, _MODE, _STATUSWORD, _HOMED = (1 << bit for bit in range(8))
 
 
@@ -40,20 +40,20 @@ class AxisSample(NamedTuple):
 
 
 class RowForm:
-    """How a row of one time and the samples of so many axes is packed."""
+    """The packing of a row: one time and the samples of a number of axes."""
 
     def __init__(self, axes: int) -> None:
         self.struct = Struct("<d" + _AXIS * axes)
 
     def values(self, now: float, snapshots: Sequence[Snapshot]) -> list[float]:
-        """Return what ``struct`` packs of a cycle."""
+        """Return the values of a cycle for ``struct``."""
         values: list[float] = [now]
         for snapshot in snapshots:
             values += _packed(snapshot)
         return values
 
     def rows(self, data: bytes | memoryview) -> Iterator[tuple[float, list[AxisSample]]]:
-        """Yield the rows that these bytes are."""
+        """Yield the rows in these bytes."""
         for row in self.struct.iter_unpack(data):
             yield row[0], [_sample(*row[at : at + len(_AXIS)]) for at in range(1, len(row), len(_AXIS))]
 
@@ -66,13 +66,13 @@ class PackedRows:
         self._size = self._form.struct.size
         self._most = -(-limit // BLOCK) + 1
         self._blocks: dict[int, bytearray] = {}
-        self._end = 0  # rows so far, with those that have gone
+        self._end = 0  # rows so far, including dropped ones
 
     def __len__(self) -> int:
         return self._end - BLOCK * next(iter(self._blocks.copy()), 0)
 
     def append(self, now: float, snapshots: Sequence[Snapshot]) -> None:
-        """Keep a row; the oldest block goes where there are too many."""
+        """Store a row; drop the oldest block if there are too many."""
         block, place = divmod(self._end, BLOCK)
         if not place:
             self._blocks[block] = bytearray(BLOCK * self._size)
@@ -83,7 +83,7 @@ class PackedRows:
         self._end += 1
 
     def __iter__(self) -> Iterator[tuple[float, list[AxisSample]]]:
-        """Yield what is there now, oldest first."""
+        """Yield the present rows, oldest first."""
         end, blocks = self._end, self._blocks.copy()
         for number, block in blocks.items():
             used = min(BLOCK, end - number * BLOCK)
@@ -91,7 +91,7 @@ class PackedRows:
 
 
 def sample_of(snapshot: Snapshot) -> AxisSample:
-    """Return what a recording holds of an axis in a cycle."""
+    """Return the recorded values of an axis in a cycle."""
     _, state, power, word, mode, position, _, demand, velocity, torque, target, origin, homed, *_ = snapshot
     return AxisSample(position, velocity, torque, target, demand, origin, mode, word, state, power, homed)
 

@@ -1,4 +1,4 @@
-"""Samples of some columns, wherever they are from, as an MCAP file like that of a recording; what is not among them is null."""
+"""Write samples of some columns, from any source, to an MCAP file like that of a recording; missing values are null."""
 
 from __future__ import annotations
 
@@ -18,19 +18,20 @@ _NANO = 1_000_000_000
 _CHUNK = 1 << 18  # bytes
 _Row = msgspec.defstruct("_Row", NAMES)
 
-# Of each axis the values of some columns of ``record.columns``, as many as there are times; NaN is unknown.
+# By axis, the values of some columns of ``record.columns``, one for each time; NaN is unknown.
 Columns = Mapping[str, Mapping[str, Sequence[float]]]
 
 
 def write_samples(
     machine: Watched, path: Path, times: Sequence[float], columns: Columns, facts: Mapping[str, str]
 ) -> None:
-    """Write samples of a machine's axes to ``path``, which is replaced; ``times`` in seconds of the monotonic clock, rising.
+    """Write samples of a machine's axes to ``path``, which is replaced; ``times`` in ascending seconds of the monotonic clock.
 
-    ``facts``: what else is to be known of them.
+    ``facts``: further facts about them.
 
     Raises:
-        UserError: the package mcap is not installed. OSError: the file cannot be written.
+        UserError: the package mcap is not installed.
+        OSError: the file cannot be written.
     """
     known = facts_of(machine.cell, simulated=machine.is_simulated, degree=machine.real_time_status)
     offset = time.time_ns() - round(time.monotonic() * _NANO)

@@ -1,7 +1,7 @@
-"""What lets a capture begin: a condition on the values of an axis, in its units, or a fault of any axis.
+"""The trigger of a capture: a condition on the values of an axis, in its units, or a fault of any axis.
 
-``x.velocity > 100``, ``|x.following_error| > 0.5``, ``x.state = ErrorStop``, ``x.mode = csp``, ``fault``. It is what becomes true
-that counts: what is so from the beginning must have been otherwise in between.
+Examples: ``x.velocity > 100``, ``|x.following_error| > 0.5``, ``x.state = ErrorStop``, ``x.mode = csp``, ``fault``. The trigger
+fires when the condition becomes true; a condition that is true from the beginning must first become false.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ EXAMPLES = (
 
 
 class Trigger:
-    """Looks at each cycle; holds whether its condition was true in the one before."""
+    """Evaluate each cycle; holds whether the condition was true in the previous one."""
 
     def __init__(self, when: str | Condition, forms: Mapping[str, AxisForm]) -> None:
-        """``when``: as above, or a function of the values of all axes; ``forms``: of the axes that there are.
+        """``when``: as above, or a function of the values of all axes; ``forms``: those of the present axes.
 
         Raises:
-            ArgumentError: the text says no condition, or one of an axis or a value that is not recorded.
+            ArgumentError: the text is not a condition, or names an axis or value that is not recorded.
         """
         self._forms = forms
         self._condition = (
@@ -38,13 +38,13 @@ class Trigger:
         self._before = True
 
     def begin(self) -> None:
-        """As ``Moment.begin``."""
+        """As ``RecordingTrigger.begin``."""
 
     def end(self) -> None:
         """As ``RecordingTrigger.end``."""
 
     def seen(self, now: float, snapshots: Mapping[str, Snapshot]) -> float | None:
-        """As ``RecordingTrigger.seen``: the cycle in which the condition became true; raises what a user's function raises."""
+        """As ``RecordingTrigger.seen``: the cycle in which the condition became true; raises the errors of a user's function."""
         values = {
             name: dict(zip(NAMES, form.values(sample_of(snapshots[name])), strict=True))
             for name, form in self._forms.items()

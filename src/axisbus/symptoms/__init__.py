@@ -1,1 +1,1 @@
-"""What a user sees when something is wrong: one page for each symptom, and which errors and codes lead to it."""
+"""Symptoms that a user observes when something is wrong: one page each, with the errors and codes that refer to it."""

@@ -1,1 +1,1 @@
-"""Frames decoded to words: pure, frame by frame, by what the cell's files say and by what the bus itself shows."""
+"""Decode frames to text: pure, frame by frame, using the cell's files and the traffic of the bus itself."""

@@ -1,7 +1,9 @@
-"""Frames of CAN Simple in words, of the nodes that a person named: nothing in a frame tells who sent it, and nothing is guessed.
+"""Decode frames of CAN Simple to text, for the nodes that the user has named; a frame does not say what sent it.
 
-Theory of operation. An identifier of CAN Simple is one of CANopen too, so that only those nodes are decoded that were named. Where
-the bytes allow both a request and its answer, both are told. The values of MIT control are by the manual's ranges, and say so.
+Theory of operation
+-------------------
+An identifier of CAN Simple is a valid one of CANopen too, so only the named nodes are decoded. If the bytes fit both a request and
+its answer, both are reported. Values of MIT control use the ranges of the manual, and the text says so.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ _MIT = mit.MIT_CONTROL.command
 
 
 class ModuleFrameText(NamedTuple):
-    """What a frame of a named node says; ``from_node`` is False where only a master can have sent it."""
+    """The text of a frame of a named node; ``from_node`` is False if only a master can have sent it."""
 
     node: int
     words: Words
@@ -35,13 +37,13 @@ class ModuleFrameText(NamedTuple):
 
 
 class CanSimpleDecoder:
-    """The named nodes; holds state: what the heartbeats of each have told."""
+    """The named nodes; holds state: the last heartbeat of each."""
 
     def __init__(self, nodes: Collection[int] = ()) -> None:
         self._beats: dict[int, Heartbeats] = {node: Heartbeats() for node in nodes}
 
     def told(self, frame: CanFrame) -> ModuleFrameText | None:
-        """Return what a frame says; None where it is of none of the named nodes."""
+        """Return the text of a frame; None if it belongs to none of the named nodes."""
         if not self._beats or frame.error or frame.extended or frame.can_id >= NODES.stop << 5:
             return None
         node, command = split(frame.can_id)
@@ -69,10 +71,10 @@ class CanSimpleDecoder:
 
 
 def nodes_of(text: str) -> tuple[int, ...]:
-    """Return the nodes that a text such as ``0,1,5`` names.
+    """Return the nodes in a text such as ``0,1,5``.
 
     Raises:
-        ArgumentError: one of them is no node ID of CAN Simple.
+        ArgumentError: one of them is not a node ID of CAN Simple.
     """
     found = []
     for each in text.split(","):
@@ -103,7 +105,7 @@ def _heartbeat(beat: Heartbeat) -> Words:
 
 
 def _one(found: Outcome, data: bytes) -> str:
-    """What one way to read a frame says; nothing of an ``Unexpected``."""
+    """Return the text for one interpretation of a frame; empty for an ``Unexpected``."""
     if isinstance(found, Unexpected):
         return ""
     if isinstance(found, MessageRequest):
@@ -141,7 +143,7 @@ def _mit(found: DecodedMessage, data: bytes) -> str:
 
 
 def _endpoint(found: DecodedMessage, data: bytes) -> str:
-    """The same bytes may be a request and its answer: told once, of the one that comes first."""
+    """Return the text of an endpoint access: a request and its answer may have the same bytes, and are then reported once."""
     if not found.from_module:
         return ""
     act = "write" if found.values["opcode"] else "read"

@@ -1,4 +1,4 @@
-"""What is known of a bus before its first frame is seen: nodes, their dictionaries, their PDOs, and the axes' units."""
+"""The known configuration of a bus before its first frame: nodes, dictionaries, PDOs, and the axes' units."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class DirectedPdo:
 
 @dataclass(frozen=True)
 class KnownNode:
-    """One node: ``name`` is that of its axes (empty where unknown), ``pdos`` those that may travel."""
+    """One node: ``name`` has the names of its axes (empty if unknown), ``pdos`` are those that may be sent."""
 
     node_id: int
     name: str = ""
@@ -39,7 +39,7 @@ class KnownNode:
 
 @dataclass(frozen=True)
 class TraceContext:
-    """A bus as its files describe it; all of it may be empty. ``modules`` speak CAN Simple: node ID and the name of the axis."""
+    """A bus as its files describe it; all of it may be empty. ``modules`` use CAN Simple: node ID and the name of the axis."""
 
     nodes: Mapping[int, KnownNode] = field(default_factory=dict)
     quantities: Quantities = field(default_factory=Quantities)
@@ -51,12 +51,12 @@ NOTHING = TraceContext()
 
 
 def of_eds(files: Mapping[int, Eds]) -> TraceContext:
-    """Return what the EDS or DCF of each node says: PDOs are those that it switches on."""
+    """Return the contents of each node's EDS or DCF; its PDOs are those that the file switches on."""
     return TraceContext({node_id: _node(NodeConfig(node_id), eds) for node_id, eds in files.items()})
 
 
 def of_cell(cell: CellConfig, files: Mapping[int, Eds]) -> TraceContext:
-    """Return what a cell file says: PDOs as boot configures them, and behind those what the EDS switches on."""
+    """Return the contents of a cell file: PDOs as configured at boot, then those that the EDS switches on."""
     case = CheckContext(cell, files)
     nodes = {}
     for node, eds, dictionary in case.nodes:
@@ -84,7 +84,7 @@ def _node(node: NodeConfig, eds: Eds, name: str = "", planned: tuple[DirectedPdo
 
 
 def _merged(planned: Iterable[DirectedPdo], own: Iterable[DirectedPdo]) -> Iterable[DirectedPdo]:
-    """A plan says more than the file, as long as it says anything of a PDO."""
+    """Prefer the planned PDOs to those of the EDS: a plan has more information about the PDOs that it contains."""
     numbers = set()
     for each in planned:
         numbers.add((each.receive, each.pdo.number))

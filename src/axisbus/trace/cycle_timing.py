@@ -1,7 +1,7 @@
-"""How evenly a bus keeps its cycle: SYNC against the grid, answers and commands after it, measured from the times of frames.
+"""Measure how regular the cycle of a bus is: SYNC against its grid, TPDOs and RPDOs after it, by the times of frames.
 
-Frames may be told a little out of order (those that were drained come after the SYNC that followed them): each waits until all that
-were before it must have been told.
+Frames may arrive slightly out of order (those that were drained come after the next SYNC). Each frame waits until all earlier ones
+must have arrived.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from typing import NamedTuple
 
 from axisbus.cia301.frame import CanFrame
 
-# What is measured of a ``CycleTiming``, and what it says.
+# The measured values of a ``CycleTiming``, and their descriptions.
 MEASURED = {
     "off": "interval of two SYNCs, off the period by",
     "last_tpdo": "last TPDO after its SYNC",
     "last_rpdo": "last RPDO after its SYNC",
     "skew": "first to last node's answer",
 }
-_LATE = 0.25  # seconds by which a frame may be told late
+_LATE = 0.25  # seconds by which a frame may arrive late
 
 
 @dataclass(frozen=True, slots=True)
 class CyclicIdentifiers:
-    """Whose frames are looked at, by identifier: SYNC's, the TPDOs and RPDOs of every cycle, and of each node its first TPDO."""
+    """The identifiers to measure: SYNC, the cyclic TPDOs and RPDOs, and the first TPDO of each node."""
 
     sync: int
     tpdos: frozenset[int]
@@ -35,7 +35,7 @@ class CyclicIdentifiers:
 
 
 class Spread(NamedTuple):
-    """How values are spread, in seconds: of how many cycles, the least, the middle, 99 of 100, and the worst."""
+    """The distribution of values in seconds: number of cycles, minimum, median, 99th percentile, and worst."""
 
     cycles: int
     least: float
@@ -46,10 +46,10 @@ class Spread(NamedTuple):
 
 @dataclass
 class CycleTiming:
-    """What has been measured so far, in seconds; holds the frames that wait for their turn.
+    """The measurements so far, in seconds; holds the frames that wait for their turn.
 
-    ``off``: by how much the interval of two SYNCs differs from the period (those that are skipped are counted in ``missing``);
-    ``last_tpdo`` and ``last_rpdo``: when the last of a cycle came or went after its SYNC; ``skew``: between the first and the last
+    ``off``: the difference between the SYNC interval and the period (skipped SYNCs are counted in ``missing``); ``last_tpdo`` and
+    ``last_rpdo``: the delay of the last TPDO or RPDO of a cycle after its SYNC; ``skew``: the time between the first and the last
     node's answer.
     """
 
@@ -71,7 +71,7 @@ class CycleTiming:
         self.seen = self.cast.tpdos | self.cast.rpdos | self.cast.answers | {self.cast.sync}
 
     def add(self, frames: Iterable[CanFrame]) -> None:
-        """Take frames, as they are told."""
+        """Add frames in the order of their arrival."""
         newest = 0.0
         for frame in frames:
             if frame.can_id in self.seen:
@@ -81,7 +81,7 @@ class CycleTiming:
             self._take(*heapq.heappop(self._waiting))
 
     def finish(self) -> None:
-        """Take those that still wait."""
+        """Process the waiting frames."""
         while self._waiting:
             self._take(*heapq.heappop(self._waiting))
 
@@ -100,7 +100,7 @@ class CycleTiming:
                 times.append(time)
 
     def _close(self, time: float) -> None:
-        """A SYNC: what came since the one before belongs to that."""
+        """Handle a SYNC: the frames since the previous one belong to the previous one."""
         began, self._began = self._began, time
         if began is not None:
             steps = max(1, round((time - began) / self.period))
@@ -121,7 +121,7 @@ def _last(into: array[float], times: Collection[float], began: float) -> None:
 
 
 def spread(values: Iterable[float]) -> Spread | None:
-    """Return how values are spread, in either direction from 0; None where there are none."""
+    """Return the distribution of values, in either direction from 0; None if there are none."""
     found = sorted(map(abs, values))
     if not found:
         return None
@@ -129,7 +129,7 @@ def spread(values: Iterable[float]) -> Spread | None:
 
 
 def histogram(values: Sequence[float], bins: int) -> list[tuple[float, float, int]]:
-    """Return (from, to, how many) of so many equal bins between the least and the most; of one where all are equal."""
+    """Return (from, to, count) of equal bins between minimum and maximum; a single bin if all values are equal."""
     least, most = min(values), max(values)
     if least == most:
         return [(least, most, len(values))]

@@ -1,4 +1,4 @@
-"""What one frame says, as frozen values: the decoder fills them, ``text`` and ``plain`` write them out."""
+"""The contents of one frame as frozen values: the decoder fills them, ``text`` and ``json_form`` write them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from axisbus.cia301.frame import CanFrame
 
 
 class FrameKind(Enum):
-    """Which service of CiA 301, 302 or 305 a frame belongs to; ``FOREIGN`` is one of another protocol that is known."""
+    """The service of CiA 301, 302 or 305 that a frame belongs to; ``FOREIGN`` is a frame of another known protocol."""
 
     NMT = "NMT"
     SYNC = "SYNC"
@@ -30,10 +30,11 @@ class FrameKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class ObjectValue:
-    """One object's value that a frame carries.
+    """One object's value in a frame.
 
-    ``value`` is as the object's type says (bytes where no type is known), None where only the object is named. ``words`` says what
-    the value means (``operation enabled, target reached``), ``quantity`` gives it in ``unit``; each is empty where there is none.
+    ``value`` has the object's type (bytes if the type is unknown), None if the frame only names the object. ``words`` is the
+    meaning of the value (``operation enabled, target reached``), ``quantity`` is the value in ``unit``; each is empty if there is
+    none.
     """
 
     index: int
@@ -47,7 +48,7 @@ class ObjectValue:
 
 @dataclass(frozen=True, slots=True)
 class DecodedSdo:
-    """What an SDO frame did in its transfer: ``step`` in words, the bytes moved so far and in all, abort code, seconds waited."""
+    """The effect of an SDO frame in its transfer: ``step`` in words, bytes so far and in total, abort code, seconds waited."""
 
     step: str
     write: bool
@@ -59,11 +60,11 @@ class DecodedSdo:
 
 @dataclass(frozen=True, slots=True)
 class Decoded:
-    """One frame in words.
+    """One frame as text.
 
-    ``node`` is the node that the frame belongs to (None: to the bus), ``from_node`` whether that node sent it. ``what`` says the
-    rest. ``error`` marks what reports trouble (EMCY, abort, a drive in fault, an error frame, a request without answer), and
-    ``problem`` says what is against the protocol in the frame itself; it is empty for a sound frame.
+    ``node`` is the node that the frame belongs to (None: the bus), ``from_node`` is whether that node sent it. ``what`` is the rest
+    of the text. ``error`` marks frames that report trouble (EMCY, abort, a drive in fault, an error frame, a request without
+    answer). ``problem`` is the violation of the protocol in the frame itself; it is empty for a valid frame.
     """
 
     frame: CanFrame
@@ -80,5 +81,5 @@ class Decoded:
 
     @property
     def trouble(self) -> bool:
-        """Whether it reports or is trouble."""
+        """Whether the frame reports trouble or violates the protocol."""
         return self.error or bool(self.problem)

@@ -1,13 +1,13 @@
-"""Frames in, words out: which service and node each CAN identifier belongs to, and what the frame says.
+"""Decode frames to text: determine the service and node of each CAN identifier, and the contents of the frame.
 
 Theory of operation
 -------------------
-``Decoder.feed`` takes frames in the order of the wire and never raises: whatever cannot be read is a value that says so.
+``Decoder.feed`` takes frames in the order of the bus and never raises: an undecodable frame gives a value that says so.
 Identifiers are looked up in this order: SYNC, EMCY and SDO channels as learned, PDOs as known or learned, and then the predefined
-connection set (CiA 301 7.3.5). Before all of them come the frames of the nodes that are named as CAN Simple's (``can_simple``) and
-of a module that was found to speak another protocol (``drives.gim6010.factory_protocols``). What a finished SDO transfer has set or
-read of the communication objects (1005h, 1014h, 12xxh, 14xxh to 1Bxxh) changes how the frames after it are read, exactly as it
-changes what the node does.
+connection set (CiA 301 7.3.5). Before all of them come the frames of nodes that are named as CAN Simple nodes (``can_simple``), and
+of a module that was found to use another protocol (``drives.gim6010.factory_protocols``). A finished SDO transfer that writes or
+reads communication objects (1005h, 1014h, 12xxh, 14xxh to 1Bxxh) changes how later frames are decoded, exactly as it changes the
+behaviour of the node.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ class Decoder:
     """Decodes one bus; holds state: the running SDO transfers, learned identifiers and mappings, last NMT states and modes."""
 
     def __init__(self, known: TraceContext = NOTHING, simple: Collection[int] = ()) -> None:
-        """``simple`` are the node IDs (0 to 63) of modules that speak CAN Simple, beside those that are ``known``."""
+        """``simple`` are the node IDs (0 to 63) of modules that use CAN Simple, in addition to those in ``known``."""
         self._known = known
         self._modules = can_simple.CanSimpleDecoder({*simple, *known.modules})
         self._values = Values(known)
         self._pdos = PdoTable(tuple(known.nodes.values()))
         self._dialogues: dict[tuple[int, int], SdoChannelDecoder] = {}  # request and response identifier
         self._states: dict[int, NmtState] = {}
-        self._asked: set[int] = set()  # nodes with a guarding request under way
+        self._asked: set[int] = set()  # nodes with an open guarding request
         self._toggles: dict[int, int] = {}
         self._sync = {cob.SYNC}
         self._emcy: dict[int, int] = {}
@@ -60,7 +60,7 @@ class Decoder:
         self.foreign = factory_protocols.ProtocolListener()
 
     def feed(self, frame: CanFrame) -> Decoded:
-        """Return what a frame says."""
+        """Return the decoded frame."""
         delta = 0.0 if self._before is None else frame.time - self._before
         self._before = frame.time
         told = self._modules.told(frame)
@@ -100,7 +100,7 @@ class Decoder:
         return None
 
     def who(self, node: int) -> str:
-        """Return a node for a person: ``node 5 (x)``."""
+        """Return the name of a node for people: ``node 5 (x)``."""
         name = self._name(node)
         return f"node {node} ({name})" if name else f"node {node}"
 
@@ -152,7 +152,7 @@ class Decoder:
         return made.words(self._guarded(node, frame.data[0], said), kind=FrameKind.GUARD)
 
     def _guarded(self, node: int, data: int, said: Words) -> Words:
-        """The toggle bit alternates from one answer to the next (CiA 301 7.2.8.3.2.1)."""
+        """Check the toggle bit, which alternates from one answer to the next (CiA 301 7.2.8.3.2.1)."""
         toggle = data & services.TOGGLE
         before, self._toggles[node] = self._toggles.get(node), toggle
         if before is not None and before == toggle and not said.problem:
@@ -165,7 +165,7 @@ class Decoder:
         return made.words(Words(what, problem=problem), from_node=not request)
 
     def _error_frame(self, made: _Making) -> Decoded:
-        """The class is Linux's; recordings of other systems have none, and are then no more than error frames."""
+        """Decode the error class of Linux; recordings of other systems have none, and give only the words error frame."""
         return made.words(Words(errorframe.describe(made.frame.can_id, made.frame.data), error=True))
 
     def _unknown(self, made: _Making) -> Decoded:
@@ -210,7 +210,7 @@ class Decoder:
         return made.words(Words(name, error, problem), values=values, from_node=from_node)
 
     def _multiplexed(self, made: _Making, pdo: PdoParameters) -> Decoded:
-        """An MPDO carries its own multiplexer (CiA 301 7.2.2.5)."""
+        """Decode an MPDO, which carries its own multiplexer (CiA 301 7.2.2.5)."""
         data = made.frame.data
         if len(data) != 8:
             return made.words(
@@ -270,7 +270,7 @@ class Decoder:
             self._learn_channel(node, index, subindex, value)
 
     def _learn_channel(self, node: int, index: int, subindex: int, value: int) -> None:
-        """An additional SDO server of a node (12xxh:01 from the client, :02 to it)."""
+        """Learn an additional SDO server of a node (12xxh:01 from the client, :02 to it)."""
         identifier = value & cob.ID_MASK_11
         if value & cob.INVALID or identifier == (cob.SDO_RX, cob.SDO_TX)[subindex - 1] + node:
             return
@@ -281,7 +281,7 @@ class Decoder:
 
 
 class _Making:
-    """A ``Decoded`` in the making: what its identifier says."""
+    """A ``Decoded`` under construction: the information from its identifier."""
 
     __slots__ = ("delta", "frame", "kind", "name", "node")
 
@@ -316,7 +316,7 @@ class _Making:
 
 
 def _predefined(frame: CanFrame) -> tuple[FrameKind, int | None]:
-    """The service of an identifier in the predefined connection set (CiA 301 7.3.5)."""
+    """Return the service of an identifier in the predefined connection set (CiA 301 7.3.5)."""
     identifier = frame.can_id
     fixed = _FIXED.get(identifier)
     if fixed is not None:
@@ -331,7 +331,7 @@ def _predefined(frame: CanFrame) -> tuple[FrameKind, int | None]:
 
 
 def _foreign(frame: CanFrame, speaker: factory_protocols.Speaker) -> Words:
-    """What a frame of another protocol says: its command, and what a heartbeat tells."""
+    """Return the text of a frame of another protocol: its command, and the contents of a heartbeat."""
     beat = frame.extended or frame.can_id == speaker.can_id
     command = "heartbeat" if beat else factory_protocols.command(frame.can_id)
     said = factory_protocols.heartbeat_words(speaker, frame.data) if beat else ""

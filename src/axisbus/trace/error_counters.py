@@ -1,4 +1,4 @@
-"""How many frames were against the protocol, by service and node: what a listener says at the end."""
+"""Count the frames that violate the protocol, by service and node, for the summary of a listener."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ class TraceErrorCounters:
         self._found: Counter[tuple[FrameKind, int | None]] = Counter()
 
     def note(self, one: Decoded) -> None:
-        """Take a frame."""
+        """Count a frame if it has a problem."""
         if one.problem:
             self._found[one.kind, one.node] += 1
 
     @property
     def found(self) -> list[tuple[FrameKind, int | None, int]]:
-        """Service, node (None: of the bus) and count, in the order of ``FrameKind`` and of nodes."""
+        """Return service, node (None: the bus) and count, in the order of ``FrameKind`` and of nodes."""
         order = list(FrameKind)
         keys = sorted(self._found, key=lambda key: (order.index(key[0]), key[1] or 0))
         return [(*key, self._found[key]) for key in keys]
 
     def words(self) -> str:
-        """Return them in one line, empty where there are none: ``against the protocol: 3 TPDO (node 2), 1 EMCY (node 5)``."""
+        """Return them in one line, empty if there are none: ``against the protocol: 3 TPDO (node 2), 1 EMCY (node 5)``."""
         texts = [
             f"{count} {kind.value}" + (f" (node {node})" if node is not None else "")
             for kind, node, count in self.found

@@ -1,4 +1,4 @@
-"""Which decoded frames are wanted: by node, kind and object, given as ``KEY=VALUE,VALUE`` texts."""
+"""Filter decoded frames by node, kind and object, given as ``KEY=VALUE,VALUE`` texts."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _REMEDY = "write node=5 (or an axis: node=x), kind=sdo,emcy or object=6041; seve
 
 
 def parse(texts: Iterable[str], axes: Collection[str] = ()) -> Wanted:
-    """Return a test for frames: each text must hold (``node=1,2``, ``kind=sdo``, ``object=6041``), of its values any.
+    """Return a test for frames: all texts must match (``node=1,2``, ``kind=sdo``, ``object=6041``), each by any of its values.
 
-    A node is named by its ID or by one of ``axes``, an object by its index, with or without sub-index (hexadecimal: ``6041``,
+    A node is given by its ID or by one of ``axes``, an object by its index, with or without sub-index (hexadecimal: ``6041``,
     ``1018:1``), or by a part of its name.
 
     Raises:
-        ArgumentError: a text is none of these.
+        ArgumentError: a text is not a filter.
     """
     tests = [_test(text, axes) for text in texts]
     return lambda one: all(test(one) for test in tests)

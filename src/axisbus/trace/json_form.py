@@ -1,4 +1,4 @@
-"""A decoded frame as plain values, for programs: one JSON object per frame, keys left out where there is nothing to say."""
+"""A decoded frame as plain values, for programs: one JSON object per frame; empty keys are omitted."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def plain(one: Decoded) -> dict[str, Any]:
 
 
 def value(value: ObjectValue) -> dict[str, Any]:
-    """Return an object's value; a number that is not finite, which JSON does not have, as text."""
+    """Return an object's value; NaN and infinity, which JSON does not have, as text."""
     raw: Any = value.value.hex() if isinstance(value.value, bytes) else value.value
     if isinstance(raw, float) and not math.isfinite(raw):
         raw = str(raw)

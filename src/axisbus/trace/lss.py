@@ -1,4 +1,4 @@
-"""LSS frames (CiA 305): what each service of ``cia305.services`` says, as the master's request and as the slave's answer."""
+"""Text of LSS frames (CiA 305): each service of ``cia305.services``, as the master's request and as the slave's answer."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Words = Callable[[bytes], str]
 
 
 def words(data: bytes, *, request: bool) -> tuple[str, str]:
-    """Return what an LSS frame says, and what is wrong with it (mostly nothing); ``request``: it is the master's."""
+    """Return the text of an LSS frame, and its problem (usually empty); ``request``: the master sent it."""
     if not data:
         return "empty", "an LSS frame has 8 bytes (CiA 305)"
     full = data.ljust(8, b"\0")

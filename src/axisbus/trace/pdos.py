@@ -1,6 +1,6 @@
-"""Which PDO has which COB-ID and holds which objects: from the files, and learned from the SDO transfers that set or read it.
+"""The COB-ID and mapping of each PDO: from the files, and learned from SDO transfers that write or read them.
 
-A recording that contains the boot-up of a node thereby decodes by what the node really was told, with or without its EDS.
+So a recording that contains the boot-up of a node is decoded by the node's real configuration, with or without its EDS.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _INVALID = 0x8000_0000
 
 @dataclass(slots=True)
 class PdoParameters:
-    """What is known of one PDO; holds state: changes when a transfer sets or reads its parameters (COB-ID None: not known)."""
+    """The known parameters of one PDO; holds state: a transfer that writes or reads them changes it (COB-ID None: unknown)."""
 
     node: int
     receive: bool
@@ -37,7 +37,7 @@ class PdoParameters:
 
     @property
     def identifier(self) -> int | None:
-        """The CAN identifier while the PDO is on, with the flag of one of 29 bits."""
+        """The CAN identifier while the PDO is on, with the flag for 29 bits."""
         if self.cob_id is None or self.cob_id & cob.INVALID:
             return None
         extended = self.cob_id & cob.EXTENDED
@@ -45,14 +45,14 @@ class PdoParameters:
 
     @property
     def mapping(self) -> tuple[MappedObject, ...] | None:
-        """What it carries; None where that is not known."""
+        """The mapped objects; None if unknown."""
         if self.count is None or any(sub not in self.entries for sub in range(1, self.count + 1)):
             return None
         return tuple(MappedObject.from_entry(self.entries[sub]) for sub in range(1, self.count + 1))
 
 
 class PdoTable:
-    """The PDOs of all nodes by CAN identifier; holds state: what is known of each."""
+    """The PDOs of all nodes by CAN identifier; holds state: the known parameters of each."""
 
     def __init__(self, nodes: Iterator[KnownNode] | tuple[KnownNode, ...] = ()) -> None:
         self._all: dict[tuple[int, bool, int], PdoParameters] = {}
@@ -62,11 +62,11 @@ class PdoTable:
         self._index()
 
     def find(self, identifier: int) -> list[PdoParameters]:
-        """Return the PDOs with this identifier (with ``cob.EXTENDED`` where it has 29 bits), first the one that a node sends."""
+        """Return the PDOs with this identifier (with ``cob.EXTENDED`` if it has 29 bits), TPDOs first."""
         return self._by_identifier.get(identifier, [])
 
     def learn(self, node: int, index: int, subindex: int, value: int) -> None:
-        """Take note of a PDO parameter's value; other objects are left alone."""
+        """Learn the value of a PDO parameter; other objects are ignored."""
         if not o.is_pdo_parameter(index):
             return
         key = (node, not index & _IS_TPDO, (index & _NUMBER) + 1)
@@ -98,7 +98,7 @@ class PdoTable:
 
 def _learn_mapping(pdo: PdoParameters, subindex: int, value: int) -> None:
     if subindex == 0:
-        # 0 only takes the map out of use while it is written; what stays of it is known again when it is counted.
+        # 0 only disables the mapping while it is written; its entries count again when their number is written.
         pdo.count = value
     else:
         pdo.entries[subindex] = value

@@ -1,11 +1,11 @@
-"""Following one SDO channel: which transfer a frame belongs to, what it did, and the value when it is whole (CiA 301 7.2.4.3).
+"""Follow one SDO channel: the transfer of each frame, its effect, and the value when it is complete (CiA 301 7.2.4.3).
 
 Theory of operation
 -------------------
-An SDO segment says neither which object it belongs to nor whether it is a segment of a block: that follows from the frames before.
-``SdoChannelDecoder`` keeps the one transfer that may run on a channel and hands each frame, by the command specifier and the phase
-of that transfer, to a handler. It never raises: what does not fit becomes a ``problem`` beside as much as the frame says by itself,
-and a dialogue whose beginning was not recorded is said to be that.
+An SDO segment names neither its object nor whether it belongs to a block: that follows from the frames before.
+``SdoChannelDecoder`` holds the one transfer that may run on a channel. It passes each frame to a handler, by the command specifier
+and the phase of that transfer. It never raises: a frame that does not fit gets a ``problem``, with as much text as the frame itself
+permits, and a transfer whose beginning was not recorded is reported as such.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from axisbus.wording import counted
 _ABORT = 0x80
 _LAST = 0x80  # bit 7 of a block's segment
 _SEGMENT = 7
-_MOST = 1 << 24  # bytes of one transfer that are kept
+_MOST = 1 << 24  # bytes, the most that are stored of one transfer
 _UNKNOWN = "of a transfer whose beginning was not seen"
 
 
@@ -43,7 +43,7 @@ class SdoChannelDecoder:
         self._waiting: float | None = None
 
     def feed(self, data: bytes, time: float, *, request: bool) -> TransferText:
-        """Take a frame of the client (``request``) or of the server; ``time`` in seconds."""
+        """Decode a frame of the client (``request``) or of the server; ``time`` in seconds."""
         waited = None if request or self._waiting is None else max(0.0, time - self._waiting)
         self._waiting = time if request else None
         said = self._short(data, request) or self._handler(data, request)(data, time)
@@ -73,7 +73,7 @@ class SdoChannelDecoder:
         return handler
 
     def _short(self, data: bytes, request: bool) -> TransferText | None:
-        """Eight bytes are asked for by CiA 301; less is answered for as far as it goes by nobody."""
+        """Handle a frame with fewer than the eight bytes that CiA 301 requires."""
         if len(data) == 8:
             return None
         side = "request" if request else "answer"
@@ -88,10 +88,10 @@ class SdoChannelDecoder:
             DecodedSdo(step, False), problem=f"0x{data[0]:02X} is no SDO command (CiA 301 7.2.4.3)"
         )
 
-    # -- the client asks ----------------------------------------------------------------------------------------------------------
+    # -- client requests ----------------------------------------------------------------------------------------------------------
 
     def _begin(self, data: bytes, time: float, write: bool) -> tuple[TracedTransfer, str]:
-        """Begin a transfer; the note says which one before it got no answer."""
+        """Begin a transfer; the note names the previous one if it got no answer."""
         before, note = self._transfer, ""
         if before is not None and before.phase is TransferPhase.ASKED:
             what = "write to" if before.write else "read of"
@@ -155,7 +155,7 @@ class SdoChannelDecoder:
             self._transfer = None
         return self._progress(transfer, step)
 
-    # -- the server answers -------------------------------------------------------------------------------------------------------
+    # -- server responses ---------------------------------------------------------------------------------------------------------
 
     def _write_answer(self, data: bytes, _: float) -> TransferText:
         transfer = self._transfer
@@ -253,7 +253,7 @@ class SdoChannelDecoder:
         return TransferText(sdo, (transfer.index, transfer.subindex), problem=problem)
 
     def _acknowledged(self, transfer: TracedTransfer, data: bytes) -> TransferText:
-        """Keep what the receiver has; the rest comes again in the next block."""
+        """Keep the segments that the receiver has; the others are sent again in the next block."""
         count, sent = data[1], len(transfer.block)
         for number in range(1, min(count, sent) + 1):
             transfer.data += transfer.block[number]
@@ -304,7 +304,7 @@ class SdoChannelDecoder:
         return TransferText(DecodedSdo(step if problem else f"{step} {_UNKNOWN}", write), problem=problem)
 
     def _mismatch(self, data: bytes, write: bool) -> str:
-        """Say why an answer does not fit the request; empty where it does."""
+        """Return why an answer does not fit the request; empty if it does."""
         transfer, place = self._transfer, address(data)
         if transfer is None:
             return "nothing was asked" if self._seen else ""

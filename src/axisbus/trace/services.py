@@ -1,4 +1,4 @@
-"""The services that one frame explains by itself: NMT, SYNC, TIME, EMCY, heartbeat (CiA 301 7.2.5 to 7.2.8) as pure functions."""
+"""Services whose frames need no context: NMT, SYNC, TIME, EMCY, heartbeat (CiA 301 7.2.5 to 7.2.8) as pure functions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TOGGLE = 0x80
 
 
 class Words(NamedTuple):
-    """What a frame says, whether that is trouble, and what is against the protocol in it."""
+    """The text of a frame, whether it reports trouble, and its violation of the protocol."""
 
     what: str
     error: bool = False
@@ -26,7 +26,7 @@ class Words(NamedTuple):
 
 
 def nmt(data: bytes, who: Callable[[int], str]) -> Words:
-    """An NMT command; ``who`` names a node."""
+    """Decode an NMT command; ``who`` names a node."""
     if len(data) != 2:
         return Words(counted(len(data), "byte"), problem="an NMT command has 2 bytes (CiA 301 7.2.8.2)")
     target = "all nodes" if data[1] == 0 else who(data[1])
@@ -39,7 +39,7 @@ def nmt(data: bytes, who: Callable[[int], str]) -> Words:
 
 
 def sync(data: bytes) -> Words:
-    """A SYNC, with its counter where it has one."""
+    """Decode a SYNC, with its counter if it has one."""
     if len(data) > 1:
         return Words(
             counted(len(data), "byte"),
@@ -49,7 +49,7 @@ def sync(data: bytes) -> Words:
 
 
 def time(data: bytes) -> Words:
-    """A TIME message: a wall clock without a zone."""
+    """Decode a TIME message: a wall clock without a time zone."""
     if len(data) != 6:
         return Words(counted(len(data), "byte"), problem="TIME has 6 bytes (CiA 301 7.2.6)")
     milliseconds = int.from_bytes(data[:4], "little") & _MILLISECONDS
@@ -59,7 +59,7 @@ def time(data: bytes) -> Words:
 
 
 def emergency(data: bytes, make: Make) -> Words:
-    """An emergency message, in the standard's words and the make's."""
+    """Decode an emergency message, with the texts of the standard and of the drive plug-in."""
     if len(data) < 2:
         return Words(
             counted(len(data), "byte"),
@@ -79,7 +79,7 @@ def emergency(data: bytes, make: Make) -> Words:
 
 
 def heartbeat(data: bytes, before: NmtState | None) -> tuple[Words, NmtState | None]:
-    """A node's report of its NMT state without the toggle bit; ``before`` is the one that it reported last."""
+    """Decode a node's report of its NMT state without the toggle bit; ``before`` is the previously reported state."""
     if len(data) != 1:
         return Words(counted(len(data), "byte"), problem="a heartbeat has 1 byte (CiA 301 7.2.8.3)"), before
     state = NmtState(data[0] & ~TOGGLE)

@@ -1,4 +1,4 @@
-"""A decoded frame as one line for a person."""
+"""Format a decoded frame as one line for people."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def line(one: Decoded, start: float = 0.0) -> str:
 
 
 def who(one: Decoded) -> str:
-    """Return node and axis, with an arrow before them where the frame goes to the node: ``5 x``, ``> 5 x``."""
+    """Return node and axis, after an arrow if the frame goes to the node: ``5 x``, ``> 5 x``."""
     if one.node is None:
         return "bus"
     name = f"{one.node} {one.name}".rstrip()
@@ -29,7 +29,7 @@ def who(one: Decoded) -> str:
 
 
 def what(one: Decoded) -> str:
-    """Return what the frame says, with its trouble at the end."""
+    """Return the contents of the frame, with its trouble at the end."""
     said = _sdo(one, one.sdo) if one.sdo is not None else _plain(one)
     return f"{said}  !! {one.problem}" if one.problem else said
 
@@ -49,7 +49,7 @@ def shown(value: ObjectValue) -> str:
 
 
 def number(value: Value | None, index: int, subindex: int) -> str:
-    """Return a value as its object is read: in hexadecimal where it is an identifier or bits."""
+    """Return a value as text: in hexadecimal if it is an identifier or bits."""
     if isinstance(value, bool) or value is None:
         return str(value)
     if isinstance(value, int):

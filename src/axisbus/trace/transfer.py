@@ -1,4 +1,4 @@
-"""One SDO transfer as it is followed on the wire, and what single frames of it hold (CiA 301 7.2.4.3)."""
+"""The state of one SDO transfer on the bus, and the fields of its frames (CiA 301 7.2.4.3)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from axisbus.wording import counted
 
 
 class TransferPhase(Enum):
-    """Where a transfer is; block data needs it, because its segments have no command specifier."""
+    """The phase of a transfer; block data need it, because their segments have no command specifier."""
 
     ASKED = "asked"
     SEGMENTS = "segments"
@@ -38,9 +38,9 @@ class TracedTransfer:
 
 @dataclass(frozen=True, slots=True)
 class TransferText:
-    """What one frame said: the object (None: not known), the transfer's step, and the whole value where the frame completes it.
+    """The contents of one frame: the object (None: unknown), the transfer's step, and the value if the frame completes it.
 
-    ``sized`` tells whether the length of ``value`` was given. ``settled`` marks a value that is in the object now.
+    ``sized``: the length of ``value`` was given. ``settled``: the object now has this value.
     """
 
     sdo: DecodedSdo
@@ -58,7 +58,7 @@ def address(data: bytes) -> tuple[int, int]:
 
 
 def expedited(data: bytes) -> tuple[bytes | None, bool]:
-    """Return the bytes of an expedited transfer and whether their number was given; None where the data come in segments."""
+    """Return the bytes of an expedited transfer and whether their number was given; None if the data come in segments."""
     if not data[0] & 2:
         return None, False
     if not data[0] & 1:
@@ -67,12 +67,12 @@ def expedited(data: bytes) -> tuple[bytes | None, bool]:
 
 
 def size(data: bytes, given: bool) -> int | None:
-    """Return the announced number of bytes; None where it is not ``given``."""
+    """Return the announced number of bytes; None if it is not ``given``."""
     return int.from_bytes(data[4:8], "little") if given else None
 
 
 def toggled(transfer: TracedTransfer, command: int, *, turn: bool = True, last: int = 0) -> str:
-    """Check the toggle bit; ``turn``: the frame is the one after which it changes, ``last``: that frame has been."""
+    """Check the toggle bit; ``turn``: the bit changes after this frame, ``last`` 1: it has changed already."""
     expected = transfer.toggle ^ last
     bit = command >> 4 & 1
     if turn:
@@ -81,7 +81,7 @@ def toggled(transfer: TracedTransfer, command: int, *, turn: bool = True, last: 
 
 
 def trim(transfer: TracedTransfer, data: bytes) -> str:
-    """Take the padding of the last segment off, and check the CRC where both sides offered one."""
+    """Remove the padding of the last segment, and check the CRC if both sides offered one."""
     unused = data[0] >> 2 & 7
     if unused:
         del transfer.data[-unused:]
@@ -92,7 +92,7 @@ def trim(transfer: TracedTransfer, data: bytes) -> str:
 
 
 def length(transfer: TracedTransfer) -> str:
-    """Say where a whole value has another length than was announced; empty where it has not."""
+    """Return the difference between announced and actual length; empty if there is none."""
     if transfer.size is None or transfer.size == len(transfer.data):
         return ""
     return f"{counted(len(transfer.data), 'byte')} came, announced were {transfer.size}"

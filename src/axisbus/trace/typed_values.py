@@ -1,4 +1,4 @@
-"""Objects' bytes to typed values with name, words and unit; remembers the mode of each axis, which gives bits their meaning."""
+"""Decode objects' bytes to typed values with name, words and unit; tracks the mode of each axis, which bits depend on."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _UNSIGNED = {
 
 
 class Values:
-    """Makes object values; holds state: the mode of operation that each axis of each node showed last."""
+    """Decode object values; holds state: the last mode of operation of each axis of each node."""
 
     def __init__(self, known: TraceContext) -> None:
         self._known = known
@@ -34,7 +34,7 @@ class Values:
         self._standard = Dictionary()
 
     def dictionary(self, node: int) -> Dictionary:
-        """Return the dictionary of a node; that of the standards where no file is known."""
+        """Return the dictionary of a node; that of the standards if its file is unknown."""
         known = self._known.nodes.get(node)
         return known.dictionary if known is not None else self._standard
 
@@ -45,9 +45,9 @@ class Values:
     def of_bytes(
         self, node: int, index: int, subindex: int, data: bytes, *, sized: bool = True
     ) -> tuple[ObjectValue, str]:
-        """Return an object's value from SDO data, and what is wrong with their length (mostly nothing).
+        """Return an object's value from SDO data, and the problem with their length (usually empty).
 
-        ``sized`` False: the transfer did not say how many of the bytes count.
+        ``sized`` False: the transfer did not give the number of valid bytes.
         """
         entry = self._entry(node, index, subindex)
         kind = entry.data_type
@@ -65,7 +65,7 @@ class Values:
         return self._value(node, entry, decode(data, kind)), problem
 
     def of_pdo(self, node: int, mapping: Sequence[MappedObject], data: bytes) -> Iterator[ObjectValue]:
-        """Yield the values of a PDO's data in the order of its mapping; dummies are left out. The data must be long enough."""
+        """Yield the values of a PDO's data in the order of its mapping, without dummies. The data must be long enough."""
         raw, shift = int.from_bytes(data, "little"), 0
         found = []
         for mapped in mapping:
@@ -77,7 +77,7 @@ class Values:
         for entry, value in found:
             self._note_mode(
                 node, entry.index, value
-            )  # first: a statusword is read in the mode that travels beside it
+            )  # first: a statusword is decoded by the mode in the same PDO
         for entry, value in found:
             yield self._value(node, entry, value)
 
@@ -91,7 +91,7 @@ class Values:
         )
 
     def _note_mode(self, node: int, index: int, value: Value) -> None:
-        """The display wins, because it is what the drive does; the command counts until a display is seen."""
+        """Note a mode: the mode display wins, because it is the actual mode; the commanded mode counts until a display is seen."""
         first = first_axis(index)
         if first not in _MODES or not isinstance(value, int):
             return
@@ -104,7 +104,7 @@ class Values:
 
 
 def _typed(bits: int, width: int, kind: DataType | None) -> Value:
-    """Return ``width`` mapped bits as their type says, also where fewer or more travel than the type has."""
+    """Return ``width`` mapped bits in their type, even if the type has another number of bits."""
     if kind is None or not width:
         return bits
     if kind.integer:

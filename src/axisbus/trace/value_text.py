@@ -1,4 +1,4 @@
-"""How an object's value is shown to a person: in hexadecimal or not, what it means in words, and whether it is trouble."""
+"""Format an object's value for people: decimal or hexadecimal, its meaning in words, and whether it reports trouble."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from axisbus.eds.dictionary import Dictionary, DictionaryEntry
 from axisbus.trace.decoded import ObjectValue
 from axisbus.wording import counted
 
-Modes = Mapping[int, ModeOfOperation]  # axis (from 1) -> its mode as last seen
+Modes = Mapping[int, ModeOfOperation]  # axis (from 1) -> its last known mode
 NO_MODES: Modes = {}
 
 _COB_ID_TIME = 0x1012
 _SDO_PARAMETERS = range(0x1200, 0x1300)
-# Arrays and records whose entries, but not their number, are read in hexadecimal.
+# Arrays and records whose entries, but not their number, are shown in hexadecimal.
 _HEXADECIMAL_ENTRIES = frozenset(
     {
         *(c301.PREDEFINED_ERROR_FIELD, c301.STORE_PARAMETERS, c301.RESTORE_DEFAULTS),
@@ -44,14 +44,14 @@ _HEXADECIMAL = frozenset(
 
 
 def in_trouble(index: int, value: Value | None) -> bool:
-    """Whether the value is a statusword that shows a fault."""
+    """Whether the value is a statusword that reports a fault."""
     if first_axis(index) != c402.STATUSWORD or not isinstance(value, int):
         return False
     return state.decode(value) in (state.PowerState.FAULT, state.PowerState.FAULT_REACTION_ACTIVE)
 
 
 def in_hex(index: int, subindex: int) -> bool:
-    """Whether an object's integer is read as an identifier or bit by bit."""
+    """Whether an object's integer is an identifier or a set of bits."""
     if c301.is_pdo_parameter(index):
         return subindex > 0 if c301.is_pdo_mapping(index) else subindex == c301.PDO_COB_ID
     if index in _SDO_PARAMETERS:
@@ -60,7 +60,7 @@ def in_hex(index: int, subindex: int) -> bool:
 
 
 def words(index: int, subindex: int, value: Value, dictionary: Dictionary, modes: Modes) -> str:
-    """Return what ``value`` means; empty where the standard gives it no meaning beyond the number."""
+    """Return the meaning of ``value``; empty if the standard defines none beyond the number."""
     if not isinstance(value, int):
         return ""
     if c301.is_pdo_mapping(index) and subindex:

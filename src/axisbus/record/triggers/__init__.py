@@ -1,1 +1,1 @@
-"""Moments that a capture may wait for: what a text or a function means, whether of axes, inputs, outputs or touch probes."""
+"""Triggers of captures, from a text or a function: on axes, inputs, outputs or touch probes."""

@@ -1,4 +1,4 @@
-"""What a capture waits for, whatever it looks at."""
+"""The interface of all triggers of a capture."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from axisbus.motion.snapshot import Snapshot
 
 
 class RecordingTrigger(Protocol):
-    """Looks at each cycle, and says when the moment was. What is so from the beginning is none."""
+    """Evaluate each cycle, and report the time of the trigger. A condition that is true from the beginning does not fire."""
 
     def begin(self) -> None:
-        """Look from now on."""
+        """Start observing."""
 
     def end(self) -> None:
-        """Look no more; harmless when repeated."""
+        """Stop observing; harmless when repeated."""
 
     def seen(self, now: float, snapshots: Mapping[str, Snapshot]) -> float | None:
-        """Return when it was (s, monotonic), by the cycle at ``now`` at the latest; None: not yet."""
+        """Return the time of the trigger (s, monotonic), at the latest that of the cycle at ``now``; None: not yet."""

@@ -1,10 +1,10 @@
-"""An edge of a named input or output, or a limit that its value passes, as the moment of a capture.
+"""Trigger a capture on an edge of a named input or output, or when its value crosses a limit.
 
 Theory of operation
 -------------------
-Where a PDO carries it, each of its frames is looked at as it comes or goes, so that an edge has the time of its frame, and no pulse
-is lost between two looks. Without a bus, or where no PDO carries it, the value of each cycle is looked at. What is unknown (its
-node is lost) is no value: what it is when it is known again is where it begins anew, and no edge.
+If a PDO carries the signal, each of its frames is evaluated when it is received or sent, so that an edge has the time of its frame,
+and no pulse between two cycles is lost. Without a bus, or if no PDO carries the signal, the value of each cycle is evaluated. While
+the signal is unknown (its node is lost), it has no value: its first value afterwards is a new starting point, not an edge.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from axisbus.record.object_selection import WantedObject
 from axisbus.record.pdo_objects import MappedSignal
 from axisbus.session import MachineSession
 
-_MOST = 16  # moments that wait for their cycle: the first one counts
+_MOST = 16  # the most triggers waiting for their cycle: the first one counts
 
 
 class IoMoment:
-    """Holds whether its condition held last (None: unknown), and the moments that frames have shown."""
+    """Hold whether the condition was last true (None: unknown), and the trigger times from frames."""
 
     def __init__(
         self,
@@ -33,18 +33,18 @@ class IoMoment:
         place: MappedSignal | None,
         met: Callable[[Any], bool],
     ) -> None:
-        """``place``: where a PDO carries what is ``wanted``; ``met`` says of its value whether the condition holds."""
+        """``place``: the location of ``wanted`` in a PDO; ``met`` returns whether a value meets the condition."""
         self._session = session
         self._wanted = wanted
         self._place = place
         self._met = met
         self._before: bool | None = None
         self._found: deque[float] = deque(maxlen=_MOST)
-        self._since: float | None = None  # the first cycle: what was before is not in the file
+        self._since: float | None = None  # the first cycle: earlier ones are not in the file
         self._taps = place is not None and session.carried is not None
 
     def begin(self) -> None:
-        """As ``Moment.begin``."""
+        """As ``RecordingTrigger.begin``."""
         self._before = self._now()
         if self._place is not None and self._taps:
             self._session.tap(self._hear, (self._place.carried.can_id,))
@@ -56,7 +56,7 @@ class IoMoment:
             self._session.untap(self._hear)
 
     def seen(self, now: float, _snapshots: Mapping[str, Snapshot]) -> float | None:
-        """As ``RecordingTrigger.seen``: the time of the frame, or of the cycle where there is none."""
+        """As ``RecordingTrigger.seen``: the time of the frame, or of the cycle if there is no frame."""
         found = self._now()
         self._since = now if self._since is None else self._since
         while self._found and self._found[0] < self._since:
@@ -79,7 +79,7 @@ class IoMoment:
         return before is False and now
 
     def _now(self) -> bool | None:
-        """Whether the condition holds in the last cycle; None where the value is unknown."""
+        """Return whether the condition is true in the last cycle; None if the value is unknown."""
         reading = self._session.readings.get(self._wanted.label)
         if reading is None or reading.known is not SignalValidity.YES or reading.value is None:
             return None

@@ -1,4 +1,4 @@
-"""Which moment a text means: ``part = true`` of an input, ``x.probe`` of a touch probe, else a condition on values of axes."""
+"""Parse a trigger: ``part = true`` of an input, ``x.probe`` of a touch probe, otherwise a condition on values of axes."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ _PROBE = re.compile(r"(?P<axis>[^\s.|]+)\.probe")
 
 
 def moment_of(when: str | Condition, machine: Watched, forms: Mapping[str, AxisForm]) -> RecordingTrigger:
-    """Return the moment that ``when`` means; ``forms``: of the axes that are looked at.
+    """Return the trigger for ``when``; ``forms``: those of the observed axes.
 
     Raises:
-        ArgumentError: it is none, or one of an axis, a value, an input or an output that there is not.
-        StateError: the node of the input or output is not there.
+        ArgumentError: the text is invalid, or names an unknown axis, value, input or output.
+        StateError: the node of the input or output is absent.
     """
     if callable(when):
         return Trigger(when, forms)

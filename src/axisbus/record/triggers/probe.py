@@ -1,4 +1,4 @@
-"""A touch probe that latches an edge, as the moment of a capture."""
+"""Trigger a capture on an edge latched by a touch probe."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from axisbus.motion.snapshot import Snapshot
 
 
 class ProbeMoment:
-    """Holds how many edges the axis had latched in the cycle before; counts those that any program was told of."""
+    """Hold the number of edges that the axis had latched in the previous cycle; counts edges reported to any program."""
 
     def __init__(self, axis: str) -> None:
         self._axis = axis
         self._before: int | None = None
 
     def begin(self) -> None:
-        """As ``Moment.begin``."""
+        """As ``RecordingTrigger.begin``."""
 
     def end(self) -> None:
         """As ``RecordingTrigger.end``."""
