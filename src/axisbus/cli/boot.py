@@ -1,4 +1,4 @@
-"""``axisbus boot``: bring the nodes of a cell up and report each."""
+"""``axisbus boot``: boot the nodes of a cell and report each."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _LABEL = "booting"
 
 
 class _Told:
-    """What is said and drawn while nodes boot; called in their threads; holds the nodes whose program is on its way."""
+    """Output while nodes boot; called in their threads; holds the nodes whose program download runs."""
 
     def __init__(self, line: ProgressLine | None, *, quiet: bool) -> None:
         self._line = line
@@ -37,14 +37,14 @@ class _Told:
         self._nodes: set[int] = set()
 
     def through(self, done: int, total: int) -> None:
-        """So many nodes have booted."""
+        """Note the number of booted nodes."""
         if self._line is not None:
             with self._lock:
                 self._line.label(_LABEL)
                 self._line.tell(done, total)
 
     def program(self, node: int, done: int, total: int | None) -> None:
-        """So many bytes of a node's program have arrived."""
+        """Note the progress of a node's program download in bytes."""
         with self._lock:
             if node not in self._nodes and not self._quiet:
                 size = "of a size that is not known" if total is None else counted(total, "byte")
@@ -54,7 +54,7 @@ class _Told:
                 self._line.label(f"{_LABEL}, node {node}: program {done * 100 // max(1, total or 0)} %")
 
     def interrupted(self, cell: Path) -> None:
-        """Say what an interruption has left behind, where a program was on its way."""
+        """Report the consequences of an interruption during a program download."""
         if self._nodes:
             nodes = ", ".join(map(str, sorted(self._nodes)))
             say_note(

@@ -1,4 +1,4 @@
-"""``axisbus check``: everything wrong with a cell file, before the first frame."""
+"""``axisbus check``: find all errors in a cell file before the first frame."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from axisbus.errors import page_reference
 from axisbus.version import __version__
 from axisbus.wording import counted
 
-_ORDER = ("note", "warning", "error")  # the worst is read last, and stands where the eye is
+_ORDER = ("note", "warning", "error")  # the worst comes last, at the end of the screen
 _COMMAND = "axisbus check"
 
 
@@ -114,7 +114,7 @@ def _plain(found: SharedProblem) -> dict[str, object]:
 
 
 def _finding(problem: CellProblem) -> EdsFinding:
-    """Return a finding as those of EDS files are, for SARIF; each at its own line."""
+    """Return a problem in the form of EDS findings, for SARIF; each at its own line."""
     message = f"{problem.message} ({problem.observed})" if problem.observed else problem.message
     remedy = problem.remedy or checks()[problem.rule].remedy
     return EdsFinding(problem.rule, problem.severity, problem.line, 1, message, remedy)

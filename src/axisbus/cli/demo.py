@@ -1,4 +1,4 @@
-"""``axisbus demo``: the main job on the simulated cell, recorded and drawn."""
+"""``axisbus demo``: a job on the simulated cell, recorded and plotted."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
 from axisbus.wording import counted
 
-# In an installed package the cell lies beside this module; in a checkout, among the examples.
+# In an installed package the cell file is beside this module; in a checkout, among the examples.
 _CELLS = (Path(__file__).parent / "demo_cell.toml", Path(__file__).parents[3] / "examples" / "cell.toml")
 _FAULT = 0x4310  # excess temperature of the drive
 _FAULT_BITS = 0x40000  # the module's own bit for it: MOSFET temperature
@@ -28,7 +28,7 @@ _FAULT_BITS = 0x40000  # the module's own bit for it: MOSFET temperature
 
 @dataclass
 class DemoResult:
-    """Where the axes were sent and where they arrived."""
+    """The commanded and the reached positions of the axes."""
 
     start: float = field(default_factory=time.monotonic)
     moves: list[tuple[str, str, float, float, str]] = field(default_factory=list)
@@ -56,7 +56,7 @@ def command(cell: Path | None, output: Path, plot: bool, record: Path | None) ->
     tally = DemoResult()
     tally.say(f"cell {path} - simulated drives on a virtual CAN bus, in real time")
     machine = Machine.open(path)
-    with Recorder(machine) as recorder, machine:  # the recorder sees the stop, too
+    with Recorder(machine) as recorder, machine:  # the recorder also records the stop
         with recorded(machine, record) as recording:
             _job(machine, tally)
         lateness = machine.cycle_jitter
@@ -72,14 +72,14 @@ def command(cell: Path | None, output: Path, plot: bool, record: Path | None) ->
 
 
 def _kept(ours: Path, copy: Path) -> Path:
-    """Leave a cell file to go on with; one that is there already may be the user's own by now."""
+    """Write a copy of the cell file for the user; an existing file is not replaced, as the user may have changed it."""
     if not copy.exists():
         write_whole(copy, ours.read_bytes())
     return copy
 
 
 def _require_simulated(cell: CellConfig) -> None:
-    """Refuse a cell on hardware before anything of it is opened."""
+    """Refuse a cell on hardware before anything is opened."""
     if cell.bus.interface != SIMULATED:
         raise click.UsageError(
             f'{cell.file}: the demo provokes a fault, so it runs on simulated cells only (interface = "sim")'
@@ -126,7 +126,7 @@ def _together(machine: Machine, tally: DemoResult) -> None:
 
 
 def _fault(machine: Machine, tally: DemoResult) -> None:
-    """Provoke a fault in mid-move, let it explain itself, reset, and go on."""
+    """Provoke a fault during a move, wait for its explanation, reset, and continue."""
     axes = list(machine)
     victim = axes[1 % len(axes)]
     tally.say(f"a fault is provoked in {victim.name} while all move")
@@ -138,7 +138,7 @@ def _fault(machine: Machine, tally: DemoResult) -> None:
     except ExceptionGroup as group:
         for error in group.exceptions:
             tally.say(with_page(error).replace("\n", "\n          "))
-    machine.sleep(0.4)  # the others brake, and stand
+    machine.sleep(0.4)  # the others brake to standstill
     tally.say("states: " + ", ".join(f"{axis.name} {axis.state.value}" for axis in axes))
     tally.say(f"reset and enable {victim.name}; its position was not lost")
     victim.reset().wait()
@@ -151,7 +151,7 @@ def _note(machine: Machine, tally: DemoResult, what: str, targets: list[float]) 
 
 
 def _draw(recorder: Recorder, output: Path, tally: DemoResult) -> Path | None:
-    """Draw the recording; return the picture, None where there is none."""
+    """Plot the recording; return the path of the plot, None if there is none."""
     from axisbus.record.plot import plot
 
     try:

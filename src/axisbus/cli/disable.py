@@ -1,4 +1,4 @@
-"""``axisbus disable``: stop and disable axes of a machine that runs."""
+"""``axisbus disable``: stop and disable axes of a running machine."""
 
 from __future__ import annotations
 

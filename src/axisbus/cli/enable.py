@@ -1,4 +1,4 @@
-"""``axisbus enable``: enable axes of a machine that runs."""
+"""``axisbus enable``: enable axes of a running machine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``axisbus halt``: halt axes of a machine that runs, whoever has its command."""
+"""``axisbus halt``: halt axes of a running machine, whichever client has control."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def command(cell: Path, axes: tuple[str, ...]) -> int:
     """
     try:
         config = reader.load(cell)
-    except (AxisbusError, ExceptionGroup):  # the machine that runs was opened with another text, and can halt
+    except (AxisbusError, ExceptionGroup):  # the running machine may have another cell file, and can halt
         say_stopped(stop_in_machine(str(cell), axes, say_error, quick=False))
         raise
     names = named.chosen(config, axes)
@@ -44,7 +44,7 @@ def command(cell: Path, axes: tuple[str, ...]) -> int:
 
 
 def _tell_pairs(config: CellConfig, names: list[str]) -> bool:
-    """Tell where axes and pairs stand, where there is a pair among them; return whether that was done: the machine lets us look."""
+    """Print the positions of axes and pairs, if there is a pair; return False if not, or if the machine cannot be joined."""
     pairs = as_pairs(config, names)
     if pairs == names:
         return False

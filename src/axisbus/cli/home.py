@@ -36,7 +36,7 @@ def command(cell: Path, axes: tuple[str, ...], record: Path | None, beside: bool
     axes_of_all = named.driven(config, axes)
     names = as_pairs(config, axes_of_all, "home")
 
-    def rehearse() -> None:  # what cannot be is told before the bus is opened
+    def rehearse() -> None:  # report impossible requests before the bus is opened
         for each in movers(DryRun(config), names):
             each.home()
 

@@ -1,4 +1,4 @@
-"""``axisbus init``: a first cell file of what a scan finds."""
+"""``axisbus init``: write a first cell file from the results of a scan."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def command(
 
 
 def _nobody(others: ProtocolListener) -> UserError:
-    """Return why no cell file is made: nobody answers, or who is there speaks another protocol."""
+    """Return why no cell file is made: no node answers, or the present modules use another protocol."""
     from axisbus.drives.gim6010.factory_protocols import REMEDIES, heard
 
     nothing = "check supply, cable, termination and bit rate (axisbus scan), and node-IDs (axisbus lss find)"
@@ -120,7 +120,7 @@ def _node(bus: Channel, node: DiscoveredNode, known: list[CandidateFile], output
 
 
 def _specs(files: FileMatch, output: Path) -> tuple[str, ...]:
-    """Return the files as the cell file names them: built-in ones by name, others relative to its folder."""
+    """Return the files as named in the cell file: built-in ones by name, others relative to its folder."""
     from axisbus.eds.builtin import PREFIX
 
     folder = output.parent.resolve()
@@ -139,7 +139,7 @@ def _draft(
     from axisbus.scaffold import draft
 
     rate = bitrate or link_bitrate(interface, channel)
-    name = None if interface == SIMULATED else channel  # there it is the cell that was simulated
+    name = None if interface == SIMULATED else channel  # there, the channel is the simulated cell
     return draft.draft(draft.BusFound(interface, name, rate, parse_options(option)), nodes)
 
 

@@ -1,4 +1,4 @@
-"""``axisbus jog``: move an axis by the arrow keys, for as long as one is held."""
+"""``axisbus jog``: move an axis while an arrow key is held."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from axisbus.machine.dry_run import DryRun
 from axisbus.machine.handle import Handle
 from axisbus.motion.states import AxisState
 
-_LOOK = 0.05  # seconds between two looks at the keys: a jog lives 0.2 s
-_HELD = 0.2  # seconds: a key that comes again sooner is held
-_LET_GO = 0.6  # seconds without a key after which it was let go of: terminals repeat one sooner
+_LOOK = 0.05  # seconds between two readings of the keys: a jog lasts 0.2 s
+_HELD = 0.2  # seconds: a key that is repeated sooner is held
+_LET_GO = 0.6  # seconds without a key after which it counts as released: terminals repeat keys sooner
 _SIGN = {TerminalKey.FORWARD: 1.0, TerminalKey.BACK: -1.0}
 
 
@@ -67,7 +67,7 @@ def command(
         raise click.UsageError(f"how fast? give --velocity, or velocity in [axes.{axis}.defaults] of {cell}")
     speed = abs(velocity or 0.0)
 
-    def rehearse() -> None:  # what cannot be is told before the bus is opened
+    def rehearse() -> None:  # report impossible requests before the bus is opened
         rehearsal[axis].jog(speed, acceleration=acceleration)
 
     rehearse()
@@ -85,7 +85,7 @@ def command(
 
 
 class _Jogging:
-    """An axis that keys move; holds the last jog, whose failure is told."""
+    """An axis that is jogged by keys; holds the last jog, whose failure is reported."""
 
     def __init__(self, axis: Axis, speed: float, acceleration: float | None) -> None:
         self._axis, self._speed, self._acceleration = axis, speed, acceleration
@@ -93,7 +93,7 @@ class _Jogging:
         self._velocity, self._pressed = 0.0, -math.inf
 
     def run(self, keys: Keyboard) -> None:
-        """Do as the keys say until *quit*.
+        """Execute keys until *quit*.
 
         Raises:
             AxisbusError: the axis is in ErrorStop, and why.
@@ -110,7 +110,7 @@ class _Jogging:
             draw("")
 
     def _jog(self, velocity: float) -> None:
-        """Jog on, or begin to; where somebody has halted the axis, a key that is still held moves it no more."""
+        """Start or continue the jog; if the axis was halted by another client, a key that is still held does not move it."""
         now = time.monotonic()
         since, self._pressed = now - self._pressed, now
         same, self._velocity = velocity == self._velocity, velocity
@@ -120,7 +120,7 @@ class _Jogging:
             self._last = self._axis.jog(velocity, acceleration=self._acceleration, continue_only=renews)
 
     def _look(self) -> str:
-        """Return why the last jog did not go on, if it was not for want of a key: at a position limit the way back is free."""
+        """Return why the last jog ended, unless no key was held: at a position limit, the opposite direction is still possible."""
         error = None if self._last is None else self._last.error
         if type(error) is Interrupted:
             return "it was halted: let go of the key, and press it again"

@@ -1,4 +1,4 @@
-"""``axisbus load``: how full a bus is, planned from a cell file and measured on the wire or in a recording."""
+"""``axisbus load``: the load of a bus, planned from a cell file and measured on the bus or in a recording."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from axisbus.check.load_meter import LoadShare, MeasuredLoad
     from axisbus.check.traffic import TrafficStream
 
-FULL = 0.9  # as ``axisbus check`` has it
+FULL = 0.9  # as in ``axisbus check``
 _LISTEN = 5.0
 
 
@@ -133,13 +133,13 @@ def _measured(asked: FrameSourceOptions, seconds: float | None) -> dict[str, Any
 
 
 def _fill(meter: Any, decoder: Any, opened: FrameSource, asked_channel: str | None) -> float:
-    """Take all frames; return the seconds that it took.
+    """Process all frames; return the duration in seconds.
 
     Raises:
-        UserError: they are of several buses, and none was chosen.
+        UserError: the frames come from several buses, and none was selected.
     """
     begin = time.monotonic()
-    with suppress(KeyboardInterrupt):  # what was heard until then counts
+    with suppress(KeyboardInterrupt):  # the frames received until then count
         for frame in opened.frames:
             if len(opened.skipped.channels) > 1 and asked_channel is None:
                 raise UserError(
@@ -147,7 +147,7 @@ def _fill(meter: Any, decoder: Any, opened: FrameSource, asked_channel: str | No
                     observed=", ".join(opened.skipped.channels),
                     remedy="choose one of them: --channel NAME",
                 )
-            one = decoder.feed(frame)  # learns identifiers; the kind alone would not need it
+            one = decoder.feed(frame)  # needed to learn identifiers, although only the kind is used
             meter.add(frame, one.kind.value, one.node)
     return time.monotonic() - begin
 
@@ -156,7 +156,7 @@ def _rate(cell: CellConfig | None, interface: str | None, channel: str | None) -
     """Return the bus's bit rate.
 
     Raises:
-        ArgumentError: nobody knows it.
+        ArgumentError: it is unknown.
     """
     rate = rate_of(cell, interface, channel)
     if rate is None:

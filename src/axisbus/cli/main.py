@@ -1,4 +1,4 @@
-"""The ``axisbus`` command: its subcommands by name, each loaded only when it is asked for."""
+"""The ``axisbus`` command: its subcommands by name, each imported only when requested."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import click
 from axisbus.cli.shared.lazy import LazyGroup
 from axisbus.version import __version__
 
-# In the order of a commissioning.
+# In the order of commissioning.
 COMMANDS = {
     "demo": ("axisbus.cli.demo", "Run the main job on the simulated cell and draw it."),
     "eds": ("axisbus.cli.eds.group", "Check, mend, show, compare and document EDS and DCF files."),
@@ -84,7 +84,7 @@ def main() -> None:
     code = run(cli)
     try:
         sys.stdout.flush()
-    except OSError:  # a pipe that nobody reads any more: Python would complain of it once more on its way out
+    except OSError:  # a pipe that is no longer read: Python would report it again at its end
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = code or FAILURE
     sys.exit(code)

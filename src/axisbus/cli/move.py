@@ -63,12 +63,12 @@ def command(
     rehearsal = DryRun(config)
 
     def rehearse() -> None:
-        course.rehearse(rehearsal, home_first)  # what cannot be is told before the bus is opened
+        course.rehearse(rehearsal, home_first)  # report impossible requests before the bus is opened
 
     with commanded(cell, sides, take=take, beside=beside, before=rehearse) as (machine, axes):
         for axis in axes:
             rehearsal.see(axis.name, axis.snapshot)
-        rehearse()  # once more, by where the axes are, before any is enabled
+        rehearse()  # again with the actual positions, before any axis is enabled
         chosen = movers(machine, wanted)
         with recorded(machine, record) as recording:
             enable(chosen)
@@ -83,7 +83,7 @@ def command(
 
 @dataclass(frozen=True, slots=True)
 class _Course:
-    """What the axes are asked for: a position or distance each, in units, and how fast."""
+    """The requested motion: a position or distance for each axis, in units, and the velocity."""
 
     targets: Mapping[str, float]
     relative: bool
@@ -92,10 +92,10 @@ class _Course:
     timeout: float | None
 
     def rehearse(self, rehearsal: DryRun, home_first: bool) -> None:
-        """Check everything that can be known by now; nothing is sent.
+        """Check everything that is known so far; sends nothing.
 
         Raises:
-            UserError: what speaks against it, as the call itself.
+            UserError: as the call itself.
         """
         for each in movers(rehearsal, self.targets):
             if home_first and has_drive(rehearsal.cell, each.name):
@@ -103,7 +103,7 @@ class _Course:
             self._move(each)
 
     def start(self, mover: Mover) -> Handle:
-        """Let an axis or a pair begin, with a line of progress."""
+        """Start an axis or a pair, with a progress line."""
         handle = self._move(mover)
         how = "by" if self.relative else "to"
         say(f"{mover.name}: moving {how} {self.targets[mover.name]:g} {mover.unit}")

@@ -1,4 +1,4 @@
-"""``axisbus nmt``: NMT commands, confirmed by what the nodes then show."""
+"""``axisbus nmt``: NMT commands, confirmed by the subsequent state of the nodes."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ COMMANDS = {
     "reset-communication": NmtCommand.RESET_COMMUNICATION,
 }
 ALL = "all"
-_PATIENCE = 5.0  # seconds that a node of a machine that runs may take; a restart is the longest
+_PATIENCE = 5.0  # seconds that a node of a running machine may take; a restart takes longest
 
 
 @click.command("nmt")
@@ -134,7 +134,7 @@ def _everybody(session: NodeSession) -> list[int]:
 
 
 def _require_at_rest(nodes: Sequence[CanopenNode | MachineNode]) -> None:
-    """A node that does not answer SDO cannot be asked: it may be what the command is to mend."""
+    """Refuse if a drive is energised; ignore a node that does not answer SDO: the command may be meant to recover it."""
     from axisbus.configuration.guarded_write import energised
 
     for node in nodes:
@@ -148,7 +148,7 @@ def _require_at_rest(nodes: Sequence[CanopenNode | MachineNode]) -> None:
 
 
 def _errors(node: CanopenNode) -> str:
-    """Return what a node says that is there, and does not do what it was told."""
+    """Return the errors of a node that is present and does not follow the command."""
     from axisbus.boot import error_state
 
     last = node.emcy.history[-1] if node.emcy.history else None

@@ -1,4 +1,4 @@
-"""``axisbus probe``: tell where an axis was at each edge that its touch probe sees."""
+"""``axisbus probe``: print the position of an axis at each edge of its touch probe."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from axisbus.machine.dry_run import DryRun
 from axisbus.machine.probing import ProbeHandle, ProbeResult
 
 _LOOK = 0.2  # seconds
-_ARMED = 30.0  # seconds: what is refused or not answered ends by itself before
+_ARMED = 30.0  # seconds: a refused or unanswered request ends earlier
 
 
 @click.command("probe")
@@ -54,7 +54,7 @@ def command(
     source = "zero pulse" if zero_pulse else "input"
     rehearsal[axis].probe(
         *given, continuous=True, source=source
-    )  # what cannot be is told before the bus is opened
+    )  # report impossible requests before the bus is opened
     with machine_of(cell, command=True, take=take, beside=beside) as machine:
         unit = machine[axis].unit
         probe = machine[axis].probe(*given, continuous=True, source=source).wait_armed(_ARMED)
@@ -65,7 +65,7 @@ def command(
 
 
 def _tell_edges(probe: ProbeHandle, axis: str, unit: str, seconds: float | None) -> int:
-    """Tell each edge until the time is over; return how many there were."""
+    """Print each edge until the time is over; return the number of edges."""
     count, until = 0, None if seconds is None else time.monotonic() + seconds
     while until is None or time.monotonic() < until:
         try:

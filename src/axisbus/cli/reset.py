@@ -32,7 +32,7 @@ def command(cell: Path, axes: tuple[str, ...], beside: bool, take: bool) -> int:
     config = checked(cell)
     names = as_pairs(config, named.chosen(config, axes))
     with machine_of(cell, command=True, take=take, beside=beside) as machine:
-        machine.sleep(0.5)  # a fault explains itself by SDO
+        machine.sleep(0.5)  # wait for the details of the fault by SDO
         chosen = movers(machine, names)
         for axis in all_axes(chosen):
             told = "no fault" if axis.error is None else with_page(axis.error)

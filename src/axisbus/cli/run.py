@@ -1,4 +1,4 @@
-"""``axisbus run``: keep a cell's machine running, for other programs and commands to join."""
+"""``axisbus run``: keep a cell's machine running, so that other programs and commands can join it."""
 
 from __future__ import annotations
 

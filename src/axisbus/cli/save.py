@@ -1,4 +1,4 @@
-"""``axisbus save``: have a node store its parameters."""
+"""``axisbus save``: store the parameters of a node."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``axisbus scan``: who is on a bus, and what they are."""
+"""``axisbus scan``: list the nodes on a bus, with their identity."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def command(
 
 
 def _scan(given: Given, others: ProtocolListener) -> tuple[list[DiscoveredNode], BusError | None]:
-    """Return who was found, what the bus failed with (at a wrong rate nobody acknowledges)."""
+    """Return the nodes found, and the error of the bus (at a wrong bit rate no frame is acknowledged)."""
     from axisbus.bus.node.discover import scan
     from axisbus.errors import BusError
 
@@ -88,7 +88,7 @@ def _plain(node: DiscoveredNode) -> dict[str, Any]:
 
 
 def _elsewhere(heard: BitRateTraffic | None) -> list[dict[str, Any]]:
-    """What was heard at another bit rate, as plain values."""
+    """Return the traffic received at another bit rate, as plain values."""
     if heard is None:
         return []
     rate = {"bitrate": heard.bitrate}
@@ -121,7 +121,7 @@ def _lines(node: DiscoveredNode) -> None:
 
 
 def _row(node: DiscoveredNode) -> tuple[str, ...]:
-    """Return a node's columns; what it did not tell is empty."""
+    """Return a node's columns; values that it does not report are empty."""
     state = node.nmt.text if node.nmt is not None else "no heartbeat"
     numbers = _numbers(node)
     who = (str(node.node_id), node.kind or "does not answer SDO", node.identity.device_name or "", state)
@@ -129,7 +129,7 @@ def _row(node: DiscoveredNode) -> tuple[str, ...]:
 
 
 def _numbers(node: DiscoveredNode) -> dict[str, str]:
-    """Return the parts of 1018h that it has told, by their names."""
+    """Return the entries of 1018h that it has reported, by name."""
     who = node.identity
     values = (who.vendor_id, who.product_code, who.revision, who.serial)
     return {title: f"0x{value:X}" for title, value in zip(_NUMBERS, values, strict=True) if value is not None}

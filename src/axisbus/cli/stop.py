@@ -1,4 +1,4 @@
-"""``axisbus stop``: stop a cell's drives, also beside a running master."""
+"""``axisbus stop``: stop a cell's drives, even while another master runs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def command(cell: Path, as_json: bool) -> int:
     """
     try:
         config = reader.load(cell)
-    except (AxisbusError, ExceptionGroup):  # the machine that runs was opened with another text, and can stop
+    except (AxisbusError, ExceptionGroup):  # the running machine may have another cell file, and can stop
         say_stopped(stop_in_machine(str(cell), (), say_error, quick=True))
         raise
     results, beside = stop_cell(config, say_error)

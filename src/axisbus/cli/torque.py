@@ -1,4 +1,4 @@
-"""``axisbus torque``: enable axes and let them press with torques."""
+"""``axisbus torque``: enable axes and apply torques."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def _axis(mover: Mover) -> Axis:
     """Return an axis.
 
     Raises:
-        StateError: it is a pair.
+        StateError: the name is a pair.
     """
     if isinstance(mover, Axis):
         return mover

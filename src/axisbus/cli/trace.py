@@ -1,4 +1,4 @@
-"""``axisbus trace``: the frames of a bus or a recording in words."""
+"""``axisbus trace``: the frames of a bus or a recording as text."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class TraceFilter(NamedTuple):
-    """What is shown, and how."""
+    """The selection of frames, and their output format."""
 
     wanted: Wanted
     unwanted: Wanted | None
@@ -40,7 +40,7 @@ class TraceFilter(NamedTuple):
 
 
 class TraceCounts(NamedTuple):
-    """What was seen: frames, those shown, those with trouble among them; of all, what was against the protocol, or of another."""
+    """Frame counts: all frames, those shown, and those with trouble; protocol violations, and frames of other protocols."""
 
     frames: int = 0
     shown: int = 0
@@ -120,9 +120,9 @@ def _show(opened: FrameSource, look: TraceFilter, most: int | None, simple: tupl
     from axisbus.trace.decoder import Decoder
     from axisbus.trace.error_counters import TraceErrorCounters
 
-    decoders: dict[str, Decoder] = {}  # by channel: an answer on one bus belongs to no request on another
+    decoders: dict[str, Decoder] = {}  # by channel: requests and answers belong to one bus
     seen, tally, start = TraceCounts(), TraceErrorCounters(), None
-    with suppress(KeyboardInterrupt):  # the usual end of listening
+    with suppress(KeyboardInterrupt):  # the normal end of listening
         for frame in opened.frames:
             start = frame.time if start is None and not look.absolute else start
             if frame.channel not in decoders:
@@ -140,7 +140,7 @@ def _show(opened: FrameSource, look: TraceFilter, most: int | None, simple: tupl
 
 
 def _print(one: Decoded, look: TraceFilter, start: float, channel: str) -> None:
-    """Print a frame; ``channel``: empty if the recording has had one alone so far."""
+    """Print a frame; ``channel``: empty while the recording has only one."""
     from axisbus.trace import json_form, text
 
     if look.as_json:
@@ -152,14 +152,14 @@ def _print(one: Decoded, look: TraceFilter, start: float, channel: str) -> None:
 
 
 def _listen_elsewhere(opening: Opening) -> None:
-    """Say on standard error at which other bit rate something is heard, or how to find out."""
+    """Report on standard error the bit rate at which traffic is received, or how to find it."""
     heard = no_traffic_help.listen(opening)
     for line in no_traffic_help.lines(heard) if heard is not None else no_traffic_help.advice(opening):
         echo(line, err=True)
 
 
 def _tell(opened: FrameSource, seen: TraceCounts) -> None:
-    """Say on standard error what was seen, so that the output holds frames only."""
+    """Print a summary on standard error, so that standard output has only frames."""
     text = f"{counted(seen.frames, 'frame')}, {seen.shown} shown, {seen.trouble} of them with trouble"
     if seen.against:
         text += f"; {seen.against}"

@@ -1,4 +1,4 @@
-"""``axisbus velocity``: enable axes and let them turn at velocities."""
+"""``axisbus velocity``: enable axes and move them at constant velocities."""
 
 from __future__ import annotations
 

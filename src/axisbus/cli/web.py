@@ -1,4 +1,4 @@
-"""``axisbus web``: the page in the browser, of a machine that it opens or joins."""
+"""``axisbus web``: serve the page in the browser for a machine that it opens or joins."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from axisbus.web.access.tokens import Role
 if TYPE_CHECKING:
     from axisbus.web.server import PageServer
 
-_LOOK = 0.2  # seconds between two looks at the server and the terminal
-_LAST_WORDS = 5.0  # seconds in which a page may still tell how the machine ended
+_LOOK = 0.2  # seconds between two checks of the server and the terminal
+_LAST_WORDS = 5.0  # seconds for which pages can still show how the machine ended
 _PORT = 8402
 
 
@@ -78,7 +78,7 @@ def command(
     listening, place = served.opened(listen, port, tls=tls is not None)
     with ExitStack() as stack:
         stack.callback(listening.close)
-        # takes a second: only when it is certain that it is needed
+        # takes a second: import it only when it is needed
         from axisbus.web.log_thread import logging_aside
         from axisbus.web.server import PageServer
 
@@ -86,7 +86,7 @@ def command(
         with machine:
             stack.enter_context(logging_aside())
             server = PageServer(machine, place, listening, tls, BesideAxes(machine).lines, looks=look)
-            stack.callback(server.end)  # after the machine has been left: nothing waits for a browser then
+            stack.callback(server.end)  # after the machine has been left, so that nothing waits for a browser
             server.begin()
             _keep(server, machine, Role.LOOKER if look else Role.OPERATOR)
     return OK
@@ -104,10 +104,10 @@ def _tls(certificate: Path | None, key: Path | None) -> tuple[Path, Path] | None
 
 
 def _keep(server: PageServer, machine: Machine, role: Role) -> None:
-    """Serve until Ctrl-C, or a machine that it has joined has ended; Enter in the terminal prints another link.
+    """Serve until Ctrl-C, or until a joined machine has ended; Enter in the terminal prints another link.
 
     Raises:
-        StateError: the server has ended by itself.
+        StateError: the server has ended unexpectedly.
     """
     while True:
         say(f"open this, once: {server.link(role)}")
@@ -121,7 +121,7 @@ def _keep(server: PageServer, machine: Machine, role: Role) -> None:
 
 
 def _entered() -> bool:
-    """Whether Enter was pressed in the terminal; it is left alone where this program runs in its background."""
+    """Return whether Enter was pressed in the terminal; the terminal is not read if this program runs in its background."""
     if not sys.stdin or not sys.stdin.isatty() or sys.platform == "win32":
         return False
     terminal = sys.stdin.fileno()

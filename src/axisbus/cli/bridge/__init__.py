@@ -1,1 +1,1 @@
-"""``axisbus bridge``: a machine joined to what a plant has."""
+"""``axisbus bridge``: connect a machine to other systems of a plant."""

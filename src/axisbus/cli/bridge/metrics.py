@@ -1,4 +1,4 @@
-"""``axisbus bridge metrics``: the figures of a machine, for Prometheus."""
+"""``axisbus bridge metrics``: the metrics of a machine, for Prometheus."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from axisbus.gateway.metrics.exporter import Exporter
 
 _PORT = 9402
-_LOOK = 1.0  # seconds between two looks at the machine
+_LOOK = 1.0  # seconds between two updates of the counters
 
 
 @click.command("metrics")
@@ -51,7 +51,7 @@ def command(cell: Path, port: int, listen: str) -> int:
 
 @contextmanager
 def _served(machine: Machine, exporter: Exporter) -> Iterator[Look]:
-    """Tell of a machine."""
+    """Export the metrics of a machine."""
     exporter.machine = machine
     try:
         yield exporter.look

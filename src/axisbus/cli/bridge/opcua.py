@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from axisbus.gateway.opcua.server import OpcUaServer
 
 _PORT = 4840
-_LOOK = 0.5  # seconds between two looks at what has happened
+_LOOK = 0.5  # seconds between two checks for events
 
 
 @click.command("opcua")
@@ -84,7 +84,7 @@ def command(
 
 
 def make_server(cell: CellConfig, name: str, listening: socket.socket, keeping: ServerOptions) -> OpcUaServer:
-    """Return the server on a socket that is bound; blocks for seconds, in which its library is loaded.
+    """Return the server on a bound socket; blocks for seconds while its library is loaded.
 
     Raises:
         StateError, ConfigError: as ``OpcUaServer``.
@@ -116,7 +116,7 @@ def _serve(cell: Path, server: OpcUaServer) -> None:
     """Follow one machine after the other.
 
     Raises:
-        StateError: the server has ended by itself.
+        StateError: the server has ended unexpectedly.
     """
     happenings = MachineEventSource()
     MachineFollower(cell, say).run(
@@ -127,7 +127,7 @@ def _serve(cell: Path, server: OpcUaServer) -> None:
 
 @contextmanager
 def _served(machine: Machine, server: OpcUaServer, happenings: MachineEventSource) -> Iterator[Look]:
-    """Tell of a machine, and of what happens at it."""
+    """Serve a machine and its events."""
     server.follow(machine)
     try:
         yield lambda: server.tell(told(happenings.look(machine, server.now())), _devices(machine))

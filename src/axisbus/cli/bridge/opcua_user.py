@@ -1,4 +1,4 @@
-"""``axisbus bridge opcua-user``: a line for the file of who may call methods by OPC UA."""
+"""``axisbus bridge opcua-user``: print a line for the file of users that may call methods by OPC UA."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def command(name: str) -> int:
 
     Where standard input is no terminal, its first line is the password.
     """
-    line_of(name, "x")  # a name that may not be is told before anybody types a password
+    line_of(name, "x")  # report an invalid name before the user types a password
     say(line_of(name, _password()))
     return OK
 

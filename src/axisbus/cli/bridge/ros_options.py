@@ -1,4 +1,4 @@
-"""The options of ``axisbus bridge zenoh`` that let a machine be seen in ROS 2."""
+"""The options of ``axisbus bridge zenoh`` that offer a machine in ROS 2."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Words = dict[str, Any]
 
 
 def ros_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add --ros and what belongs to it."""
+    """Add --ros and its options."""
     for decorate in reversed(_OPTIONS):
         function = decorate(function)
     return function
@@ -52,10 +52,10 @@ def ros_of(
     ros_namespace: str | None,
     ros_rate: float | None,
 ) -> RosOptions | None:
-    """Return what is wanted of ROS 2; None where nothing is.
+    """Return the options for ROS 2; None if ROS 2 is not requested.
 
     Raises:
-        ArgumentError: something is said of it without --ros, or a namespace is none.
+        ArgumentError: options of ROS 2 are given without --ros, or a namespace is invalid.
         UserError: the packages are not installed.
     """
     if not ros:

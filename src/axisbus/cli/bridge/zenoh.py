@@ -20,7 +20,7 @@ from axisbus.fleet.keys import ZenohCellKeys, named
 from axisbus.fleet.network import ZenohNetwork
 
 _RECEIVES = 64 * 1024  # bytes of a message to a cell: its queries are short
-_CONNECTED = 2.0  # seconds until somebody may be connected who has the same name
+_CONNECTED = 2.0  # seconds for connections, over which another bridge of the same name would be found
 
 
 @click.command("zenoh")
@@ -79,4 +79,4 @@ def command(
 
 
 def _leave(_number: int, _frame: object) -> None:
-    sys.exit(143)  # by way of all that is to be undeclared, as Ctrl-C
+    sys.exit(143)  # unwinds all declarations, as Ctrl-C does

@@ -1,1 +1,1 @@
-"""`axisbus config`: one file for each subcommand."""
+"""``axisbus config``: one module for each subcommand."""

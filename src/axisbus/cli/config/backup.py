@@ -1,4 +1,4 @@
-"""``axisbus config backup``: all objects of a node into a DCF."""
+"""``axisbus config backup``: read all objects of a node into a DCF."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def command(
     if output is None:
         from axisbus.configuration.dcf_backup import file_name
 
-        require_writable(Path(file_name(1, None)))  # in this folder; its whole name is known later
+        require_writable(Path(file_name(1, None)))  # checks this folder; the complete name is known later
     from axisbus.bus.node.node import read_identity
 
     files = NodeFiles.of(asked.cell, asked.eds)

@@ -1,4 +1,4 @@
-"""``axisbus config diff``: two files, a file and a node, or a node and its own EDS."""
+"""``axisbus config diff``: compare two files, a file and a node, or a node and its own EDS."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def _of_files(one: str, other: str, everything: bool) -> tuple[Comparison, tuple
     entries += [each for each in _entries(second, everything) if (each.index, each.subindex) not in there]
     node_id = (
         first.node_id or second.node_id
-    )  # COB-IDs that follow the node-ID are compared as those of one node
+    )  # COB-IDs that depend on the node-ID are compared for the same node
     left, right = (_side(each, node_id) for each in (first, second))
     found = compare.compare(entries, left, right)
     return found, (first.source, second.source)
@@ -78,7 +78,7 @@ def _with_node(
     from axisbus.configuration import device_side
 
     node_id = files.address(node).node_id
-    given = config_files.read_file(named[0]).eds if named else None  # before the bus is opened
+    given = config_files.read_file(named[0]).eds if named else None  # read before the bus is opened
     with ExitStack() as stack:
         device = open_nodes(stack, asked, files, [node_id]).node(node_id)
         eds = given or config_files.node_reading(files, device)[0].eds

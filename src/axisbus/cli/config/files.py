@@ -1,4 +1,4 @@
-"""What the ``config`` subcommands share: reading DCFs, the EDS of a node, objects on the command line."""
+"""Common parts of the ``config`` subcommands: reading DCFs, the EDS of a node, objects on the command line."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ def read_file(spec: str | Path) -> EdsParseResult:
     """Read a DCF or EDS (a path, or ``builtin:NAME``).
 
     Raises:
-        EdsError: it cannot be read, or is none.
+        EdsError: the file cannot be read, or is neither.
     """
     path = builtin.resolve(str(spec), Path())
     return reader.read(reader.file_bytes(path), str(path))
 
 
 def eds_file(files: NodeFiles, node_id: int) -> str:
-    """Return the EDS that the user named for a node, empty where none; by --eds, else by the cell file."""
+    """Return the EDS that the user gave for a node, by --eds, else by the cell file; empty if there is none."""
     found = files.eds_for(node_id)
     return found.source if found is not None else ""
 
 
 def node_reading(files: NodeFiles, node: ByObjects) -> tuple[EdsParseResult, str]:
-    """Return the EDS of a node and where it is from: the user's, the one that it stores (1021h), else a skeleton.
+    """Return the EDS of a node and its origin: given by the user, stored in the node (1021h), else a skeleton.
 
-    Blocks for long where the node itself is asked.
+    Blocks for long if the node itself is read.
 
     Raises:
         EdsError: a file cannot be read.
@@ -60,7 +60,7 @@ def node_reading(files: NodeFiles, node: ByObjects) -> tuple[EdsParseResult, str
 
 
 def baudrate(asked: NodeOptions, files: NodeFiles, reading: EdsParseResult) -> int | None:
-    """Return the bus's bit rate in kbit/s for a DCF; None where nobody knows it, or the EDS does not have it."""
+    """Return the bus's bit rate in kbit/s for a DCF; None if it is unknown, or the EDS does not list it."""
     from axisbus.bus.link.listen import link_bitrate
     from axisbus.configuration.dcf_backup import known_rate
 
@@ -69,10 +69,10 @@ def baudrate(asked: NodeOptions, files: NodeFiles, reading: EdsParseResult) -> i
 
 
 def keys(texts: tuple[str, ...], option: str) -> frozenset[Key]:
-    """Return the objects that an option names, each by index and sub-index (6098, 607D:1).
+    """Return the objects of an option, each by index and sub-index (6098, 607D:1).
 
     Raises:
-        ArgumentError: one is written otherwise.
+        ArgumentError: one has another form.
     """
     return frozenset(_key(text, option) for text in texts)
 

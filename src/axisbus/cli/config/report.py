@@ -1,4 +1,4 @@
-"""What came of ``axisbus config restore``, for people and as JSON."""
+"""The report of ``axisbus config restore``, for people and as JSON."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def tell(report: RestoreReport, found: dict[str, Any], as_json: bool) -> None:
-    """Print a report; ``found`` holds node, file, and what is known of storing (``stored``, ``in_ram_only``, ``cannot_store``)."""
+    """Print a report; ``found`` has node, file, and the storing (``stored``, ``in_ram_only``, ``cannot_store``)."""
     if as_json:
         say_json(_plain(report, found))
     else:
@@ -64,7 +64,7 @@ def _change(each: Result) -> str:
 
 
 def entry(variable: Variable) -> dict[str, object]:
-    """Return which object it is, for JSON."""
+    """Return the identification of an object, for JSON."""
     return {"index": variable.index, "subindex": variable.subindex, "name": variable.name}
 
 

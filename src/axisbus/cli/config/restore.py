@@ -1,4 +1,4 @@
-"""``axisbus config restore``: a node brought to what a DCF says, with every object read again."""
+"""``axisbus config restore``: write the configuration of a DCF to a node, and read every object back."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from axisbus.drives.make import Make
     from axisbus.eds.model import Eds, Identity
 
-STOPPED = 130  # by Ctrl-C, as shells have it
+STOPPED = 130  # the exit code of shells for Ctrl-C
 
 
 @dataclass(frozen=True, slots=True)
 class _Wish:
-    """What the user asked for beside file and node."""
+    """The user's options apart from file and node."""
 
     include: frozenset[config_files.Key]
     exclude: frozenset[config_files.Key]
@@ -94,7 +94,7 @@ def command(
     files = NodeFiles.of(asked.cell, asked.eds)
     node_id = files.address(node).node_id
     eds = _concise_values(file, files, node_id) if concise else _values(file)
-    _selection(eds, node_id, eds.identity, wish)  # what the file cannot give is told before the bus is opened
+    _selection(eds, node_id, eds.identity, wish)  # report missing values before the bus is opened
     with ExitStack() as stack:
         device = NodeSession(stack, asked, files, [node_id]).node(node_id)
         return _run(stack, device, eds, wish, as_json)
@@ -129,10 +129,10 @@ def _concise_values(file: str, files: NodeFiles, node_id: int) -> Eds:
 
 
 def _selection(eds: Eds, node_id: int, who: Identity | NodeIdentity, wish: _Wish) -> tuple[Selection, Make]:
-    """Choose from the file for a device: the one that it names, or the one that is there; return its make too.
+    """Select the values of the file for a device: the one that the file names, or the present one; also return its plug-in.
 
     Raises:
-        ArgumentError: an object is not in it, or has no value that can be written.
+        ArgumentError: an object is not in the file, or has no value that can be written.
     """
     from axisbus.configuration.dcf_values import select
     from axisbus.drives import registry
@@ -171,10 +171,10 @@ def _run(stack: ExitStack, device: CanopenNode, eds: Eds, wish: _Wish, as_json: 
 
 
 def _ready(device: CanopenNode, wish: _Wish) -> str:
-    """Check that the node may be written to; return why it cannot store, empty where it can.
+    """Check that the node may be written to; return why it cannot store, empty if it can.
 
     Raises:
-        StateError: it may not, or cannot store though it should.
+        StateError: it must not be written to, or cannot store although that is requested.
     """
     from axisbus.configuration import object_1010, preconditions
 
@@ -190,7 +190,7 @@ def _ready(device: CanopenNode, wish: _Wish) -> str:
 def _carry_out(
     device: CanopenNode, restore: Restore, make: Make, wish: _Wish, found: dict[str, Any]
 ) -> RestoreReport:
-    """Write, store where that is asked for, and read again; ``found`` gets what came of the storing."""
+    """Write, store if requested, and read back; ``found`` gets the result of storing."""
     from axisbus.configuration import object_1010
 
     report = restore.run()
@@ -231,7 +231,7 @@ def _dry(node_id: int, differing: list[Item], selection: Selection, as_json: boo
 def _cut_off(
     node_id: int, restore: Restore, error: BaseException, found: dict[str, Any], as_json: bool
 ) -> int:
-    """Say how far it came: another run goes on from there."""
+    """Report the progress of an aborted restore: another run continues from there."""
     report = restore.report()
     config_report.tell(
         report,

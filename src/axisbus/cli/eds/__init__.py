@@ -1,1 +1,1 @@
-"""`axisbus eds`: one file for each subcommand."""
+"""``axisbus eds``: one module for each subcommand."""

@@ -1,4 +1,4 @@
-"""``axisbus eds check``: exactly what is wrong with a file, and where."""
+"""``axisbus eds check``: find the errors in a file, with their locations."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _FAILING = {
     "warning": {Severity.ERROR, Severity.WARNING},
     "note": set(Severity),
 }
-_MANY = 10  # files, from where on a bar shows how far it is
+_MANY = 10  # files; with more, a progress bar is shown
 _Found = dict[str, tuple[EdsFinding, ...]]
 _Show = Callable[[str, Iterable[EdsFinding]], Iterable[str]]
 
 
 def _severities(_: click.Context, __: click.Parameter, given: tuple[str, ...]) -> frozenset[Severity]:
-    """Return the severities that are asked for, all where none is."""
+    """Return the requested severities, all if none is given."""
     words = [word.strip().lower() for word in ids_of(given)]
     try:
         return frozenset(map(Severity, words)) or frozenset(Severity)
@@ -114,7 +114,7 @@ def command(
 
 
 def _shower(shown: frozenset[Severity], each: bool, as_lines: bool) -> _Show:
-    """Return what turns the findings of a file into the lines that are printed."""
+    """Return a function that formats the findings of a file as lines."""
 
     def show(file: str, findings: Iterable[EdsFinding]) -> Iterable[str]:
         visible = [finding for finding in findings if finding.severity in shown]
@@ -126,7 +126,7 @@ def _shower(shown: frozenset[Severity], each: bool, as_lines: bool) -> _Show:
 
 
 def _check_all(files: Iterable[str], wanted: Callable[[str], bool], show: _Show | None) -> _Found:
-    """Return what is found in each file; each is printed as soon as it is checked, where ``show`` says how."""
+    """Return the findings in each file; ``show`` formats them, so that each file is printed as soon as it is checked."""
     found: _Found = {}
     named = list(expanded(files))
     with progress_bar("checking", quiet=show is not None or len(named) < _MANY) as tell:
@@ -147,7 +147,7 @@ def _check(file: str, wanted: Callable[[str], bool]) -> tuple[EdsFinding, ...]:
 
 
 def explain_rule(rule: str, known: Mapping[str, Rule]) -> int:
-    """Print all that there is to say about a rule; return the exit code."""
+    """Print the explanation of a rule; return the exit code."""
     found = rule_selection.RuleIds(known).starting(rule)
     if len(found) != 1:
         there = f"these begin so: {', '.join(found)}" if found and rule else "the list has all: --list"
@@ -157,7 +157,7 @@ def explain_rule(rule: str, known: Mapping[str, Rule]) -> int:
 
 
 def list_rules(chosen: list[Rule], command: str, as_json: bool) -> int:
-    """Print rules, and what explains one of them; return the exit code."""
+    """Print rules, and the command that explains one; return the exit code."""
     if as_json:
         say_json({"rules": [text.plain_rule(rule) for rule in chosen]})
     else:
@@ -167,5 +167,5 @@ def list_rules(chosen: list[Rule], command: str, as_json: bool) -> int:
 
 
 def ids_of(given: Iterable[str]) -> list[str]:
-    """Return the ids of an option that may be repeated, with commas between several."""
+    """Return the ids of a repeatable option, each of which may have several, separated by commas."""
     return [text for each in given for text in each.split(",")]

@@ -1,4 +1,4 @@
-"""How ``axisbus eds check`` prints what it finds."""
+"""Output of ``axisbus eds check``."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from axisbus.wording import counted, printable
 
 _COLOURS = {Severity.ERROR: "red", Severity.WARNING: "yellow", Severity.NOTE: "cyan"}
 _TEXT_WIDTH = 100
-FIRST = 3  # places of a rule that are told, unless each is asked for
+FIRST = 3  # locations shown for a rule, unless all are requested
 _RULE_INDENT, _PLACE_INDENT, _REMEDY_INDENT = " " * 2, " " * 6, " " * 10
 _Found = Mapping[str, tuple[EdsFinding, ...]]
 
 
 def grouped(file: str, findings: Iterable[EdsFinding], *, each: bool) -> Iterator[str]:
-    """Yield the file's name, then each rule that it breaks with its first places (all, where ``each`` is wanted); errors last."""
+    """Yield the file's name, then each violated rule with its first locations (all, if ``each``); errors last."""
     groups: dict[tuple[str, Severity], list[EdsFinding]] = {}
     for finding in findings:
         groups.setdefault((finding.rule, finding.severity), []).append(finding)
@@ -33,7 +33,7 @@ def grouped(file: str, findings: Iterable[EdsFinding], *, each: bool) -> Iterato
 
 
 def _errors_last(group: list[EdsFinding]) -> tuple[int, int, str]:
-    """Return what sorts the groups of a file: the worst stands where the screen ends, the oftenest first within its severity."""
+    """Return the sort key of the groups of a file: the worst last, within a severity the most frequent first."""
     return -group[0].severity.rank, -len(group), group[0].rule
 
 
@@ -57,7 +57,7 @@ def _group(group: list[EdsFinding], *, each: bool) -> Iterator[str]:
 
 
 def _folded(text: str, indent: str) -> list[str]:
-    """Return a text below an indent, folded to the terminal; in a pipe a line may have any length."""
+    """Return a text with an indent, folded to the terminal; in a pipe a line may have any length."""
     width, text = terminal_width(), printable(text)
     if width is None:
         return [indent + text]
@@ -74,12 +74,12 @@ def lines(file: str, findings: Iterable[EdsFinding]) -> Iterator[str]:
 
 
 def place(finding: EdsFinding) -> tuple[int, int]:
-    """Return line and column as editors want them: what concerns the whole file is shown at its beginning."""
+    """Return line and column for editors: a finding about the whole file is shown at its beginning."""
     return max(1, finding.line), max(1, finding.column)
 
 
 def summary(found: _Found, shown: Collection[Severity]) -> Iterator[str]:
-    """Yield how often each rule was broken, where that is not told by the file's groups already, and how much there is in all."""
+    """Yield the count of each rule, unless the groups of the file show it already, and the totals."""
     every = [(file, finding) for file, findings in found.items() for finding in findings]
     visible = [(file, finding) for file, finding in every if finding.severity in shown]
     if visible:
@@ -113,7 +113,7 @@ def _row_order(row: tuple[tuple[str, Severity], Counter[str]]) -> tuple[int, int
 
 
 def next_step(found: _Found) -> str:
-    """Return what to type next: to learn about the worst that was found, or to look at the file."""
+    """Return the next command to type: to learn about the worst finding, or to inspect the file."""
     every = [finding for findings in found.values() for finding in findings]
     if not every:
         return f"axisbus eds show {next(iter(found), 'FILE')}"
@@ -153,7 +153,7 @@ def listed(chosen: Iterable[Rule]) -> Iterator[str]:
 
 
 def explained(rule: Rule) -> Iterator[str]:
-    """Yield all that there is to say about a rule."""
+    """Yield the explanation of a rule."""
     width = min(terminal_width() or _TEXT_WIDTH, _TEXT_WIDTH)
     yield f"{_bold(rule.id)} {_coloured(rule.severity.value, rule.severity)}: {rule.title}"
     if rule.clause:
@@ -177,5 +177,5 @@ def _coloured(text: str, severity: Severity) -> str:
 
 
 def _plain_text() -> bool:
-    """Whether the user wants no colours (no-color.org); that a pipe gets none, click sees to."""
+    """Whether the user wants no colours (no-color.org); click itself removes them in a pipe."""
     return bool(os.environ.get("NO_COLOR"))

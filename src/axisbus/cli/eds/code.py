@@ -1,4 +1,4 @@
-"""``axisbus eds code``: a typed Python module of the objects, or a C header of them and of the PDOs."""
+"""``axisbus eds code``: generate a typed Python module of the objects, or a C header of them and of the PDOs."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def command(
 
 
 def _of_file(file: str, node: int | None, *, as_c: bool) -> tuple[str, str]:
-    """Return the text, and what is in it for people."""
+    """Return the text, and a description of its contents for people."""
     eds = open_eds(file)
     text = (header.header if as_c else codegen.module)(eds, node_of(eds, node))
     entries = sum(len(entry.subs) for entry in eds)

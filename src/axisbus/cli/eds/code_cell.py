@@ -1,4 +1,4 @@
-"""The nodes of a cell whose PDOs ``axisbus eds code --c --cell`` writes: all that speak CANopen, or one."""
+"""The nodes of a cell for ``axisbus eds code --c --cell``: all CANopen nodes, or one, with their PDOs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from axisbus.errors import StateError, UnknownNameError
 
 
 def nodes_of(file: Path, node: int | None, axis: str | None) -> list[NodePdos]:
-    """Return what travels of each node of a cell, of one, or of that of an axis, after boot-up by its plan. Blocks for its files.
+    """Return the PDOs of all nodes of a cell, of one, or of the node of an axis, as planned for boot-up. Blocks for its files.
 
     Raises:
         ConfigError: ``check`` finds an error in the cell.
@@ -66,7 +66,7 @@ def _planned(cell: CellConfig, node: NodeConfig, eds: Eds, dictionary: Dictionar
 
 
 def _words(cell: CellConfig, node_id: int) -> str:
-    """Say what a node is for: ``axes x, y``, ``inputs and outputs valve``."""
+    """Return the use of a node: ``axes x, y``, ``inputs and outputs valve``."""
     axes = [axis.name for axis in cell.axes_of(node_id)]
     points = [each.name for each in cell.io_of(node_id)]
     said = [

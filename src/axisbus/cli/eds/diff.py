@@ -1,4 +1,4 @@
-"""``axisbus eds diff``: two files compared by what they mean."""
+"""``axisbus eds diff``: compare the meaning of two files."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def command(a: str, b: str, node: int | None, as_json: bool) -> int:
         first, second = open_eds(a), open_eds(b)
     except EdsError as error:
         say_error(str(error))
-        return MISUSE  # 1 says that they differ
+        return MISUSE  # 1 means that they differ
     node_id = _common_node(first, second, node)
     differences = compare.diff(first, second, node_id)
     if as_json:
@@ -42,12 +42,12 @@ def command(a: str, b: str, node: int | None, as_json: bool) -> int:
 
 
 def _example(differences: tuple[EdsDifference, ...]) -> str:
-    """Return the index of an object that differs and that B has; empty where there is none."""
+    """Return the index of an object that differs and exists in B; empty if there is none."""
     return next((f"{each.index:04X}" for each in differences if each.index is not None and each.b), "")
 
 
 def _common_node(a: Eds, b: Eds, node: int | None) -> int | None:
-    """Return the node ID to compare for: the one asked for, or the only one that the files are made for."""
+    """Return the node ID for the comparison: the requested one, or the only one that the files are made for."""
     own = {eds.node_id for eds in (a, b) if eds.node_id is not None}
     if node is not None or len(own) != 1:
         return node

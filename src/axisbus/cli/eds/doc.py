@@ -1,4 +1,4 @@
-"""``axisbus eds doc``: a complete reference of the device."""
+"""``axisbus eds doc``: write a complete reference of the device."""
 
 from __future__ import annotations
 

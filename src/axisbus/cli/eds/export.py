@@ -1,4 +1,4 @@
-"""``axisbus eds export``: the dictionary for other programs."""
+"""``axisbus eds export``: export the dictionary for other programs."""
 
 from __future__ import annotations
 

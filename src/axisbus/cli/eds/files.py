@@ -1,4 +1,4 @@
-"""What the subcommands about EDS files share: reading FILE, the node ID, the screen."""
+"""Common parts of the subcommands for EDS files: reading FILE, the node ID, the screen."""
 
 from __future__ import annotations
 
@@ -17,9 +17,7 @@ from axisbus.eds import Eds, builtin, load
 from axisbus.errors import EdsError
 from axisbus.wording import counted, printable
 
-MAX_ENTRIES = (
-    100_000  # ten times as many as the largest file that we know has; to list a million takes minutes
-)
+MAX_ENTRIES = 100_000  # ten times the number of the largest known file; listing a million takes minutes
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -37,7 +35,7 @@ def node_option(function: _F) -> _F:
 
 
 def expanded(files: Iterable[str]) -> Iterator[str]:
-    """Yield each file once, with patterns (where the shell left them) replaced by what they match."""
+    """Yield each file once, with patterns (if the shell left them) replaced by the matching files."""
     seen = set()
     for given in files:
         pattern = glob.has_magic(given) and not Path(given).exists()
@@ -51,7 +49,7 @@ def open_eds(file: str) -> Eds:
     """Read FILE: a path, or ``builtin:NAME``.
 
     Raises:
-        EdsError: it cannot be read, is no EDS, or has more entries than a report can list.
+        EdsError: the file cannot be read, is not an EDS, or has more entries than a report can list.
     """
     eds = load(builtin.resolve(file, Path()))
     there = sum(len(entry.subs) for entry in eds)
@@ -66,7 +64,7 @@ def open_eds(file: str) -> Eds:
 
 
 def node_of(eds: Eds, node: int | None) -> int | None:
-    """Return the node ID asked for, else that of a DCF."""
+    """Return the requested node ID, else that of a DCF."""
     return eds.node_id if node is None else node
 
 
@@ -78,7 +76,7 @@ def terminal_width() -> int | None:
 
 
 def can_print(text: str) -> bool:
-    """Whether standard output has these characters."""
+    """Whether standard output can encode these characters."""
     try:
         text.encode(sys.stdout.encoding or "ascii")
     except (UnicodeEncodeError, LookupError):
@@ -87,9 +85,9 @@ def can_print(text: str) -> bool:
 
 
 def say_lines(lines: Iterable[str], *, styled: bool = False) -> None:
-    """Print lines in one go; characters that standard output does not have become question marks.
+    """Print all lines at once; characters that standard output cannot encode become question marks.
 
-    ``styled``: they hold sequences of the terminal, and the caller has made names from outside printable.
+    ``styled``: the lines have control sequences of the terminal, and the caller has made foreign names printable.
     """
     text = "\n".join(lines)
     if not can_print(text):
@@ -99,13 +97,13 @@ def say_lines(lines: Iterable[str], *, styled: bool = False) -> None:
 
 
 def hint(text: str) -> None:
-    """Print what to type next, on a terminal only: a report in a pipe is nothing but the report."""
+    """Print the next command to type, on a terminal only, so that a report in a pipe has nothing else."""
     if sys.stdout.isatty():
         say_next(text)
 
 
 def say_text(text: str) -> None:
-    """Print a whole file to standard output as UTF-8, whatever the encoding of the terminal: it is for a program."""
+    """Print a whole file to standard output as UTF-8, whatever the encoding of the terminal, because a program will read it."""
     if sys.stdout.isatty():
         text = printable(text)
     sys.stdout.flush()

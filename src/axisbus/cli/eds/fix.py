@@ -1,4 +1,4 @@
-"""``axisbus eds fix``: safe mends, shown as a diff."""
+"""``axisbus eds fix``: safe fixes, shown as a diff."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from axisbus.eds.io.text import EdsText
 from axisbus.errors import EdsError
 from axisbus.wording import counted
 
-_TYPED = 5  # files that a hint names
+_TYPED = 5  # the most files named in a hint
 
 
 class _Done(NamedTuple):
-    """One file as it was, as it is mended, and where that was written (None: nowhere)."""
+    """One file before and after fixing, and where it was written (None: nowhere)."""
 
     file: str
     before: EdsText
@@ -61,12 +61,12 @@ def command(files: tuple[str, ...], output: Path | None, force: bool, write: boo
     else:
         _say(done)
     if len(done) < len(named):
-        return MISUSE  # 1 says that there is something to mend
+        return MISUSE  # 1 means that there is something to fix
     return WRONG if any(each.fixed.mended and each.target is None for each in done) else OK
 
 
 def _mended(file: str, output: Path | None, write: bool) -> _Done | None:
-    """Mend one file, and write it where that is asked for; None where it cannot be read, which is said."""
+    """Fix one file, and write it if requested; None if it cannot be read, which is reported."""
     path = builtin.resolve(file, Path())
     try:
         before = reader.read(reader.file_bytes(path), str(path))
@@ -103,7 +103,7 @@ def _say(done: list[_Done]) -> None:
 
 
 def _few(files: list[str]) -> str:
-    """Return the files as they are to be typed; of many the first ones, for whoever gave a pattern knows it."""
+    """Return the files as they have to be typed; only the first ones of many, because the user knows the pattern."""
     return " ".join(files[:_TYPED]) + (" ..." if len(files) > _TYPED else "")
 
 
@@ -113,7 +113,7 @@ def _summary(done: _Done) -> None:
         say(f"{done.file}: nothing to mend")
         return
     for each in mended:
-        if not each.changes:  # no line shows it
+        if not each.changes:  # no line of the diff shows it
             say(f"{done.file}:{each.line}: {each.rule} {each.what}")
     counts = Counter(each.rule for each in mended)
     rules = ", ".join(f"{rule} {count}" for rule, count in sorted(counts.items()))

@@ -1,4 +1,4 @@
-"""``axisbus eds from-device``: an EDS from the drive itself."""
+"""``axisbus eds from-device``: read an EDS from the drive."""
 
 from __future__ import annotations
 

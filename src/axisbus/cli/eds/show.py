@@ -1,4 +1,4 @@
-"""``axisbus eds show``: the dictionary as a tree, or one object."""
+"""``axisbus eds show``: show the dictionary as a tree, or one object."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``axisbus eds verify``: a file against the live drive."""
+"""``axisbus eds verify``: compare a file with the real drive."""
 
 from __future__ import annotations
 

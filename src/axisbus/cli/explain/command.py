@@ -1,4 +1,4 @@
-"""``axisbus explain``: what a symptom means, and what to check."""
+"""``axisbus explain``: explain a symptom, and list the checks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of a symptom as Markdown, made of the tables that the messages are made of."""
+"""The page of a symptom as Markdown, from the tables that the messages use."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from axisbus.symptoms.lookup import page_of_fault
 from axisbus.symptoms.symptom import Symptom
 from axisbus.wording import counted
 
-_FEW = 12  # codes that are listed one by one where a page has more
+_FEW = 12  # the most codes that are listed on a page
 
 
 def markdown(symptom: Symptom, *, every_code: bool = False, wide: bool = False) -> str:
-    """Return the page; ``every_code``: also where it has many; ``wide``: for a site, which tells by itself where to read on."""
+    """Return the page; ``every_code``: list all codes; ``wide``: for a web site, which has its own links to further pages."""
     parts = [
         [f"# {symptom.title}", "", symptom.seen],
         ["## What to check, in this order", "", *_numbered(symptom.checks)],
@@ -33,7 +33,7 @@ def markdown(symptom: Symptom, *, every_code: bool = False, wide: bool = False) 
 
 
 def codes_of(symptom: Symptom) -> dict[int, str]:
-    """Return the error codes of the standards' table that lead to a page, with their texts."""
+    """Return the error codes of the standards' table that refer to a page, with their texts."""
     rows = tables.rows("axisbus.cia301", "emcy.tsv")
     return {
         int(row["code"], 16): row["name"]

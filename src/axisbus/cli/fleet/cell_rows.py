@@ -1,4 +1,4 @@
-"""What is shown of a cell of a fleet: as plain values, and as texts of rows; what is not known now is said to be unknown."""
+"""The output for a cell of a fleet: as plain values, and as rows of texts; unknown values are shown as unknown."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from axisbus.fleet.cell_state import LastAxisState
 from axisbus.fleet.messages import Event, RecordingInfo
 from axisbus.wording import counted, with_subject
 
-_INCIDENTS = 3  # of a cell, the newest
-_CLOCKS = 0.5  # seconds of difference that are worth a word: the way of a message is in it
+_INCIDENTS = 3  # the most incidents shown for a cell, newest first
+_CLOCKS = 0.5  # seconds; a larger clock difference, including the transmission time, is reported
 UNKNOWN = "unknown"
-Recordings = Sequence[RecordingInfo] | str  # or why they are not known
+Recordings = Sequence[RecordingInfo] | str  # or why they are unknown
 
 
 def plain(cell: FleetCell, recordings: Recordings) -> dict[str, Any]:
-    """Return what is known of a cell as plain values; what is unknown is None."""
+    """Return the known state of a cell as plain values; unknown values are None."""
     info = cell.info
     return {
         "cell": cell.name,
@@ -57,7 +57,7 @@ def _plain_event(event: Event) -> dict[str, Any]:
 
 
 def heading(cell: FleetCell) -> list[str]:
-    """Return what is told of a cell as a whole: whether it is there, and what is odd about it."""
+    """Return the lines about a cell as a whole: whether it is present, and its irregularities."""
     told = ["alive" if cell.alive else cell.offline_reason.replace("gone", "GONE", 1)]
     info = cell.info
     if info is not None:
@@ -71,7 +71,7 @@ def heading(cell: FleetCell) -> list[str]:
 
 
 def axis_rows(cell: FleetCell) -> list[tuple[str, ...]]:
-    """Return a row of texts for each axis: name, state, position, velocity, age, what it tells beside."""
+    """Return a row of texts for each axis: name, state, position, velocity, age, remarks."""
     return [
         tuple(map(_printable, (axis.name, *_axis_texts(axis.unit, cell.last_state(axis.name)))))
         for axis in cell
@@ -93,7 +93,7 @@ def _axis_texts(unit: str, seen: LastAxisState | None) -> tuple[str, ...]:
 
 
 def cell_lines(cell: FleetCell, recordings: Recordings) -> list[str]:
-    """Return a cell as lines: itself, its axes, its newest incidents, and while it is alive its recordings."""
+    """Return a cell as lines: itself, its axes, its newest incidents, and, while it is alive, its recordings."""
     rows = [
         f"{name:<8} {state:<18} {position:>20} {velocity:>20} {age:>7}  {beside}".rstrip()
         for name, state, position, velocity, age, beside in axis_rows(cell)
@@ -103,7 +103,7 @@ def cell_lines(cell: FleetCell, recordings: Recordings) -> list[str]:
 
 
 def incident_lines(cell: FleetCell) -> list[str]:
-    """Return the newest incidents, each with its cause and its remedy where they are known, and what was missed."""
+    """Return the newest incidents, each with its cause and remedy if they are known, and the number of lost events."""
     lines = []
     for event in cell.incidents[-_INCIDENTS:]:
         lines.append(f"{_at(event.clock)} {with_subject(event.about, event.text)}")
@@ -120,7 +120,7 @@ def incident_lines(cell: FleetCell) -> list[str]:
 
 
 def recordings_line(recordings: Recordings) -> str:
-    """Return the recordings in a line, or why they are not known."""
+    """Return the recordings in a line, or why they are unknown."""
     if isinstance(recordings, str):
         return _printable(f"recordings unknown: {recordings}")
     if not recordings:
@@ -131,12 +131,12 @@ def recordings_line(recordings: Recordings) -> str:
 
 
 def _printable(text: str) -> str:
-    """Return what came over the network as a terminal may have it: nothing in it moves a cursor."""
+    """Return a text from the network made safe for a terminal: no character in it moves the cursor."""
     return "".join(each if each.isprintable() else " " for each in text)
 
 
 def _at(clock: float) -> str:
-    """Return a time of day by the clock of a cell's computer, which may tell whatever it likes."""
+    """Return a time of day by the clock of a cell's computer, which may have any value."""
     try:
         return time.strftime("%H:%M:%S", time.localtime(clock))
     except (OverflowError, ValueError, OSError):

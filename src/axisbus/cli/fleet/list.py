@@ -1,4 +1,4 @@
-"""``axisbus fleet list``: one look at the cells of a plant."""
+"""``axisbus fleet list``: list the cells of a plant once."""
 
 from __future__ import annotations
 
@@ -48,12 +48,12 @@ def command(
 
 
 def unreached_text(endpoint: str) -> str:
-    """Return what is said of an endpoint to which there is no connection."""
+    """Return the text for an endpoint without a connection."""
     return f"NOT REACHED: {endpoint}: of the cells behind it nothing is known"
 
 
 def recordings_of(cell: FleetCell) -> Recordings:
-    """Return the recordings of a cell, or why they are not known."""
+    """Return the recordings of a cell, or why they are unknown."""
     try:
         return cell.recordings() if cell.alive else cell.offline_reason
     except AxisbusError as error:
@@ -61,7 +61,7 @@ def recordings_of(cell: FleetCell) -> Recordings:
 
 
 def _recordings(cells: Sequence[FleetCell]) -> list[Recordings]:
-    """Ask all cells at once: one that is slow holds nobody up."""
+    """Query all cells at once, so that a slow cell does not delay the others."""
     if not cells:
         return []
     with ThreadPoolExecutor(min(len(cells), 16)) as pool:

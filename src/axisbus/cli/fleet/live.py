@@ -1,4 +1,4 @@
-"""``axisbus fleet watch`` on a terminal: one table that stays where it is; what is not known now is grey."""
+"""``axisbus fleet watch`` on a terminal: one table at a fixed position; unknown values are grey."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ _STATE_STYLES = {
     AxisState.ERRORSTOP.value: "bold red",
     UNKNOWN: "dim",
 }
-_STATE = 1  # in a row
-_MOST = 12  # lines of incidents
+_STATE = 1  # column index
+_MOST = 12  # the most lines of incidents
 
 
 def show(look: Look, about: Callable[[], Sequence[str]], every: float, count: int | None) -> None:
-    """Draw the cells again and again, ``count`` times (None: until Ctrl-C); ``about``: the plant's name, and what is wrong."""
+    """Draw the cells ``count`` times (None: until Ctrl-C); ``about`` returns the plant's name and its problems."""
     console = Console(highlight=False, markup=False, emoji=False)
     looks = 0
     with Live(console=console, auto_refresh=False, vertical_overflow="ellipsis") as live:
@@ -55,7 +55,7 @@ def show(look: Look, about: Callable[[], Sequence[str]], every: float, count: in
 
 
 def _parts(found: Found, plant: str, *wrong: str) -> list[RenderableType]:
-    """Return what is drawn: what is wrong stands above what may be cut off at the end of the screen."""
+    """Return the parts to draw: problems come first, because the end may be cut off at the bottom of the screen."""
     there = sum(cell.alive for cell, _ in found)
     head = f"{plant}: {there} of {counted(len(found), 'cell')} alive, {time.strftime('%H:%M:%S')}"
     incidents = [(cell, line) for cell, _ in found for line in incident_lines(cell)]
@@ -84,7 +84,7 @@ def _cells(found: Found) -> Table:
 
 
 def _style(cell: FleetCell) -> str:
-    """Return how a cell that is gone, or odd, is drawn; empty where all is well with it."""
+    """Return the style of a cell that is gone or irregular; empty for a normal cell."""
     if not cell.alive:
         return STYLES["error"]
     return STYLES["warning"] if cell.version_mismatch or cell.duplicate_bridge else ""

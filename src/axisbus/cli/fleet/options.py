@@ -1,4 +1,4 @@
-"""Which plant, and where its network is: options of all ``axisbus fleet`` commands."""
+"""Options of all ``axisbus fleet`` commands: the plant, and its network."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Decorated = Callable[..., Any]
 
 @dataclass(frozen=True, slots=True)
 class FleetOptions:
-    """A plant by its name, and where its network is, as ``Fleet`` takes it."""
+    """A plant by its name, and its network, as ``Fleet`` takes them."""
 
     plant: str
     connect: tuple[str, ...]
@@ -27,7 +27,7 @@ class FleetOptions:
     config: Path | None
 
     def fleet(self, look: float | None = None) -> Fleet:
-        """Return the cells of the plant; ``look`` in seconds, blocking and what is raised are those of ``Fleet``."""
+        """Return the cells of the plant; ``look`` in seconds, blocking and errors as for ``Fleet``."""
         return Fleet(
             self.plant,
             connect=self.connect,
@@ -39,7 +39,7 @@ class FleetOptions:
 
 
 def plant_options(function: Decorated) -> Decorated:
-    """Add --plant, --connect, --listen, --scouting and --config, which a command is given as one ``place``."""
+    """Add --plant, --connect, --listen, --scouting and --config; a command gets them together as ``place``."""
 
     @wraps(function)
     def placed(

@@ -1,4 +1,4 @@
-"""``axisbus fleet stop``: all axes of a plant quick-stopped, and told which cells have confirmed it."""
+"""``axisbus fleet stop``: quick-stop all axes of a plant, and report which cells have confirmed it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from axisbus.fleet.fleet import Fleet
 from axisbus.machine.handle import Handle, look_at_end
 
 _WAIT = 5.0  # seconds
-_LOOK, _STEP = 1.0, 0.01  # seconds for which, and in which, it is looked for cells
+_LOOK, _STEP = 1.0, 0.01  # seconds of the search for cells, and between its steps
 
 
 @click.command("stop")
@@ -52,7 +52,7 @@ def command(
 
 
 def _stop(fleet: Fleet, names: Sequence[str]) -> dict[str, Handle]:
-    """Stop each cell the moment that it is seen, and what is named in any case; return the handles by cell."""
+    """Stop each cell as soon as it is found, and named cells in any case; return the handles by cell."""
     handles: dict[str, Handle] = {}
     named, end = [fleet.any_cell(name) for name in names], time.monotonic() + _LOOK
     while time.monotonic() < end and not (names and len(handles) == len(names)):
@@ -64,7 +64,7 @@ def _stop(fleet: Fleet, names: Sequence[str]) -> dict[str, Handle]:
 
 
 def _confirmed(name: str, handle: Handle, deadline: float) -> bool:
-    """Wait for the end of a stop, and say what came of it."""
+    """Wait for the end of a stop, and print its result."""
     look_at_end(handle)
     try:
         handle.wait(max(0.0, deadline - time.monotonic()))

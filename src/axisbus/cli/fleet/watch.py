@@ -1,4 +1,4 @@
-"""``axisbus fleet watch``: the cells of a plant, look by look."""
+"""``axisbus fleet watch``: observe the cells of a plant."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from axisbus.fleet.cell import FleetCell
     from axisbus.fleet.fleet import Fleet
 
-_REPAINTED, _PRINTED = 0.25, 1.0  # seconds between two looks
-_RECORDINGS = 10.0  # seconds between two questions for them
+_REPAINTED, _PRINTED = 0.25, 1.0  # seconds between two updates
+_RECORDINGS = 10.0  # seconds between two queries for recordings
 
 
 @click.command("watch")
@@ -81,7 +81,7 @@ def _look(fleet: Fleet, kept: _Kept, as_json: bool) -> None:
 
 
 class _Kept:
-    """The recordings of all cells, asked for now and then in a thread: a cell that is slow keeps no look waiting."""
+    """The recordings of all cells, queried periodically in a thread, so that a slow cell does not delay the display."""
 
     def __init__(self, fleet: Fleet) -> None:
         self._fleet = fleet
@@ -97,7 +97,7 @@ class _Kept:
         self._ended.set()
 
     def of(self, cell: FleetCell) -> Recordings:
-        """Return what is known of a cell's recordings."""
+        """Return the known recordings of a cell."""
         return self._found.get(cell.name, "not asked yet") if cell.alive else cell.offline_reason
 
     def _run(self) -> None:

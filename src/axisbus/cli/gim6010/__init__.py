@@ -1,1 +1,1 @@
-"""``axisbus gim6010``: what is particular to the GIM6010-8, in whatever protocol it speaks."""
+"""``axisbus gim6010``: commands specific to the GIM6010-8, for all of its protocols."""

@@ -1,4 +1,4 @@
-"""``axisbus gim6010 calibrate``: motor and encoder of a module, followed and judged."""
+"""``axisbus gim6010 calibrate``: calibrate motor and encoder of a module, monitor the calibration, and check its result."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def command(
     with ExitStack() as stack:
         lock = ownership.take(
             line.interface or "", line.channel
-        )  # whoever has the bus may move this module too
+        )  # another program on the bus could also move this module
         if lock is not None:
             stack.enter_context(lock)
         number = run_guarded(open_bus(stack, None, *line), calibration, say)
@@ -79,7 +79,7 @@ def _tell(calibration: Calibration, line: BusOptions) -> int:
 
 
 def tell_judged(kind: CalibrationKind, found: CalibrationResult, left: str, hint: str) -> int:
-    """Tell what a calibration came to, how the module was ``left``, and how its result is kept; return the exit code for it."""
+    """Print the result of a calibration, the state in which it ``left`` the module, and how to save it; return its exit code."""
     for note in found.notes:
         say(f"  note: {note}")
     if not found.good:

@@ -1,4 +1,4 @@
-"""Before something moves by itself: what will happen is explained, and somebody has to say that it may."""
+"""Confirmation before an automatic motion: explain it, and require the user's consent."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ def yes_option(function: Decorated) -> Decorated:
 
 
 def ask(explanation: Iterable[str], *, yes: bool) -> None:
-    """Print what will happen, and go on only where somebody agrees.
+    """Print what will happen, and continue only if the user agrees.
 
     Raises:
-        UsageError: nobody can answer, and ``--yes`` is not given. Abort: somebody says no.
+        UsageError: there is no terminal to answer, and ``--yes`` is not given.
+        Abort: the user declines.
     """
     for line in explanation:
         say(line)
@@ -33,10 +34,10 @@ def ask(explanation: Iterable[str], *, yes: bool) -> None:
 
 
 def end_by(number: int) -> None:
-    """Leave as the signal of this number wants it; 0: none came.
+    """End the program as the signal with this number requires; 0: there was no signal.
 
     Raises:
-        KeyboardInterrupt, SystemExit: one came.
+        KeyboardInterrupt, SystemExit: there was one.
     """
     if number == signal.SIGINT:
         raise KeyboardInterrupt

@@ -1,4 +1,4 @@
-"""What ``find`` and ``errors`` do on a bus: they listen, and ask within bounds; a wrong bit rate is looked for without a word."""
+"""Discovery for ``find`` and ``errors``: listen, and send a limited number of requests; a wrong bit rate is detected silently."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from axisbus.drives.gim6010.discovery.finder import Finder
     from axisbus.drives.gim6010.discovery.results import DiscoveredModule
 
-_LISTEN = 1.2  # s in listen-only mode at the rate that is given
+_LISTEN = 1.2  # s in listen-only mode at the given bit rate
 
 
 class BusOptions(NamedTuple):
-    """The bus as it was given by -i, -c, -b and -O."""
+    """The bus options -i, -c, -b and -O."""
 
     interface: str | None
     channel: str | None
@@ -29,14 +29,14 @@ class BusOptions(NamedTuple):
 
     @property
     def words(self) -> str:
-        """The same as typed, to be repeated in a hint."""
+        """The options as typed, to be repeated in a hint."""
         return bus_words(None, *self)
 
     def check(self) -> None:
-        """Refuse a bus that is not given, or whose bit rate is not.
+        """Refuse a missing bus or bit rate.
 
         Raises:
-            UsageError: one of these.
+            UsageError: one of them is missing.
         """
         if self.interface is None:
             raise click.UsageError("give the bus with -i and -c (such as: -i socketcan -c can0)")
@@ -45,7 +45,7 @@ class BusOptions(NamedTuple):
 
     @property
     def chooses_rate(self) -> bool:
-        """Whether its adapter can listen at a rate of our choice without a word."""
+        """Whether its adapter can listen at any bit rate without sending."""
         from axisbus.bus.link import other_rates
 
         return other_rates.possible(self.interface or "", parse_options(self.option))
@@ -59,9 +59,9 @@ def without_remote(line: BusOptions) -> bool:
 
 
 def look(line: BusOptions, finder: Finder, *, quiet: bool = False) -> BitRateTraffic | None:
-    """Run ``finder`` on a bus; return what was heard at another bit rate, where it runs at that, and nobody was asked.
+    """Run ``finder`` on a bus; if the bus runs at another bit rate, send nothing and return the traffic received at that.
 
-    An adapter that has a listen-only mode listens in it first. Blocks some seconds.
+    An adapter with a listen-only mode listens in it first. Blocks some seconds.
 
     Raises:
         UsageError, AdapterError, ConfigError: the bus cannot be opened.
@@ -80,7 +80,7 @@ def look(line: BusOptions, finder: Finder, *, quiet: bool = False) -> BitRateTra
 
 
 def _heard(line: BusOptions) -> bool:
-    """Whether anything is heard at the rate that is given, in listen-only mode."""
+    """Whether any frame is received at the given bit rate, in listen-only mode."""
     from axisbus.bus.link import listenonly
     from axisbus.bus.link.listen import listen
 
@@ -90,10 +90,11 @@ def _heard(line: BusOptions) -> bool:
 
 
 def survey(line: BusOptions, node: int | None = None) -> tuple[Finder, tuple[DiscoveredModule, ...]]:
-    """Ask everybody on a bus, or only one node ID, and return the finder with what it found; error words are not asked for.
+    """Query all node IDs on a bus, or only one, and return the finder with its results; error words are not requested.
 
     Raises:
-        UsageError, AdapterError, ConfigError: as ``look``. StateError: the bus runs at another bit rate.
+        UsageError, AdapterError, ConfigError: as ``look``.
+        StateError: the bus runs at another bit rate.
     """
     from axisbus.drives.gim6010.discovery.finder import Finder, Only, ProbeScope
     from axisbus.drives.gim6010.discovery.results import findings

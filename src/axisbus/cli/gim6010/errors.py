@@ -1,4 +1,4 @@
-"""``axisbus gim6010 errors``: every error of a module, named and explained."""
+"""``axisbus gim6010 errors``: print every error of a module with its name and explanation."""
 
 from __future__ import annotations
 

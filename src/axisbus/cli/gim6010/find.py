@@ -1,4 +1,4 @@
-"""``axisbus gim6010 find``: the modules on a bus, and what each speaks."""
+"""``axisbus gim6010 find``: find the modules on a bus, and the protocol of each."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _show(
 
 
 def _nobody(line: BusOptions, finder: Finder, elsewhere: BitRateTraffic | None) -> None:
-    """Say that there is none, and what may be the reason."""
+    """Print that there is no module, and possible reasons."""
     if elsewhere is None:
         heard = finder.picture.listening.frames
         say(

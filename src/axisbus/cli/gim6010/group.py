@@ -1,4 +1,4 @@
-"""``axisbus gim6010``: modules of this make, found and looked into whatever they speak."""
+"""``axisbus gim6010``: find and inspect modules of this product family, in any of their protocols."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The option --modbus: a module that is reached by its serial port (RS485), by a command that else reaches it over CAN."""
+"""The option --modbus: reach a module by a serial port (RS485), for commands that otherwise use CAN."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def _target(port: str | None, parity: str | None, given: dict[str, Any]) -> Modb
 
 
 def words_of(serial: ModbusTarget | None, line: BusOptions, node: int | None) -> str:
-    """Return the way to the module as typed, to be repeated in a hint."""
+    """Return the connection to the module as typed, to be repeated in a hint."""
     if serial is None:
         return f"{line.words} --node {node}"
     rate = "" if serial.rate == RATES[-1] else f" -b {serial.rate}"

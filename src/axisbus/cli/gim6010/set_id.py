@@ -1,4 +1,4 @@
-"""``axisbus gim6010 set-id``: another node ID for a module that speaks CAN Simple."""
+"""``axisbus gim6010 set-id``: set the node ID of a module with CAN Simple."""
 
 from __future__ import annotations
 

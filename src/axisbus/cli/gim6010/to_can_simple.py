@@ -1,4 +1,4 @@
-"""``axisbus gim6010 to-can-simple``: how a module is brought back from CANopen, which no known object does."""
+"""``axisbus gim6010 to-can-simple``: switch a module from CANopen back to CAN Simple, which no known object does."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``axisbus gim6010 to-canopen``: a module from CAN Simple to CANopen, as far as that goes over CAN."""
+"""``axisbus gim6010 to-canopen``: switch a module from CAN Simple to CANopen, as far as possible over CAN."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _PROTOCOL, _CANOPEN = "can.config.protocol", 2
 _INTERFACE, _CAN = "config.comm_intf_mux", 0
-_BACK = 25.0  # s that owners gave a restart
+_BACK = 25.0  # s, the time of a restart as reported by owners
 
 
 @click.command("to-canopen")
@@ -70,7 +70,7 @@ def _by_another_way(asked: ModuleSelection) -> int:
 
 
 def _verify(asked: ModuleSelection, node: int) -> int:
-    """Look for the module until it is found in CANopen, or the time is up."""
+    """Search the module until it is found in CANopen, or the time is over."""
     end = time.monotonic() + _BACK
     found: list[DiscoveredModule] = []
     while time.monotonic() < end:

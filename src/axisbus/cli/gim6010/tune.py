@@ -1,4 +1,4 @@
-"""``axisbus gim6010 tune``: gains of a module tried by a step there and back, which is measured."""
+"""``axisbus gim6010 tune``: try gains of a module by a step there and back, and measure the response."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def command(
     if search is None:
         return _once(asked, trial, gains, before)
     code, gains = run_search(asked, trial, gains, search, yes=yes)
-    if code == FAILURE:  # the module may be gone
+    if code == FAILURE:  # the module may be lost
         _tell_where_they_are(gains)
         return code
     return code if _tell_gains(asked, gains, before, _before(asked)) else FAILURE
@@ -104,7 +104,7 @@ def _once(asked: ModuleSelection, trial: ModuleTrial, gains: Gains, before: dict
 
 
 def _before(asked: ModuleSelection) -> dict[str, float]:
-    """Return the gains that the module has, where a list is given to read them by."""
+    """Return the present gains of the module, if a list is given to read them by."""
     if asked.listed is None:
         return {}
     with opened(asked) as module:
@@ -119,7 +119,7 @@ def _tell_where_they_are(gains: Gains) -> None:
 def _tell_gains(
     asked: ModuleSelection, gains: Gains, before: dict[str, float], after: dict[str, float]
 ) -> bool:
-    """Tell the gains before and now; return whether those that were given were taken, as far as that can be read."""
+    """Print the gains before and now; return whether the module has the given gains, as far as they can be read."""
     if not before:
         given = [name for name in _PATHS if getattr(gains, name) is not None]
         if given:

@@ -1,4 +1,4 @@
-"""The trials of ``axisbus gim6010 tune``: one, or the manual's way from gain to gain, asked before each."""
+"""The trials of ``axisbus gim6010 tune``: one, or the manual's procedure from gain to gain, confirmed before each."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ _INTEGRATOR = (
 
 
 def try_once(asked: ModuleSelection, trial: ModuleTrial, gains: Gains) -> tuple[ModuleTuning, int]:
-    """Make one trial with the bus for this program alone; return it, and the signal that ended it (0: none). Blocks.
+    """Make one trial with exclusive use of the bus; return it, and the signal that ended it (0: none). Blocks.
 
     Raises:
-        BusError: another program has the bus, or it cannot be opened.
+        BusError: another program uses the bus, or it cannot be opened.
     """
     from axisbus.bus.gim6010.run_with_cleanup import run_guarded
     from axisbus.bus.link import ownership
@@ -45,7 +45,7 @@ def try_once(asked: ModuleSelection, trial: ModuleTrial, gains: Gains) -> tuple[
 
 
 def tell(tuning: ModuleTuning) -> int:
-    """Tell what a trial came to; return the exit code for it."""
+    """Print the result of a trial; return its exit code."""
     if not tuning.ended:
         say_error(f"the trial did not come to its end: {tuning.why}\n  observed: {tuning.left}")
         return FAILURE
@@ -58,10 +58,11 @@ def tell(tuning: ModuleTuning) -> int:
 
 
 def search_for(trial: ModuleTrial, gains: Gains, most: float) -> GainSearch:
-    """Return the way from the gain that was given up to ``most``.
+    """Return the search from the given gain up to ``most``.
 
     Raises:
-        UsageError: the gain to begin with is not given. ArgumentError: it is none, or above ``most``.
+        UsageError: the initial gain is not given.
+        ArgumentError: it is invalid, or above ``most``.
     """
     from axisbus.drives.gim6010.tuning.search import GainSearch
 
@@ -73,7 +74,7 @@ def search_for(trial: ModuleTrial, gains: Gains, most: float) -> GainSearch:
 
 
 def explained(search: GainSearch) -> Iterator[str]:
-    """Yield what the explanation of one trial does not say."""
+    """Yield the explanations of a search that are not part of those of one trial."""
     from axisbus.drives.gim6010.tuning.search import MOST_TRIALS
 
     yield (
@@ -86,10 +87,10 @@ def explained(search: GainSearch) -> Iterator[str]:
 def run_search(
     asked: ModuleSelection, trial: ModuleTrial, gains: Gains, search: GainSearch, *, yes: bool
 ) -> tuple[int, Gains]:
-    """Make trials until the search is over, one fails, or somebody says no; return the exit code, and the gains that were set last.
+    """Make trials until the search ends, one fails, or the user declines; return the exit code and the last gains.
 
     Raises:
-        KeyboardInterrupt, SystemExit: a signal came, after the module was let go.
+        KeyboardInterrupt, SystemExit: there was a signal; the module has been released before.
     """
     from axisbus.drives.gim6010.tuning.advice import worse
 

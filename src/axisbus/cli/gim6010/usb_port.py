@@ -1,4 +1,4 @@
-"""The options --usb and --serial: a module that is reached by its USB port, by a command that else reaches it over CAN."""
+"""The options --usb and --serial: reach a module by USB, for commands that otherwise use CAN."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from axisbus.cli.shared.options import Decorated
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.usb.parameters import UsbParameters
 
-_DIGITS = 12  # of a serial number, as odrive writes it
-ANY = ""  # whichever module is there
-# Of a command's arguments, what says another way to the module, with how it is typed.
+_DIGITS = 12  # digits of a serial number, as odrive writes it
+ANY = ""  # any module that is connected
+# Arguments of a command that select another connection to the module, and the options as typed.
 _OTHERS = {
     "interface": "-i",
     "channel": "-c",
@@ -31,7 +31,7 @@ _OTHERS = {
 def usb_options(function: Decorated) -> Decorated:
     """Add --usb and --serial to a command, within ``modbus_options``.
 
-    It gets as ``usb`` the serial number, or ``ANY``, or None where it is not over USB.
+    The command gets as ``usb`` the serial number, or ``ANY``, or None if USB is not used.
     """
     command = function
 
@@ -69,7 +69,7 @@ def _wanted(usb: bool, serial: str | None, given: dict[str, Any]) -> str | None:
 
 
 def words_of(usb: str) -> str:
-    """Return the way to the module as typed, to be repeated in a hint."""
+    """Return the connection to the module as typed, to be repeated in a hint."""
     return "--usb" if usb == ANY else f"--usb --serial {usb}"
 
 
@@ -78,7 +78,8 @@ def on_usb(usb: str) -> Iterator[UsbParameters]:
     """Find a module on USB and read its list; blocks some seconds.
 
     Raises:
-        UserError: the extra ``usb`` is not installed. NodeError: it is not found, or does not tell what it has.
+        UserError: the extra ``usb`` is not installed.
+        NodeError: the module is not found, or does not list its parameters.
     """
     from axisbus.drives.gim6010.usb import odrive_tree
     from axisbus.drives.gim6010.usb.parameters import UsbParameters

@@ -1,1 +1,1 @@
-"""``axisbus jitter``: how evenly a cell's cycle is kept, as a table, histograms and a picture."""
+"""``axisbus jitter``: the regularity of a cell's cycle, as a table, histograms and a plot."""

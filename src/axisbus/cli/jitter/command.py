@@ -1,4 +1,4 @@
-"""``axisbus jitter``: measure how evenly a cell's cycle is kept by computer, bus and drives."""
+"""``axisbus jitter``: measure how regular a cell's cycle is, caused by computer, bus and drives."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from axisbus.record.plot import require_picture
 from axisbus.trace.cycle_timing import MEASURED, CycleTiming, CyclicIdentifiers, histogram, spread
 from axisbus.wording import counted
 
-_ANY_RATE = 1_000_000  # identifiers are wanted, not times
+_ANY_RATE = 1_000_000  # only identifiers are needed, not times
 _BINS, _BAR = 16, 48
 _US = 1e6
 
@@ -72,7 +72,7 @@ def command(cell: Path, seconds: float, output: Path | None, force: bool, as_jso
 
 
 def measure(machine: Machine, seconds: float) -> CycleTiming:
-    """Look at the frames of a machine for so long; blocks."""
+    """Measure the frames of a machine for this time; blocks."""
     pace = CycleTiming(_cast(machine.cell), machine.cell.bus.scan_period)
     with ExitStack() as stack:
         for frame in frames_of(stack, machine, seconds, sorted(pace.seen)):
@@ -92,7 +92,7 @@ def _ids(slots: Sequence[CycleSlot], kind: str) -> frozenset[int]:
 
 
 def _first(slots: Sequence[CycleSlot]) -> frozenset[int]:
-    """The first TPDO of each node."""
+    """Return the first TPDO of each node."""
     found: dict[int | None, int] = {}
     for slot in slots:
         if slot.kind == "TPDO":

@@ -1,4 +1,4 @@
-"""How evenly a cycle is kept, as a picture (needs the ``plot`` extra): a histogram for each thing that was measured."""
+"""The regularity of a cycle as a plot (needs the ``plot`` extra): one histogram for each measured value."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _COLOUR, _MARK = "#1f6fb4", "#c8553d"
 
 
 def draw(pace: CycleTiming, path: Path, name: str) -> None:
-    """Draw what was measured as a PNG or SVG; raises UserError where matplotlib is not installed. Blocks for it."""
+    """Plot the measurements as a PNG or SVG; raises UserError if matplotlib is not installed. Blocks meanwhile."""
     pyplot = load_pyplot()
     figure, panels = pyplot.subplots(2, 2, figsize=(11, 6), layout="constrained")
     for panel, (what, words) in zip(panels.flat, MEASURED.items(), strict=True):

@@ -1,1 +1,1 @@
-"""`axisbus lss`: one file for each subcommand."""
+"""``axisbus lss``: one module for each subcommand."""

@@ -1,4 +1,4 @@
-"""What the LSS subcommands share: which bus, which slave, the line that shows how far a scan is."""
+"""Common parts of the LSS subcommands: the bus, the slave, and the progress line of a scan."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _FLOOR = 0.015  # s, as cia301.lss_dialogue.Timing
 
 
 class NumberType(click.ParamType):  # type: ignore[type-arg,unused-ignore]
-    """An integer in any notation of Python, such as 0x1F or 31; with ``bits`` one of so many bits, without sign."""
+    """An integer in any notation of Python, such as 0x1F or 31; with ``bits``, an unsigned one of that size."""
 
     name = "number"
 
@@ -37,7 +37,7 @@ class NumberType(click.ParamType):  # type: ignore[type-arg,unused-ignore]
         self._bits = bits
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        """Turn text into a number."""
+        """Convert text to a number."""
         try:
             number = int(value, 0) if isinstance(value, str) else int(value)
         except ValueError:
@@ -49,7 +49,7 @@ class NumberType(click.ParamType):  # type: ignore[type-arg,unused-ignore]
 
 @dataclass(frozen=True, slots=True)
 class Where:
-    """The bus that was asked for, and how to go about it."""
+    """The requested bus, and the options for its use."""
 
     cell: Path | None
     interface: str | None
@@ -61,17 +61,17 @@ class Where:
 
     @property
     def bus(self) -> tuple[Path | None, str | None, str | None, int | None, tuple[str, ...]]:
-        """What names the bus, as ``cli.shared.buses`` takes it."""
+        """The parameters of the bus, as ``cli.shared.buses`` takes them."""
         return self.cell, self.interface, self.channel, self.bitrate, self.option
 
     @property
     def words(self) -> str:
-        """The same as typed, to be repeated in a hint; without the bit rate, which a hint may have to change."""
+        """The bus options as typed, to be repeated in a hint; without the bit rate, which a hint may have to change."""
         return bus_words(self.cell, self.interface, self.channel, None, self.option)
 
     @property
     def words_and_rate(self) -> str:
-        """The same with the bit rate."""
+        """The bus options as typed, with the bit rate."""
         return bus_words(*self.bus)
 
 
@@ -117,7 +117,7 @@ def lss_options(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def slave_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the three ways to name a slave: -s, --found, --only."""
+    """Add the three options that select a slave: -s, --found, --only."""
     for decorate in (
         click.option(
             "--only", is_flag=True, help="The only LSS slave on the bus (wrong where there are two or more)."
@@ -130,7 +130,7 @@ def slave_options(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def slave_option(*, multiple: bool) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Add -s: a slave by the four numbers of its identity."""
+    """Return a decorator that adds -s: a slave by the four numbers of its identity."""
     return click.option(
         "-s",
         "--slave",
@@ -147,7 +147,8 @@ def open_master(where: Where) -> Iterator[LssMaster]:
     """Open the bus and an LSS master on it.
 
     Raises:
-        UsageError: no bus is given; ArgumentError: the time-out cannot be used.
+        UsageError: no bus is given.
+        ArgumentError: the time-out cannot be used.
         ConfigError, EdsError, AdapterError: as ``open_bus``.
     """
     from axisbus.bus.lss import LssMaster
@@ -165,10 +166,10 @@ def open_master(where: Where) -> Iterator[LssMaster]:
 
 
 def choose(master: LssMaster, slave: tuple[int, ...] | None, only: bool) -> LssAddress | None:
-    """Return the address of the slave that was named, None for the only one on the bus; with neither, of the one that a scan finds.
+    """Return the address of the named slave, None for the only one on the bus; if none is named, find it by a scan.
 
     Raises:
-        UserError: a scan was to find it, and there is none or there are several.
+        UserError: the scan finds no slave, or several.
         LssError: as ``LssMaster.find``.
     """
     from axisbus.cia305.services import LssAddress
@@ -179,10 +180,11 @@ def choose(master: LssMaster, slave: tuple[int, ...] | None, only: bool) -> LssA
 
 
 def require_one(slave: tuple[int, ...] | None, found: bool, only: bool) -> None:
-    """Check that a slave is named in exactly one way, before the bus is opened.
+    """Check that a slave is selected in exactly one form, before the bus is opened.
 
     Raises:
-        UsageError: it is not. ArgumentError: a number does not fit.
+        UsageError: it is not.
+        ArgumentError: a number is out of range.
     """
     from axisbus.cia305.services import LssAddress
 
@@ -231,7 +233,7 @@ def _require_selectable(slave: Unconfigured) -> None:
 
 
 def say_slave(address: LssAddress) -> str:
-    """Return an address in words."""
+    """Return an address as text."""
     vendor, product, revision, serial = address.parts
     return f"vendor 0x{vendor:X}, product 0x{product:X}, revision 0x{revision:X}, serial 0x{serial:X}"
 
@@ -244,7 +246,7 @@ def as_numbers(address: LssAddress) -> dict[str, int]:
 
 @contextmanager
 def _progress_line() -> Iterator[Callable[[int, int], None] | None]:
-    """Offer ``tell(found, bits)``, which rewrites a line on standard error, on a terminal only."""
+    """Offer ``tell(found, bits)``, which redraws a line on standard error, on a terminal only."""
     if not sys.stderr.isatty():
         yield None
         return

@@ -1,4 +1,4 @@
-"""``axisbus lss find``: every slave without a node-ID."""
+"""``axisbus lss find``: find every slave without a node-ID."""
 
 from __future__ import annotations
 

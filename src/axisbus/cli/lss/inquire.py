@@ -1,4 +1,4 @@
-"""``axisbus lss inquire``: a slave's identity and node-ID."""
+"""``axisbus lss inquire``: show a slave's identity and node-ID."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``axisbus lss set-bitrate``: tell slaves another bit rate, and change over to it."""
+"""``axisbus lss set-bitrate``: set another bit rate in slaves, and activate it."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def _show_changed(done: ChangedOver, where: Where, store: bool) -> None:
 
 
 def _adapter(where: Where, rate: int) -> str:
-    """Return the line that sets our own side, where the adapter cannot be told by -b."""
+    """Return the command that sets the bit rate of the local adapter, if -b cannot set it."""
     if where.interface != "socketcan" or where.channel is None:
         return ""
     from axisbus.bus.link.socketcan import change_command

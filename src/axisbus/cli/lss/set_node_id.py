@@ -1,4 +1,4 @@
-"""``axisbus lss set-node-id``: give a slave a node-ID."""
+"""``axisbus lss set-node-id``: set the node-ID of a slave."""
 
 from __future__ import annotations
 

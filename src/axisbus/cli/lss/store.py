@@ -1,4 +1,4 @@
-"""``axisbus lss store``: have a slave keep node-ID and bit rate without power."""
+"""``axisbus lss store``: store node-ID and bit rate in a slave's non-volatile memory."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""``axisbus monitor``: the axes of a machine, or what a bus tells by itself, look by look."""
+"""``axisbus monitor``: observe the axes of a machine, or the traffic of a bus."""

@@ -1,4 +1,4 @@
-"""``axisbus monitor``: states, positions and faults of a cell's axes, its bus and its cycle, look by look."""
+"""``axisbus monitor``: states, positions and faults of a cell's axes, its bus and its cycle, updated periodically."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
 from axisbus.wording import with_subject
 
-_REPAINTED, _PRINTED = 0.2, 1.0  # seconds between two looks, where nothing else is said
-_SHOWN = 3  # of each node and sort, in one look
+_REPAINTED, _PRINTED = 0.2, 1.0  # default seconds between two updates
+_SHOWN = 3  # events of each node and sort in one update
 
 
 every_option = click.option(
@@ -82,14 +82,14 @@ def command(
 
 
 def pace(every: float | None) -> float:
-    """Return the seconds between two looks: those that were asked for, else what suits a table in its place, or lines."""
+    """Return the seconds between two updates: as requested, else the default for a fixed table or for lines."""
     if every is not None:
         return every
     return _REPAINTED if coloured() else _PRINTED
 
 
 def look_on(machine: Machine, every: float, count: int | None, as_json: bool) -> None:
-    """Show the axes again and again, ``count`` times (None: until Ctrl-C)."""
+    """Show the axes ``count`` times (None: until Ctrl-C)."""
     looks, told, drops, beside = 0, set[str](), DropNews(), BesideAxes(machine)
     if coloured() and not as_json:
         from axisbus.cli.monitor import live
@@ -134,7 +134,7 @@ def _look(machine: Machine, told: set[str], drops: DropNews, beside: BesideAxes)
 
 
 def _rows(machine: Machine, told: set[str], drops: DropNews) -> tuple[list[dict[str, str]], list[str]]:
-    """Return each axis's values as texts, and what has happened since the last look: news, and errors that are new."""
+    """Return the values of each axis as texts, and the news since the last update, including new errors."""
     rows = [_row(axis) for axis in machine]
     wrong = {
         f"{row['axis']} {row['error']}": with_subject(row["axis"], row["error"])
@@ -162,13 +162,13 @@ def _row(axis: Axis) -> dict[str, str]:
 
 
 def io_lines(machine: Machine) -> list[str]:
-    """Return the inputs and outputs in one line, none where the cell names none."""
+    """Return the inputs and outputs in one line, none if the cell has none."""
     told = [f"{name} {_told_value(signal)}" for name, signal in machine.io.items()]
     return [f"inputs and outputs: {', '.join(told)}"] if told else []
 
 
 def value_of(signal: Signal) -> bool | int | float | None:
-    """Return the value of an input or output, None where it is unknown."""
+    """Return the value of an input or output, None if it is unknown."""
     try:
         return signal.value
     except StaleError:
@@ -184,13 +184,13 @@ def _told_value(signal: Signal) -> str:
 
 
 def _since(machine: Machine, told: set[str], drops: DropNews) -> list[str]:
-    """Return what has happened since the last look: news, and frames that were dropped."""
+    """Return the news since the last update, including dropped frames."""
     dropped = words(drops.take(machine.dropped_frames, time.monotonic()))
     return [*news(machine, told), *([dropped] if dropped else [])]
 
 
 def plain_drop(drop: Drop) -> dict[str, object]:
-    """Return dropped frames as plain values; the identifier and the data are of the newest."""
+    """Return dropped frames as plain values; identifier and data are those of the newest."""
     return {
         "what": str(drop),
         "fault": drop.fault.name.lower(),
@@ -202,7 +202,7 @@ def plain_drop(drop: Drop) -> dict[str, object]:
 
 
 def histories(machine: Machine) -> list[str]:
-    """Return the errors that the nodes themselves have listed before (1003h); blocks for a few transfers each."""
+    """Return the errors in the nodes' own error history (1003h); blocks for a few transfers each."""
     lines = []
     for node_id in sorted(machine.cell.nodes):
         node = machine.node(node_id)
@@ -213,9 +213,9 @@ def histories(machine: Machine) -> list[str]:
 
 
 def news(machine: Machine, told: set[str]) -> list[str]:
-    """Return what has happened since the last look: of the CAN controller, incidents as they now stand, missing TPDOs.
+    """Return the news since the last update: CAN controller, present state of incidents, missing TPDOs.
 
-    ``told`` is what the last look has seen. Of each node and sort only the newest are shown, and how many more there are.
+    ``told`` has the news of the last update. For each node and sort only the newest are shown, with the number of others.
     """
     seen: set[str] = set()
 
@@ -247,14 +247,14 @@ def _told(node: NodeAccess, incident: Incident) -> list[str]:
 
 
 def _newest(found: list[list[str]], what: str) -> list[str]:
-    """Return the lines of the newest: a node that goes mad must not drive what the others say off the screen."""
+    """Return the newest lines, so that a node with many events does not push those of the others off the screen."""
     more = len(found) - _SHOWN
     head = [f"{more} more {what}, before these:"] if more > 0 else []
     return [*head, *(line for lines in found[-_SHOWN:] for line in lines)]
 
 
 def of_node(machine: Machine, axis: Axis) -> dict[str, object]:
-    """Return the incidents of an axis's node, and what its PDOs have done, as plain values; a virtual axis has no node."""
+    """Return the incidents and PDO events of an axis's node, as plain values; a virtual axis has no node."""
     if machine.cell.axes[axis.name].virtual:
         return {"node": None, "incidents": [], "pdo_events": []}
     node = machine.node(machine.cell.axes[axis.name].node)
@@ -275,7 +275,7 @@ def of_node(machine: Machine, axis: Axis) -> dict[str, object]:
 
 
 def describe(axis: Axis) -> dict[str, object]:
-    """Return an axis's present values as plain ones; what is unknown is None."""
+    """Return an axis's present values as plain values; unknown ones are None."""
     snapshot = axis.snapshot
     mode = None if snapshot.mode is None else ModeOfOperation(snapshot.mode)
     return {
@@ -296,7 +296,7 @@ def describe(axis: Axis) -> dict[str, object]:
 
 
 def _age(value: object) -> str:
-    """Return how long ago a position was told, which is less than a cycle or two where it comes with SYNC."""
+    """Return the age of a position, which is less than a cycle or two if it comes with SYNC."""
     if not isinstance(value, float):
         return ""
     return f"{value * 1000:.0f} ms" if value < 1 else f"{value:.1f} s"

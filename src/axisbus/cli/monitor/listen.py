@@ -1,4 +1,4 @@
-"""``axisbus monitor --listen``: what a bus tells by itself, look by look; nothing is sent."""
+"""``axisbus monitor --listen``: show the traffic of a bus, updated periodically; sends nothing."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _NOTHING = "nothing was heard: nobody sends, or not on this channel or at this b
 
 
 def run(path: Path, every: float, count: int | None, as_json: bool) -> int:
-    """Show what is heard every so many seconds, ``count`` times (None: until Ctrl-C)."""
+    """Show the received traffic every ``every`` seconds, ``count`` times (None: until Ctrl-C)."""
     cell = reader.load(path)
     overview = BusMonitor(cell, load_dictionaries(cell))
-    with ExitStack() as stack, suppress(KeyboardInterrupt):  # the usual end of listening
+    with ExitStack() as stack, suppress(KeyboardInterrupt):  # the normal end of listening
         listener = listen_to(cell, stack, silent=True)
         if not as_json:
             say(f"listening on {cell.bus.interface}:{cell.bus.channel or ''}; {manner(cell.bus.interface)}")
@@ -58,7 +58,7 @@ def _look_on(
 
 
 def lines(overview: BusMonitor, rate: float, now: float) -> list[str]:
-    """Return what is known now, and the news, which are taken; ``rate`` in frames per second."""
+    """Return the present state and the news, which are consumed; ``rate`` in frames per second."""
     found = [f"bus        {'; '.join(_of_bus(overview, rate, now))}"]
     for node_id in sorted(overview.nodes):
         found += _of_node(overview.nodes[node_id], now)

@@ -1,4 +1,4 @@
-"""``axisbus monitor`` on a terminal: one table that stays where it is, the state of the machine and what happened last below it."""
+"""``axisbus monitor`` on a terminal: one table at a fixed position, with the state of the machine and the last events below."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from axisbus.wording import printable
 _COLUMNS = ("axis", "state", "position", "velocity", "age", "power", "mode", "bits")
 _SPARED = ("bits", "age", "mode", "velocity", "power")  # left out on a narrow terminal, in this order
 _GAP = "  "
-_BITS_AT_LEAST = 12  # columns; with fewer they say nothing
-_NEWS_AT_LEAST = 6  # lines, before the machine's own lines get room
+_BITS_AT_LEAST = 12  # columns; with fewer, the bits are not readable
+_NEWS_AT_LEAST = 6  # lines; they have priority over the machine's own lines
 _NUMBERS = frozenset({"position", "velocity", "age"})
 _STATE_STYLES = {
     **{state.value: "green" for state in MOVING},
@@ -27,13 +27,13 @@ _STATE_STYLES = {
     AxisState.STOPPING.value: "yellow",
     AxisState.ERRORSTOP.value: "bold red",
 }
-_BELOW = 8  # of the newest events, as many as fit; older ones scroll away above the table
+_BELOW = 8  # the most of the newest events below the table; older ones scroll away above it
 
 Row = Mapping[str, str]
 
 
 class MonitorUpdate(NamedTuple):
-    """One look: the axes' rows, lines about the machine, and what has happened since the last."""
+    """One update: the axes' rows, lines about the machine, and the news since the last one."""
 
     rows: Sequence[Row]
     machine: Sequence[str]
@@ -41,7 +41,7 @@ class MonitorUpdate(NamedTuple):
 
 
 def show(look: Callable[[], MonitorUpdate], wait: Callable[[], None], count: int | None) -> None:
-    """Draw what ``look`` returns, ``count`` times (None: until Ctrl-C); ``wait`` between."""
+    """Draw the result of ``look``, ``count`` times (None: until Ctrl-C); ``wait`` in between."""
     console = Console(highlight=False, markup=False, emoji=False)
     looks, last = 0, deque[Text]()
     with Live(console=console, auto_refresh=False, vertical_overflow="crop") as live:
@@ -64,9 +64,9 @@ def _timed(news: Sequence[str]) -> list[Text]:
 
 
 def _too_many(last: deque[Text], console: Console, room: int) -> Iterator[Text]:
-    """Take the oldest from ``last`` until the others fit into ``room`` lines; of the newest alone its beginning stays.
+    """Remove the oldest from ``last`` until the others fit into ``room`` lines; a single one is cut at its end.
 
-    Each of them is yielded whole, to be printed above the table, into the scrollback.
+    Each removed one is yielded completely, to be printed above the table, into the scrollback.
     """
 
     def lines(text: Text) -> int:
@@ -84,7 +84,7 @@ def _too_many(last: deque[Text], console: Console, room: int) -> Iterator[Text]:
 
 
 def _head(seen: MonitorUpdate, width: int, room: int) -> list[Text]:
-    """Return the table and the lines about the machine, each cut to the width, and no more of them than ``room``."""
+    """Return the table and the lines about the machine, each cut to the width, and at most ``room`` of them."""
     lines = _table(seen.rows, width)
     if len(lines) > room:
         hidden = len(lines) - max(1, room - 1)
@@ -97,7 +97,7 @@ def _head(seen: MonitorUpdate, width: int, room: int) -> list[Text]:
 
 
 def _table(rows: Sequence[Row], width: int) -> list[Text]:
-    """Return a line of headings and one for each axis; ``_SPARED`` are left out in their order, as far as the width asks for it."""
+    """Return a line of headings and one for each axis; columns in ``_SPARED`` are omitted in this order to fit the width."""
     widths = {column: max(map(len, (column, *(row[column] for row in rows)))) for column in _COLUMNS}
     for column in _SPARED:
         over = sum(widths.values()) + len(_GAP) * (len(widths) - 1) - width

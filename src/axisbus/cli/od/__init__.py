@@ -1,1 +1,1 @@
-"""`axisbus od`: one file for each subcommand."""
+"""``axisbus od``: one module for each subcommand."""

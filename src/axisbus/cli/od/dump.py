@@ -1,4 +1,4 @@
-"""``axisbus od dump``: every object of a node that may be read."""
+"""``axisbus od dump``: read every readable object of a node."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def _skeleton(device: ByObjects) -> Eds:
 
 
 def _one(files: NodeFiles, device: ByObjects, index: int, subindex: int) -> tuple[ObjectValue, str]:
-    """Return an object with its value, or with why it has none."""
+    """Return an object with its value, or with the reason why it has none."""
     from axisbus.bus.sdo.access import decoded, try_upload, why_unread
 
     entry = device.sdo.dictionary.entry(index, subindex)

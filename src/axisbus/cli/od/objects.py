@@ -1,4 +1,4 @@
-"""What the ``od`` subcommands share: NODE:OBJECT arguments with their completion, and objects as lines and as JSON."""
+"""Common parts of the ``od`` subcommands: NODE:OBJECT arguments with their completion, and objects as lines and as JSON."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ObjectTarget:
-    """An object of a node that was asked for; ``words`` are what the user wrote."""
+    """A requested object of a node; ``words`` is the user's text."""
 
     address: Address
     entry: DictionaryEntry
@@ -34,7 +34,7 @@ class ObjectTarget:
 
 
 def split(arguments: tuple[str, ...]) -> list[tuple[str, str]]:
-    """Return (node, object) of each argument: NODE:OBJECT, or one NODE and then objects of it.
+    """Return (node, object) for each argument: NODE:OBJECT, or one NODE followed by objects of it.
 
     Raises:
         UsageError: a node without an object.
@@ -54,10 +54,10 @@ def split(arguments: tuple[str, ...]) -> list[tuple[str, str]]:
 
 
 def targets(files: NodeFiles, arguments: tuple[str, ...]) -> list[ObjectTarget]:
-    """Return the objects that the arguments mean; a record means all of its entries.
+    """Return the requested objects; a record stands for all of its entries.
 
     Raises:
-        UsageError, ArgumentError: an argument is no NODE:OBJECT, or there is no such node or object.
+        UsageError, ArgumentError: an argument is not NODE:OBJECT, or the node or object does not exist.
     """
     return list(_targets(files, arguments))
 
@@ -102,12 +102,12 @@ def plain(node_id: int, value: ObjectValue) -> dict[str, Any]:
 
 
 def kind_of(text: str | None) -> DataType | None:
-    """Return the data type that --type names; raises ArgumentError where it names none."""
+    """Return the data type of --type; raises ArgumentError if there is no such type."""
     return None if text is None else parse_values.data_type(text)
 
 
 def may_read(eds: Eds) -> Iterable[tuple[int, int]]:
-    """Yield the entries that may be read without harm: readable, no DOMAIN, and not refused by their ObjFlags (DS 306 4.6.3.2)."""
+    """Yield the entries that are safe to read: readable, no DOMAIN, and not refused by their ObjFlags (DS 306 4.6.3.2)."""
     from axisbus.bus.node import verify
 
     for entry in eds:
@@ -120,15 +120,15 @@ def may_read(eds: Eds) -> Iterable[tuple[int, int]]:
 
 
 def complete(ctx: click.Context, _: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Return what may stand here: nodes and axes, then the objects of the node's EDS by name and by index.
+    """Return completions: nodes and axes, then the objects of the node's EDS by name and by index.
 
-    A shell that splits words at the colon (bash) gives NODE and : as words before; then only the object is completed.
+    A shell that splits words at the colon (bash) gives NODE and : as separate words; then only the object is completed.
     """
     try:
         files = NodeFiles.of(_path(ctx.params.get("cell")), tuple(ctx.params.get("eds") or ()))
         return list(_complete(files, tuple(ctx.params.get("arguments") or ()), incomplete))
     except (AxisbusError, OSError):
-        return []  # a completion has nowhere to say what is wrong; the command itself will
+        return []  # a completion cannot report errors; the command itself will
 
 
 def _path(given: object) -> Path | None:

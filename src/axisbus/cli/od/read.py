@@ -1,4 +1,4 @@
-"""``axisbus od read``: objects and what they mean."""
+"""``axisbus od read``: read objects and explain their values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``axisbus od watch``: objects again and again, with what changes."""
+"""``axisbus od watch``: read objects periodically, and show changes."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def command(
         nodes = open_nodes(stack, asked, files, {each.address.node_id for each in wanted})
         look = _Look(nodes, files, wanted, everything, as_json)
         looks, due = 0, time.monotonic()
-        with suppress(KeyboardInterrupt):  # the usual end of watching
+        with suppress(KeyboardInterrupt):  # the normal end of watching
             while count is None or looks < count:
                 time.sleep(max(0.0, due - time.monotonic()))
                 look.once()
@@ -57,7 +57,7 @@ def command(
 
 
 class _Look:
-    """What is watched; holds state: what each object showed last, and whether the last look got no answer."""
+    """The observed objects; holds state: the last value of each object, and whether the last reading failed."""
 
     def __init__(
         self,
@@ -74,7 +74,7 @@ class _Look:
         self.silent = False
 
     def once(self) -> None:
-        """Read everything once; blocks."""
+        """Read all objects once; blocks."""
         self.silent = False
         for target in self._wanted:
             self._one(target)

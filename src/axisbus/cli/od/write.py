@@ -1,4 +1,4 @@
-"""``axisbus od write``: one object, checked before anything is sent and read back after."""
+"""``axisbus od write``: write one object, checked before anything is sent, and read it back."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def command(
     guarded_write.require_writable(eds, node_id, entry, data_type)
     quantity = files.quantities.of(node_id, entry.index, entry.subindex)
     value = parse_values.value(arguments[-1], entry, data_type or entry.data_type, quantity)
-    checked_bytes(entry, value, data_type)  # before the bus is opened
+    checked_bytes(entry, value, data_type)  # check before the bus is opened
     if not may_move:
         guarded_write.require_harmless(eds, node_id, entry)
     with ExitStack() as stack:
@@ -82,7 +82,7 @@ def command(
 
 
 def _require_no_option(arguments: tuple[str, ...]) -> None:
-    """Negative numbers may stand as values, so click lets unknown options pass; here they are told from them."""
+    """Refuse unknown options: click lets them pass here, because negative numbers are valid values."""
     for each in arguments:
         if each.startswith("-") and not each[1:2].isdigit() and each[1:2] != ".":
             raise click.UsageError(f"no such option: {each}")

@@ -1,4 +1,4 @@
-"""``axisbus plan``: when each frame of a cycle is through, and how short a cycle the wire can hold."""
+"""``axisbus plan``: the transmission times of the frames of a cycle, and the shortest cycle that the bus permits."""
 
 from __future__ import annotations
 

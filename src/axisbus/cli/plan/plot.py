@@ -1,4 +1,4 @@
-"""The timetable of a cycle as a picture (needs the ``plot`` extra): a row for each node, a bar for each of its frames."""
+"""The timetable of a cycle as a plot (needs the ``plot`` extra): a row for each node, a bar for each of its frames."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ _WORDS = {
 }
 _WIDTH, _ROW, _AROUND = 11.0, 0.34, 1.9  # inches
 _MS = 1000.0
-_SELDOM = 0.45  # how opaque a frame is that does not come in every cycle
-_NARROW = 0.035  # of the width, below which a bar has no room for its number
+_SELDOM = 0.45  # opacity of a frame that is not sent in every cycle
+_NARROW = 0.035  # fraction of the width; a narrower bar has no room for its number
 
 
 def draw(table: Timetable, cell: CellConfig, path: Path) -> None:
-    """Draw ``table`` as a PNG or SVG; raises UserError where matplotlib is not installed. Blocks for it."""
+    """Plot ``table`` as a PNG or SVG; raises UserError if matplotlib is not installed. Blocks meanwhile."""
     pyplot = load_pyplot()
     rows = [
         "bus",

@@ -1,1 +1,1 @@
-"""``axisbus record`` and ``axisbus plot``: recordings made, drawn, compared and exported; one file for each subcommand."""
+"""``axisbus record`` and ``axisbus plot``: make, plot, compare and export recordings; one module for each subcommand."""

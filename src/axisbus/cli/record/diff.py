@@ -1,4 +1,4 @@
-"""``axisbus record diff``: two recordings of one job laid over each other."""
+"""``axisbus record diff``: compare two recordings of one job."""
 
 from __future__ import annotations
 

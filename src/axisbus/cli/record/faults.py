@@ -1,4 +1,4 @@
-"""``axisbus record faults``: what the axes of a cell did around its last faults."""
+"""``axisbus record faults``: list the recordings of a cell's last faults."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from axisbus.errors import UserError
 from axisbus.record.load import load
 from axisbus.record.recording_data import Recorded
 
-_TOLD = ("emcy", "nmt", "command")  # what says best what happened, first
+_TOLD = ("emcy", "nmt", "command")  # the most informative sort first
 _WIDTH = 140
 
 

@@ -1,4 +1,4 @@
-"""``axisbus record``: recordings of a cell; without a subcommand one is made."""
+"""``axisbus record``: recordings of a cell; without a subcommand a recording is made."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _HELP = ("-h", "--help")
 
 
 class _Group(LazyGroup):
-    """What begins with none of its subcommands is a recording to be made."""
+    """A group whose default subcommand makes a recording."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Put the word in that was left out."""
+        """Insert the omitted subcommand."""
         if args and args[0] not in COMMANDS and args[0] not in _HELP:
             args = [_START, *args]
         return super().parse_args(ctx, args)

@@ -1,4 +1,4 @@
-"""A recording read for a command, with a line of progress and what it lacks."""
+"""Read a recording for a command, with a progress line and a remark if it is incomplete."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from axisbus.record.recording_data import Recorded
 
 
 def read(path: Path) -> Recorded:
-    """Return the recording; says where it is not whole. Raises as ``mcap_reader.load``."""
+    """Return the recording; report if it is incomplete. Raises as ``mcap_reader.load``."""
     with progress_bar(f"reading {path}") as tell:
         recorded = load(path, None if tell is None else lambda part: tell(round(part * 1000), 1000))
     if recorded.lacks:

@@ -1,4 +1,4 @@
-"""``axisbus plot``: a picture of a recording."""
+"""``axisbus plot``: plot a recording."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def command(recording: Path, output: Path | None, begin: float, end: float, titl
     """
     if not begin < end:
         raise click.UsageError("--from must be less than --to")
-    picture = output or recording.parent / f"{recording.stem}.png"  # a folder has no name to be changed
+    picture = output or recording.parent / f"{recording.stem}.png"  # a folder has no file name to change
     require_writable(picture)
     recorded = read(recording)
     when = "" if recorded.began is None else f"{recorded.began:%Y-%m-%d %H:%M:%S} UTC"

@@ -1,4 +1,4 @@
-"""``axisbus record``: a recording of a cell's machine, which is joined where it runs."""
+"""``axisbus record``: record a cell's machine, which is joined if it runs."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def command(
             machine.recording(output, axes=_names(axes), objects=_names(objects) or ()) as recording,
         ):
             _look_on(machine, recording, seconds)
-    except KeyboardInterrupt:  # the usual end
+    except KeyboardInterrupt:  # the normal end
         if recording is None:
             raise
     say(told(recording))
@@ -88,7 +88,7 @@ def command(
 
 
 class StartTrigger(NamedTuple):
-    """What is waited for, and how many seconds before and after it are kept."""
+    """The trigger, and the seconds to record before and after it."""
 
     when: str
     before: float
@@ -103,7 +103,7 @@ def _capture(
     seconds: float | None,
     beside: bool,
 ) -> int:
-    """Wait for a moment, and keep it."""
+    """Wait for the trigger, and write the capture."""
     when, before, after = moment
     with (
         machine_of(cell, command=False, beside=beside) as machine,
@@ -127,7 +127,7 @@ def _names(text: str | None) -> list[str] | None:
 
 
 def _look_on(machine: Machine, recording: Recording, seconds: float | None) -> None:
-    """Wait until the time is over, the machine is closed by whoever opened it, or the file takes no more."""
+    """Wait until the time is over, the machine is closed, or writing has failed."""
     until = None if seconds is None else time.monotonic() + seconds
     try:
         while not recording.failed and not machine.session.ended:

@@ -1,1 +1,1 @@
-"""What the commands share: the bus and the nodes that are meant, options, output, words and the terminal."""
+"""Shared parts of the commands: selection of bus and nodes, options, output, texts and the terminal."""

@@ -1,4 +1,4 @@
-"""The machine of a cell for a command: joined where one runs on this computer, else opened for the time of the command."""
+"""The machine of a cell for a command: joined if it runs on this computer, else opened for the duration of the command."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from axisbus.machine.opening import out_of_reach, runs
 
 
 def take_option(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add --take: take the command of a machine that runs from whoever has it."""
+    """Add --take: take control of a running machine from its present holder."""
     return click.option(
         "--take",
         is_flag=True,
@@ -31,11 +31,11 @@ def machine_of(
     beside: bool = False,
     before: Callable[[], object] = lambda: None,
 ) -> Machine:
-    """Return the machine of a cell: joined where it runs already, which is said, else opened, after ``before``.
+    """Return the machine of a cell: joined if it already runs, which is reported, else opened, after ``before``.
 
     Raises:
-        OwnershipError: it is to be commanded, and another program does.
-        And what ``Machine.open`` raises.
+        OwnershipError: control is needed, and another program has it.
+        Other errors as ``Machine.open``.
     """
     machine = join(cell, command, take)
     if machine is not None:
@@ -45,10 +45,10 @@ def machine_of(
 
 
 def require_none_runs(cell: Path) -> None:
-    """Check that no machine of a simulated cell runs: its drives are its own, and those of this command would be others.
+    """Check that no machine of a simulated cell runs: this command would simulate drives of its own.
 
     Raises:
-        StateError: one does.
+        StateError: one runs.
     """
     if runs(cell):
         raise StateError(
@@ -59,10 +59,10 @@ def require_none_runs(cell: Path) -> None:
 
 
 def running(cell: Path, verb: str, why: str, remedy: str, *, command: bool, take: bool = False) -> Machine:
-    """Return the machine of a cell that runs already.
+    """Return the running machine of a cell.
 
     Raises:
-        StateError: none does, and ``why`` the command then makes no sense; ``remedy``: what does.
+        StateError: none runs, so the command makes no sense, because of ``why``; ``remedy``: what to do instead.
     """
     machine = join(cell, command, take)
     if machine is None:
@@ -71,7 +71,7 @@ def running(cell: Path, verb: str, why: str, remedy: str, *, command: bool, take
 
 
 def no_machine(cell: Path, verb: str, why: str, remedy: str) -> StateError:
-    """Return the error of a command that needs the machine of a cell, as ``running``."""
+    """Return the error of a command that needs a running machine, as for ``running``."""
     return StateError(
         f"no machine of {cell} runs on this computer, and {verb} {why}",
         observed=out_of_reach(cell),
@@ -80,10 +80,10 @@ def no_machine(cell: Path, verb: str, why: str, remedy: str) -> StateError:
 
 
 def join(cell: Path, command: bool, take: bool) -> Machine | None:
-    """Return the machine of a cell that runs already, which is said; None where none does.
+    """Return the running machine of a cell, which is reported; None if none runs.
 
     Raises:
-        OwnershipError: it is to be commanded, and another program does.
+        OwnershipError: control is needed, and another program has it.
     """
     machine = Machine.try_attach(cell, command=command, force=take)
     if machine is not None:

@@ -1,4 +1,4 @@
-"""Frames of a bus whose machine runs already, as its core tells them: in both directions, and without a second adapter."""
+"""Frames of a bus whose machine already runs, as its core reports them: in both directions, without a second adapter."""
 
 from __future__ import annotations
 
@@ -12,14 +12,16 @@ from axisbus.cia301.frame import CanFrame
 from axisbus.cli.shared.attach_or_open import join
 from axisbus.machine.machine import Machine
 
-_SLICE = 0.1  # seconds between two looks whether the machine is still there
+_SLICE = 0.1  # seconds between two checks whether the machine still runs
 
 
 def frames_of_machine(stack: ExitStack, cell: Path, seconds: float | None) -> Iterator[CanFrame] | None:
-    """Return the frames of the machine of a cell for so long (None: until it ends); None where none runs. ``stack`` leaves it.
+    """Return the frames of a cell's running machine for ``seconds`` (None: to its end); None if none runs.
+
+    ``stack`` leaves the machine.
 
     Raises:
-        ScanError, StateError: it cannot be joined.
+        ScanError, StateError: the machine cannot be joined.
     """
     machine = join(cell, command=False, take=False)
     if machine is None:
@@ -31,7 +33,7 @@ def frames_of_machine(stack: ExitStack, cell: Path, seconds: float | None) -> It
 def frames_of(
     stack: ExitStack, machine: Machine, seconds: float | None, can_ids: Collection[int] = ()
 ) -> Iterator[CanFrame]:
-    """Return the frames of a machine from now on, those of ``can_ids`` or all, as above; ``stack`` ends the telling."""
+    """Return the frames of a machine from now on, those of ``can_ids`` or all, as above; ``stack`` ends the subscription."""
     told: queue.Queue[Sequence[CanFrame]] = queue.Queue()
     hear = told.put
     machine.session.tap(hear, can_ids)

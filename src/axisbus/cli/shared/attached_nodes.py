@@ -1,4 +1,4 @@
-"""The nodes of a command: those of a machine that runs on this computer, by its core, else on a bus opened for the command."""
+"""The nodes of a command: through the core of a machine that runs on this computer, else on a bus opened for the command."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ class NodeLookup(Protocol):
 
 
 def open_nodes(stack: ExitStack, asked: NodeOptions, files: NodeFiles, node_ids: Iterable[int]) -> NodeLookup:
-    """Return the nodes that are to be looked at; ``stack`` closes what is opened for it.
+    """Return access to nodes; ``stack`` closes everything opened for it.
 
     Raises:
         StateError: a machine of the cell runs, and has no such node.
-        And what ``joined`` and ``nodes.NodeSession`` raise.
+        Other errors as ``joined`` and ``nodes.NodeSession``.
     """
     return joined(stack, asked, command=False) or NodeSession(stack, asked, files, node_ids)
 
 
 def joined(stack: ExitStack, asked: NodeOptions, *, command: bool, take: bool = False) -> JoinedNodes | None:
-    """Return the nodes of the machine that runs already, where --cell says which; None where none does.
+    """Return the nodes of the running machine of --cell; None if none runs.
 
     Raises:
         UsageError: neither --cell nor -i is given.
-        OwnershipError: it is to be commanded, and another program does.
+        OwnershipError: control is needed, and another program has it.
     """
     require_bus(asked)
     if asked.cell is None or asked.interface is not None:
@@ -45,11 +45,11 @@ def joined(stack: ExitStack, asked: NodeOptions, *, command: bool, take: bool = 
 
 
 class JoinedNodes:
-    """The nodes of a machine that runs."""
+    """The nodes of a running machine."""
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
 
     def node(self, node_id: int) -> MachineNode:
-        """Return a node; raises StateError where the machine has no such."""
+        """Return a node; raises StateError if the machine does not have it."""
         return MachineNode(self.machine.node(node_id))

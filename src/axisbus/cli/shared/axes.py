@@ -1,4 +1,4 @@
-"""Axes on the command line: which are named, by themselves, by a group or by a pair, and that none is named twice."""
+"""Axes on the command line: named directly, by a group or by a pair, each at most once."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from axisbus.errors import StateError
 
 
 def chosen(cell: CellConfig, names: Iterable[str]) -> list[str]:
-    """Return the axes that are named, a group or a pair for all of its axes; all of the cell where none is.
+    """Return the named axes, with all axes of a named group or pair; all axes of the cell if none is named.
 
     Raises:
-        UsageError: one is named twice. StateError: the cell has no such axis, group or pair, or no axis at all.
+        UsageError: one is named twice.
+        StateError: the cell has no such axis, group or pair, or no axis at all.
     """
     found = [axis for name in names for axis in _named(cell, name)]
     once(found)
@@ -24,10 +25,10 @@ def chosen(cell: CellConfig, names: Iterable[str]) -> list[str]:
 
 
 def driven(cell: CellConfig, names: Iterable[str]) -> list[str]:
-    """As ``chosen``, but without virtual axes, which have no drive: only one that is named by itself is among them.
+    """As ``chosen``, but without virtual axes, which have no drive, unless they are named directly.
 
     Raises:
-        UsageError, StateError: as ``chosen``; StateError also where none is left.
+        UsageError, StateError: as ``chosen``; StateError also if none is left.
     """
     names = list(names)
     found = chosen(cell, names)
@@ -60,5 +61,5 @@ def _named(cell: CellConfig, name: str) -> tuple[str, ...]:
 
 
 def of_node(cell: CellConfig, node: int | None) -> str:
-    """Return the axes of a node, for people; the node itself where it has none, nothing for the bus (None)."""
+    """Return the axes of a node, for people; the node itself if it has none, empty for the bus (None)."""
     return "" if node is None else " ".join(axis.name for axis in cell.axes_of(node)) or f"node {node}"

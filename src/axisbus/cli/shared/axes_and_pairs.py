@@ -1,4 +1,4 @@
-"""What a command moves: axes by themselves, and pairs of axes that carry one beam, each pair as one."""
+"""The axes and pairs that a command moves: an axis of a gantry pair is never moved without the other one."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ Mover = Axis | Gantry
 
 
 def as_pairs(cell: CellConfig, axes: Iterable[str], verb: str = "") -> list[str]:
-    """Return ``axes`` with the name of a pair in the place of its two axes.
+    """Return ``axes`` with the name of a pair in place of its two axes.
 
     Raises:
-        StateError: a side of a beam is there without the other, and ``verb`` is for both ("": it is for one as well).
+        StateError: only one axis of a pair is named, and ``verb`` needs both ("": it does not).
     """
     names = list(dict.fromkeys(_pair_or_axis(cell, name, axes) for name in axes))
     for name in names if verb else ():
@@ -37,10 +37,10 @@ def _pair_of(cell: CellConfig, axis: str) -> GantryConfig | None:
 
 
 def require_whole(cell: CellConfig, name: str, verb: str) -> None:
-    """Check that ``name`` is no axis that carries a beam with another one.
+    """Check that ``name`` is not an axis of a pair.
 
     Raises:
-        StateError: it is, and is not moved alone.
+        StateError: it is, and cannot be moved alone.
     """
     pair = _pair_of(cell, name)
     if pair is not None:
@@ -52,10 +52,10 @@ def require_whole(cell: CellConfig, name: str, verb: str) -> None:
 
 
 def require_no_pair(cell: CellConfig, name: str, verb: str, remedy: str) -> None:
-    """Check that ``name`` is neither a pair nor a side of one.
+    """Check that ``name`` is neither a pair nor an axis of one.
 
     Raises:
-        StateError: it is, and ``verb`` is not for what carries a beam; ``remedy``: what is.
+        StateError: it is, and ``verb`` is not available for pairs; ``remedy``: what is.
     """
     pair = cell.gantries.get(name) or _pair_of(cell, name)
     if pair is not None:
@@ -67,10 +67,11 @@ def require_no_pair(cell: CellConfig, name: str, verb: str, remedy: str) -> None
 
 
 def sides_of(cell: CellConfig, names: Iterable[str], verb: str) -> list[str]:
-    """Return the axes of what is named: axes, or pairs for both of theirs.
+    """Return the named axes, with both axes of a named pair.
 
     Raises:
-        UsageError: one is there twice. StateError: there is no such axis or pair, or it is one side of a pair.
+        UsageError: one is named twice.
+        StateError: there is no such axis or pair, or it is an axis of a pair.
     """
     found: list[str] = []
     for name in names:
@@ -88,15 +89,15 @@ def movers(machine: Machine | DryRun, names: Iterable[str]) -> list[Mover]:
 
 
 def has_drive(cell: CellConfig, name: str) -> bool:
-    """Whether it is no virtual axis: what has no drive has no homing."""
+    """Whether it is not a virtual axis, which has no drive and no homing."""
     return name in cell.driven or name in cell.gantries
 
 
 def axes_of(mover: Mover) -> list[Axis]:
-    """Return an axis, or both of a pair, the first one first: that tells where the beam is."""
+    """Return an axis, or both axes of a pair, first the one that defines the position of the beam."""
     return list(mover) if isinstance(mover, Gantry) else [mover]
 
 
 def all_axes(of: Iterable[Mover]) -> Iterator[Axis]:
-    """Yield the axes of several."""
+    """Yield the axes of several axes and pairs."""
     return (axis for mover in of for axis in axes_of(mover))

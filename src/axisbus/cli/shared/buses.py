@@ -1,4 +1,4 @@
-"""Opening the bus that a subcommand was told of: by a cell file, or by adapter and channel."""
+"""Open the bus of a subcommand: given by a cell file, or by adapter and channel."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ def open_bus(
     bitrate: int | None,
     option: tuple[str, ...],
 ) -> Channel:
-    """Open a bus; ``stack`` closes it. A simulated cell's bus has its stand-ins on it; so has ``-i sim -c CELL`` of any cell.
+    """Open a bus; ``stack`` closes it. With a simulated cell, or ``-i sim -c CELL``, it has the simulated drives of the cell.
 
     Raises:
-        UsageError: neither a cell file nor an interface is given, no cell with ``-i sim``, or an option that this bus cannot have.
+        UsageError: neither a cell file nor an interface is given, no cell with ``-i sim``, or an invalid option for this bus.
         ConfigError, EdsError, AdapterError: the cell file is wrong, or the bus cannot be opened.
         StateError: the cell is simulated, and a machine of it runs.
     """
@@ -56,10 +56,10 @@ def open_bus(
 
 
 def simulated(channel: str | None, option: tuple[str, ...]) -> CellConfig:
-    """Read the cell that ``-i sim -c CELL`` names, with stand-ins for its nodes whatever its own bus is.
+    """Read the cell of ``-i sim -c CELL``; its nodes are simulated whatever its own bus is.
 
     Raises:
-        UsageError: no cell is given, or an option, which a bus of stand-ins cannot have.
+        UsageError: no cell is given, or an adapter option is, which a simulated bus does not have.
         ConfigError: the cell file is wrong.
     """
     from axisbus.cell import reader
@@ -87,10 +87,10 @@ def _stand_ins(stack: ExitStack, cell: CellConfig) -> Channel:
 def with_options(
     cell: CellConfig, channel: str | None, bitrate: int | None, option: tuple[str, ...]
 ) -> CellConfig:
-    """Return a cell whose [bus] is replaced by what -c, -b and -O say.
+    """Return a cell whose [bus] is replaced by -c, -b and -O.
 
     Raises:
-        UsageError: its bus is simulated, and so can have neither channel nor options.
+        UsageError: its bus is simulated, and so has neither channel nor options.
     """
     bus, options = cell.bus, parse_options(option)
     if bus.interface == SIMULATED and (channel is not None or options):
@@ -107,7 +107,7 @@ def with_options(
 
 
 def rate_of(cell: CellConfig | None, interface: str | None = None, channel: str | None = None) -> int | None:
-    """Return the bit rate of a cell's bus, or of the one that is named, in bit/s; None where nobody knows it."""
+    """Return the bit rate of a cell's bus, or of the named one, in bit/s; None if it is unknown."""
     from axisbus.bus.link.listen import link_bitrate
 
     if cell is None:
@@ -116,10 +116,11 @@ def rate_of(cell: CellConfig | None, interface: str | None = None, channel: str 
 
 
 def require_rate(interface: str, bitrate: int | None, options: Mapping[str, object]) -> None:
-    """Check that a bit rate is given where the adapter sets it.
+    """Check that a bit rate is given if the adapter sets it.
 
     Raises:
-        UsageError: it is not. AdapterError: the interface is not known.
+        UsageError: it is missing.
+        AdapterError: the interface is unknown.
     """
     from axisbus.bus.link import adapter, interfaces
 
@@ -137,7 +138,7 @@ def opening_of(
     bitrate: int | None,
     option: tuple[str, ...],
 ) -> Opening:
-    """Return how ``open_bus`` opens the adapter that it is given, so that it can be opened again at another rate.
+    """Return how ``open_bus`` opens its adapter, so that it can be opened again at another bit rate.
 
     Raises:
         UsageError, ConfigError: as ``open_bus``.

@@ -1,4 +1,4 @@
-"""What all subcommands share: exit codes, errors as text, JSON, and the hint what to type next."""
+"""Common parts of all subcommands: exit codes, errors as text, JSON, and hints for the next command."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ OK, WRONG, MISUSE, FAILURE = 0, 1, 2, 3
 def run(command: click.Command) -> int:
     """Run ``command`` with the arguments of the process; return the exit code."""
     _make_printable()
-    if logging.lastResort is not None:  # writes warnings to standard error where nobody has set up a log
+    if logging.lastResort is not None:  # writes warnings to standard error if no log is set up
         logging.lastResort.setFormatter(PrintableFormatter())
     try:
-        # None: coloured where the output is a terminal
+        # None: coloured if the output is a terminal
         plain = False if os.environ.get("NO_COLOR") else None
         result = command.main(prog_name="axisbus", standalone_mode=False, color=plain)
-    except click.exceptions.Abort as error:  # click's word for Ctrl-C, which then is its cause
+    except click.exceptions.Abort as error:  # click raises it for Ctrl-C, which is then its cause
         say_error("stopped")
         _say_notes(error.__cause__)
         return 130
@@ -51,7 +51,7 @@ def run(command: click.Command) -> int:
 
 
 def _make_printable() -> None:
-    """Let no character end a command: what an output does not have is escaped, and one that is closed takes everything."""
+    """Make all text printable: escape characters that an output does not support, and discard the output if it is closed."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:  # closed by the shell (>&-)
@@ -61,7 +61,7 @@ def _make_printable() -> None:
 
 
 def _unusable(error: OSError) -> int:
-    """Report a file or an output that failed on the way, such as a full disk; the commands tell better what they foresee."""
+    """Report a failure of a file or an output, such as a full disk; commands report the failures that they expect themselves."""
     named = error.filename if error.filename is not None else "the output"
     why = str(error) if error.errno is None else f"{named} cannot be used: {error.strerror}"
     with suppress(OSError):  # standard error may be what failed
@@ -71,7 +71,7 @@ def _unusable(error: OSError) -> int:
 
 
 def _say_notes(error: BaseException | None) -> None:
-    """Print what else went wrong, such as a stop on the way out that could not be confirmed."""
+    """Print further errors, such as a stop at the end that could not be confirmed."""
     for note in [] if error is None else added_notes(error):
         say_error(note)
 
@@ -98,12 +98,12 @@ def exit_code(error: AxisbusError) -> int:
 
 
 def echo(text: str, *, err: bool = False, nl: bool = True) -> None:
-    """Print a text that may hold names from outside: control characters among them are shown, not acted upon."""
+    """Print a text that may contain foreign names: control characters are shown, not executed."""
     click.echo(printable(text), err=err, nl=nl)
 
 
 def say(text: str = "") -> None:
-    """Print a line for the user, at once."""
+    """Print a line for the user immediately."""
     echo(text)
 
 
@@ -113,33 +113,33 @@ def say_error(text: str) -> None:
 
 
 def misuse(message: str) -> int:
-    """Say what is wrong with the command line; return the exit code for it."""
+    """Report an error in the command line; return its exit code."""
     say_error(message)
     return MISUSE
 
 
 def say_note(text: str) -> None:
-    """Print something worth knowing now to standard error, over a bar that may be drawn there."""
+    """Print a remark to standard error, above a progress bar if one is drawn there."""
     text = printable(text)
     click.echo(f"\r\x1b[K{text}" if sys.stderr.isatty() else text, err=True)
 
 
 def say_next(text: str) -> None:
-    """Print what to type next."""
+    """Print the next command to type."""
     if sys.stdout.isatty() or not sys.stdout.closed:
         echo(f"next: {text}")
 
 
 @contextmanager
 def progress_bar(label: str, *, quiet: bool = False) -> Iterator[Callable[[int, int | None], None] | None]:
-    """Offer ``tell(done, all)``, which draws a bar on standard error, on a terminal only; where ``all`` is None it stands still."""
+    """Offer ``tell(done, all)``, which draws a bar on standard error if it is a terminal; if ``all`` is None, the bar stays."""
     with progress_line(label, quiet=quiet) as line:
         yield None if line is None else line.tell
 
 
 @contextmanager
 def progress_line(label: str, *, quiet: bool = False) -> Iterator[ProgressLine | None]:
-    """Offer a bar as ``progress_bar`` does, whose label may change on the way."""
+    """Offer a bar as ``progress_bar``, whose label may change."""
     if quiet or not sys.stderr.isatty():
         yield None
         return
@@ -148,14 +148,14 @@ def progress_line(label: str, *, quiet: bool = False) -> Iterator[ProgressLine |
 
 
 class ProgressLine:
-    """A bar that is drawn on standard error; holds how far it is."""
+    """A progress bar on standard error; holds the progress."""
 
     def __init__(self, bar: Any) -> None:
         self._bar = bar
         self._shown = 0
 
     def tell(self, done: int, total: int | None) -> None:
-        """Draw how far the work is; where ``total`` is None the bar stands still."""
+        """Draw the progress; if ``total`` is None, the bar stays."""
         if total is None:
             return
         now = done * 1000 // max(1, total)
@@ -163,7 +163,7 @@ class ProgressLine:
         self._shown = now
 
     def label(self, text: str) -> None:
-        """Draw another text before the bar."""
+        """Set the text before the bar."""
         if self._bar.label != printable(text):
             self._bar.label = printable(text)
             self._bar.render_progress()
@@ -171,7 +171,7 @@ class ProgressLine:
 
 @contextmanager
 def progress_phases(*, quiet: bool = False) -> Iterator[Callable[[str, int, int], None]]:
-    """Offer ``tell(what, done, all)``, which draws a bar for each phase of a long work, as ``progress_bar`` does."""
+    """Offer ``tell(what, done, all)``, which draws a bar for each phase of a long operation, as ``progress_bar``."""
     now = ""
     with ExitStack() as stack:
         bar = ExitStack()
@@ -186,7 +186,7 @@ def progress_phases(*, quiet: bool = False) -> Iterator[Callable[[str, int, int]
             if draw is not None:
                 draw(done, total)
             if done >= total:
-                bar.close()  # what is printed next begins a line of its own
+                bar.close()  # so that the next output begins a new line
                 now = ""
 
         yield tell

@@ -1,4 +1,4 @@
-"""What a shell may complete: nodes and axes of the cell file, its groups and pairs, CAN interfaces and their channels."""
+"""Shell completion: nodes and axes of the cell file, its groups and pairs, CAN interfaces and their channels."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def complete_axes(ctx: click.Context, _: click.Parameter, incomplete: str) -> It
 
 
 def complete_targets(ctx: click.Context, _: click.Parameter, incomplete: str) -> Items:
-    """Return the axes and pairs that have no target yet, each with its ``=``; not the sides of a pair, which move together."""
+    """Return the axes and pairs without a target, each with its ``=``; not the axes of a pair, which move together."""
     cell = _cell(ctx)
     named = {each.partition("=")[0] for each in ctx.params.get("targets") or ()}
     sides = {name for pair in cell.gantries.values() for name in pair.axes} if cell is not None else set()
@@ -44,7 +44,7 @@ def complete_nodes_or_all(ctx: click.Context, _: click.Parameter, incomplete: st
 
 
 def complete_interface(_: click.Context, __: click.Parameter, incomplete: str) -> Items:
-    """Return python-can's interfaces, and the one without hardware."""
+    """Return python-can's interfaces, and the simulated one."""
     from axisbus.bus.link.adapter import interfaces
 
     simulated = ("sim", "stand-ins for the nodes of a cell file, which -c names")
@@ -52,7 +52,7 @@ def complete_interface(_: click.Context, __: click.Parameter, incomplete: str) -
 
 
 def complete_channel(ctx: click.Context, _: click.Parameter, incomplete: str) -> Items:
-    """Return the CAN interfaces of this computer, where SocketCAN is meant."""
+    """Return the CAN interfaces of this computer, if the interface is SocketCAN."""
     from axisbus.bus.link.socketcan import links
 
     known = ctx.params.get("interface") in (None, "socketcan")
@@ -60,7 +60,7 @@ def complete_channel(ctx: click.Context, _: click.Parameter, incomplete: str) ->
 
 
 def _cell(ctx: click.Context) -> CellConfig | None:
-    """Read the cell file that is named; a completion has nowhere to say what is wrong with it: the command itself will."""
+    """Read the named cell file; ignore its errors, because only the command itself can report them."""
     given = ctx.params.get("cell")
     if given is None:
         return None
@@ -82,7 +82,7 @@ def _pairs(cell: CellConfig | None) -> Iterator[tuple[str, str]]:
 
 
 def nodes_and_axes(cell: CellConfig | None) -> Iterator[tuple[str, str]]:
-    """Yield what may name a node, each with what it is."""
+    """Yield the names of nodes, each with its description."""
     for node_id, node in cell.nodes.items() if cell is not None else ():
         yield str(node_id), node.file or ""
     yield from _axes(cell, driven=True)

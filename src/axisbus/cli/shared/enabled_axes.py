@@ -1,4 +1,4 @@
-"""Axes that a command enables and lets move: however it ends, they stand, and what was found disabled is disabled again."""
+"""Axes that a command enables and moves: at its end they are at standstill, and those that were disabled are disabled again."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ def commanded(
     beside: bool,
     before: Callable[[], object] = lambda: None,
 ) -> Iterator[tuple[Machine, list[Axis]]]:
-    """Let the block have the machine of a cell and some of its axes, to command them; see ``machine_of``.
+    """Give the block control of a machine and some of its axes; see ``machine_of``.
 
-    In the end the axes are as they were found. The end of a machine of the command's own disables all; in one that it has joined,
-    those are disabled that were so before, also after Ctrl-C or an error, once all that moved has halted.
+    At the end the axes are as before. Closing a machine that the command itself has opened disables all axes. In a machine that it
+    has joined, the axes that were disabled before are disabled again, also after Ctrl-C or an error, when all motion has halted.
     """
     found_off: list[str] = []
     try:
@@ -69,7 +69,7 @@ def _say_left(machine: Machine) -> None:
 
 
 def _disable_again(cell: Path, names: Sequence[str]) -> None:
-    """Disable axes of a machine that this command has left already; what cannot be is told."""
+    """Disable axes of a machine that this command has already left; report those that cannot be disabled."""
     try:
         left = _still_on(cell, names)
         if not left:
@@ -97,15 +97,15 @@ def _still_on(cell: Path, names: Sequence[str]) -> list[str]:
 
 
 def enable(chosen: Sequence[Mover]) -> None:
-    """Enable axes and pairs, with a line of progress: all, or none where an axis of them is in fault.
+    """Enable axes and pairs, with a progress line: all, or none if one of them is in fault.
 
     Raises:
-        StateError: one is; none was enabled.
+        StateError: one is in fault; none was enabled.
     """
     for axis in all_axes(chosen):
         if axis.state is AxisState.ERRORSTOP or axis.snapshot.power_state in _FAULTS:
             message = f"{axis.name}: the axis is in fault; no axis was enabled"
-            if isinstance(axis.error, BusError):  # a reset alone does not bring its node back
+            if isinstance(axis.error, BusError):  # a reset alone does not recover its node
                 raise NodeStateError(message, observed=axis.error.message, remedy=axis.error.remedy)
             raise StateError(
                 message,
@@ -117,14 +117,14 @@ def enable(chosen: Sequence[Mover]) -> None:
 
 
 def home(machine: Machine, chosen: Sequence[Mover]) -> None:
-    """Home axes and pairs, with lines of progress."""
+    """Home axes and pairs, with progress lines."""
     follow(machine, [MoverProgress(each, each.home()) for each in chosen])
     for each in chosen:
         say_position(each, "homed, at")
 
 
 def say_position(mover: Mover, what: str) -> None:
-    """Tell where an axis or a beam is, where that is known, and how far a beam is out of square."""
+    """Print the position of an axis or pair, if it is known, and the skew of a pair."""
     known = all(axis.snapshot.position is not None for axis in axes_of(mover))
     where = f"{mover.position:.4f} {mover.unit}" if known else "a position that is not known"
     if known and isinstance(mover, Gantry) and mover.homed:
@@ -133,12 +133,12 @@ def say_position(mover: Mover, what: str) -> None:
 
 
 def say_stopped(results: Iterable[StopResult]) -> None:
-    """Tell how axes were left by a stop."""
+    """Print the state of axes after a stop."""
     for each in results:
         say(f"{each.axis}: {each.text}")
 
 
 def say_state(mover: Mover) -> None:
-    """Tell the state of an axis, or of each of a pair."""
+    """Print the state of an axis, or of both axes of a pair."""
     for axis in axes_of(mover):
         say(f"{axis.name}: {axis.state.value}")

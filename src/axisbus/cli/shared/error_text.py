@@ -1,4 +1,4 @@
-"""Errors for who types commands: what a library remedy says in calls, in options and commands of this command line."""
+"""Error texts for the command line: calls in a remedy of the library are replaced by options and commands."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from axisbus.errors import AxisbusError, help_line
 
 _WHO = re.compile(r"([A-Za-z_][\w-]*)(?:\.\w+\(|: )")  # "x.move_absolute(1 deg): ...", or "x: ..."
 
-# What opens the machine anew: the command itself where it has the machine, else the program that it has joined.
+# How to reopen the machine: by the command itself if it has opened the machine, else by the program that it has joined.
 _AGAIN = "where the machine runs already, end it (Ctrl-C in axisbus run) and start it again; then give the command again"
 
-# Longer ones first: what is left of a call after them is told by the short ones.
+# Longer patterns first: the shorter ones replace the rest.
 _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
     (re.compile(call), command)
     for call, command in (
@@ -22,7 +22,7 @@ _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"\(axis\.disable\(\), axis\.reset\(\), then axis\.enable\(\)\)", "(axisbus stop CELL, then axisbus boot CELL)"),
         (r"enable it again \(axis\.enable\(\)\) or disable it \(axis\.disable\(\)\)", "stop it: axisbus stop CELL"),
         (r"take it over with axis\.enable\(\), or switch it off with axis\.disable\(\)", "switch it off: axisbus stop CELL"),
-        # Of a pair: what makes a bent beam square is for a program alone.
+        # Pairs: only a program can square a skewed beam.
         (r"then (?=(\w+)\.disable\(\), \1\.reset\(\), \1\.enable\(skew=)", "then, in a program, "),
         (r"make the beam square first: ", "make the beam square first, in a program: "),
         (r"; then (?!axis)(\w+)\.reset\(\)", r"; then axisbus reset CELL \1"),
@@ -55,7 +55,7 @@ _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"read it while the machine is open", "give the command again"),
     )
 )  # fmt: skip
-# Of a bus that was given by options there is no [bus].
+# A bus that was given by options has no [bus] table.
 _WITHOUT_CELL: tuple[tuple[re.Pattern[str], str], ...] = (
     (
         re.compile(r"write the bus's rate, such as bitrate = ([\d_]+), in \[bus\]"),
@@ -68,13 +68,13 @@ _WITHOUT_CELL: tuple[tuple[re.Pattern[str], str], ...] = (
 
 
 def with_page(error: BaseException) -> str:
-    """Return all texts of an error as ``in_commands``, and the command for the page of its symptom, where it has one."""
+    """Return the texts of an error as ``in_commands``, and the command for the page of its symptom, if it has one."""
     page = f"\n{help_line(error)}" if isinstance(error, AxisbusError) else ""
     return in_commands(error) + page
 
 
 def in_commands(error: BaseException) -> str:
-    """Return all texts of an error; where it names a call, the command for it stands instead."""
+    """Return the texts of an error; calls in them are replaced by commands."""
     text = str(error)
     who = _WHO.match(text)
     cell = next((each for each in sys.argv[1:] if each.endswith(".toml")), "")
@@ -85,5 +85,5 @@ def in_commands(error: BaseException) -> str:
 
 
 def _literal(command: str) -> str:
-    """Keep the backslashes of a path on Windows from being read as groups."""
+    """Escape the backslashes of a Windows path for a regular expression's replacement."""
     return re.sub(r"\\(?!\d)", r"\\\\", command)

@@ -1,4 +1,4 @@
-"""Where ``trace`` and ``load`` take their frames from: a bus, a recording, or candump's output on standard input."""
+"""The source of frames for ``trace`` and ``load``: a bus, a recording, or candump's output on standard input."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STDIN = "-"
 
 @dataclass(frozen=True, slots=True)
 class FrameSourceOptions:
-    """What the user gave: ``source`` (a recording, - or a cell file), a bus by its options, and files to decode with."""
+    """The user's options: ``source`` (a recording, - or a cell file), bus options, and files for decoding."""
 
     source: str | None
     interface: str | None
@@ -46,17 +46,17 @@ class FrameSourceOptions:
 
     @property
     def recording(self) -> str | None:
-        """The recording, or - ; None where there is none."""
+        """The recording, or -; None if there is none."""
         return self.source if self.source is not None and not self.source.endswith(".toml") else None
 
     @property
     def cell_file(self) -> Path | None:
-        """The cell file, from wherever it is given."""
+        """The cell file, from either option."""
         return Path(self.source) if self.source is not None and self.recording is None else self.cell
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """The axes of the cell file, which it reads; none without one.
+        """The axes of the cell file, which is read for this; none without one.
 
         Raises:
             UsageError, ConfigError: as ``open_frames``.
@@ -69,7 +69,7 @@ class FrameSourceOptions:
         return ()
 
     def check(self) -> None:
-        """Refuse what contradicts itself.
+        """Refuse contradictory options.
 
         Raises:
             UsageError: no source, or two.
@@ -88,7 +88,7 @@ class FrameSourceOptions:
 
 @dataclass(slots=True)
 class FrameSource:
-    """Frames to be taken; ``loaded`` is the cell (None without one), ``skipped`` counts lines that were no frames."""
+    """An open source; ``loaded`` is the cell (None without one), ``skipped`` counts lines that were not frames."""
 
     frames: Iterator[CanFrame]
     loaded: CellConfig | None
@@ -97,7 +97,7 @@ class FrameSource:
 
 
 def source_options(function: Decorated) -> Decorated:
-    """Add --cell and --eds: what frames are decoded with."""
+    """Add --cell and --eds: files for decoding."""
     for decorate in _DECORATORS:
         function = decorate(function)
     return function
@@ -114,7 +114,7 @@ _DECORATORS: tuple[Callable[[Decorated], Decorated], ...] = (
 
 
 def open_frames(stack: ExitStack, asked: FrameSourceOptions, seconds: float | None) -> FrameSource:
-    """Open what the user asked for; ``stack`` closes it.
+    """Open the requested source; ``stack`` closes it.
 
     Raises:
         UsageError, ArgumentError: as ``FrameSourceOptions.check``, or --eds is not N=FILE.
@@ -185,7 +185,7 @@ def eds_of(text: str) -> tuple[int, Eds]:
     """Read ``N=FILE``.
 
     Raises:
-        ArgumentError: it is written otherwise.
+        ArgumentError: the text has another form.
         EdsError: the file cannot be read.
     """
     number, sign, file = text.partition("=")

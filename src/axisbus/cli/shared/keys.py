@@ -1,4 +1,4 @@
-"""Keys of a terminal, as they are pressed: read without an echo and without waiting for a line."""
+"""Read single keys from a terminal, without echo and without waiting for a line."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from axisbus.errors import StateError
 
 
 class TerminalKey(Enum):
-    """A key that means something."""
+    """A key with a function."""
 
     FORWARD = "forward"
     BACK = "back"
@@ -34,19 +34,19 @@ _KEYS = {
     b"q": TerminalKey.QUIT,
     b"\x04": TerminalKey.QUIT,  # Ctrl-D
 }
-_LEADS = (b"\x1b", b"\x1b[", b"\x1bO")  # the rest of such a key is still to come
+_LEADS = (b"\x1b", b"\x1b[", b"\x1bO")  # the beginning of a key whose rest has not arrived yet
 
 
 class TerminalKeyReader:
-    """The keys that come in by a terminal; holds the part of one that has come so far."""
+    """Decode keys from a terminal's bytes; holds the received part of an incomplete key."""
 
     def __init__(self) -> None:
         self._rest = b""
 
     def feed(self, data: bytes) -> TerminalKey | None:
-        """Return what the bytes come to: the last key counts, except that nothing outdoes *quit*, and only *quit* outdoes *halt*.
+        """Return the last key in the bytes, except that *halt* has priority, and *quit* before *halt*.
 
-        A terminal that was held up brings many repeats at once: they are of the past, and count as one.
+        A delayed terminal delivers many repetitions at once: they are old, and count as one.
         """
         data, self._rest = self._rest + data, b""
         found: list[TerminalKey] = []
@@ -63,14 +63,14 @@ class TerminalKeyReader:
 
 
 class Keyboard:
-    """The terminal of this command, whose keys come one by one."""
+    """The terminal of this command, read key by key."""
 
     def __init__(self, terminal: int) -> None:
         self._terminal = terminal
         self._keys = TerminalKeyReader()
 
     def read(self, patience: float) -> TerminalKey | None:
-        """Return the key that was pressed within ``patience`` s, None where none was; *quit* where the terminal is gone."""
+        """Return the key pressed within ``patience`` s, None if there was none; *quit* if the terminal is gone."""
         if not select.select([self._terminal], [], [], patience)[0]:
             return None
         try:
@@ -82,10 +82,10 @@ class Keyboard:
 
 @contextmanager
 def keyboard() -> Iterator[Keyboard]:
-    """Let keys come one by one, until the block is left.
+    """Read the terminal key by key until the end of the block.
 
     Raises:
-        StateError: standard input is no terminal, or of a kind that cannot do this.
+        StateError: standard input is not a terminal, or cannot be read key by key.
     """
     try:
         import termios

@@ -1,4 +1,4 @@
-"""A group of subcommands that are imported only when they run, so that ``--help`` stays quick."""
+"""A group of subcommands that are imported only when they run, so that ``--help`` is fast."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ Table = Mapping[str, tuple[str, str]]  # name -> (module with ``command``, one l
 
 
 class LazyGroup(click.Group):
-    """Knows its subcommands by a table; imports the one that is asked for."""
+    """A group with a table of its subcommands; imports only the requested one."""
 
     def __init__(self, *args: Any, table: Table, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._table = table
 
-    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  # click's shape
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  # click's signature
         """Return the names in the order of the table."""
         return list(self._table)
 
@@ -33,7 +33,7 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the subcommand; where there is none, name those that may be meant."""
+        """Find the subcommand; if there is none, suggest similar ones."""
         name = args[0]
         if name not in self._table and not name.startswith("-"):
             meant = self._meant(ctx, name)
@@ -42,7 +42,7 @@ class LazyGroup(click.Group):
         return super().resolve_command(ctx, args)
 
     def _meant(self, ctx: click.Context, name: str) -> list[str]:
-        """Return the commands that are called so one level down, else those of a similar name."""
+        """Return the commands with this name one level below, else those with a similar name."""
         inner = [
             f"{ctx.command_path} {group} {name}"
             for group in self._table

@@ -1,4 +1,4 @@
-"""How a machine is beside its axes: the load of its bus, its cycle, the programs that are at it; in words and as values."""
+"""The state of a machine without its axes: bus load, cycle, and connected programs; as texts and as values."""
 
 from __future__ import annotations
 
@@ -7,32 +7,32 @@ from typing import NamedTuple
 from axisbus.cli.shared.buses import rate_of
 from axisbus.machine.machine import Machine
 
-_SHORTEST = 0.1  # seconds from which a load is worked out
+_SHORTEST = 0.1  # seconds, the shortest time over which a load is computed
 
 
 class _Traffic(NamedTuple):
-    """What a bus carries: frames each second, and the part of it that they take, where the bit rate is known."""
+    """The traffic of a bus: frames per second, and the load, if the bit rate is known."""
 
     frames: float
     load: tuple[float, float] | None
 
 
 class BesideAxes:
-    """Looks again and again; holds what the bus had carried when its load was worked out last."""
+    """Observe a machine repeatedly; holds the bus counters of the last computed load."""
 
     def __init__(self, machine: Machine) -> None:
-        """Begin to count; blocks for an answer of the core."""
+        """Start counting; blocks for an answer of the core."""
         self._machine = machine
         self._rate = rate_of(machine.cell)
         self._before = machine.bus_traffic
         self._traffic: _Traffic | None = None
 
     def lines(self) -> list[str]:
-        """Return lines for people: bus, cycle, and programs where there are others; blocks for answers of the core."""
+        """Return lines for people: bus, cycle, and other programs if there are any; blocks for answers of the core."""
         return [line for line in (self._bus(), self._cycle(), self._programs()) if line]
 
     def values(self) -> dict[str, object]:
-        """Return the same as plain values; the load is None before the second look, and where no bit rate is known."""
+        """Return the same as plain values; the load is None at the first call, and if the bit rate is unknown."""
         traffic = self._look()
         load = None if traffic is None else traffic.load
         late = self._machine.cycle_jitter

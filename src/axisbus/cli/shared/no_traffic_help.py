@@ -1,4 +1,4 @@
-"""What ``scan`` and ``trace`` do where nothing was heard: listen at other bit rates if the adapter can, else say how to."""
+"""Help for ``scan`` and ``trace`` if nothing is received: listen at other bit rates if the adapter can, else explain how."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _ALONE = (
 
 
 def listen(opening: Opening, *, quiet: bool = False) -> BitRateTraffic | None:
-    """Listen at the other bit rates if the adapter has a listen-only mode; None where it has none, or nothing was heard.
+    """Listen at other bit rates if the adapter has a listen-only mode; None if it has none, or nothing was received.
 
     Raises:
         AdapterError: the adapter cannot be opened again.
@@ -42,7 +42,7 @@ def listen(opening: Opening, *, quiet: bool = False) -> BitRateTraffic | None:
 
 
 def lines(heard: BitRateTraffic) -> list[str]:
-    """Return what was heard at another bit rate."""
+    """Return the traffic received at another bit rate, as lines."""
     nodes = f", CANopen nodes {', '.join(map(str, heard.nodes))}" if heard.nodes else ""
     return [
         f"this bus runs at {heard.bitrate} bit/s: {counted(heard.frames, 'frame was', 'frames were')} heard{nodes}",
@@ -51,7 +51,7 @@ def lines(heard: BitRateTraffic) -> list[str]:
 
 
 def advice(opening: Opening) -> list[str]:
-    """Return what to do where nothing was heard at any rate that could be tried."""
+    """Return what to do if nothing was received at any bit rate that was tried."""
     from axisbus.bus.link import interfaces, other_rates
 
     if other_rates.possible(opening.interface, opening.options):
@@ -62,7 +62,7 @@ def advice(opening: Opening) -> list[str]:
 
 
 def show(heard: BitRateTraffic | None, opening: Opening) -> None:
-    """Say what was heard at another bit rate, or what to do next."""
+    """Print the traffic received at another bit rate, or the next steps."""
     if heard is None:
         for line in advice(opening):
             say(line)

@@ -1,4 +1,4 @@
-"""Opening nodes by what a subcommand was told: a cell file or a bus, EDS files, and nodes by number or by an axis's name."""
+"""Open the nodes of a subcommand: by a cell file or a bus, EDS files, and node IDs or axis names."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class Address(NamedTuple):
-    """A node, and which of its axes was named."""
+    """A node, and the named axis of it."""
 
     node_id: int
     drive_axis: int = 1
@@ -36,7 +36,7 @@ class Address(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class NodeFiles:
-    """The cell file (None: none) and the EDS files that were given; reads them when they are asked for."""
+    """The cell file (None: none) and the given EDS files, read on demand."""
 
     cell: CellConfig | None
     eds: dict[int, Eds] = field(default_factory=dict)
@@ -44,10 +44,10 @@ class NodeFiles:
 
     @classmethod
     def of(cls, cell: Path | None, eds: tuple[str, ...]) -> NodeFiles:
-        """Read what was given: --cell, and --eds as ``FILE`` (for every node) or ``N=FILE``.
+        """Read the given files: --cell, and --eds as ``FILE`` (for every node) or ``N=FILE``.
 
         Raises:
-            ConfigError, EdsError, ArgumentError: a file cannot be read, or is written otherwise.
+            ConfigError, EdsError, ArgumentError: a file cannot be read, or the option has another form.
         """
         numbered = dict(eds_of(text) for text in eds if "=" in text)
         plain = [text for text in eds if "=" not in text]
@@ -55,11 +55,11 @@ class NodeFiles:
         return cls(reader.load(cell) if cell is not None else None, numbered, every)
 
     def address(self, text: str) -> Address:
-        """Return the node that ``text`` means: a node ID, or an axis of the cell.
+        """Return the node for a text: a node ID, or an axis of the cell.
 
         Raises:
-            ArgumentError: it means none.
-            StateError: it is a module that speaks CAN Simple.
+            ArgumentError: it is neither.
+            StateError: the node uses CAN Simple.
         """
         found = self._address(text)
         require_objects(self.cell, found.node_id)
@@ -81,7 +81,7 @@ class NodeFiles:
         raise ArgumentError(f"{text!r} is no node", observed=known, remedy="give a node ID from 1 to 127")
 
     def eds_for(self, node_id: int) -> Eds | None:
-        """Return the EDS of a node; None where none was given."""
+        """Return the EDS of a node; None if none was given."""
         found = self.eds.get(node_id, self.every)
         if found is not None or self.cell is None or node_id not in self.cell.nodes:
             return found
@@ -96,7 +96,7 @@ class NodeFiles:
 
 @dataclass(frozen=True, slots=True)
 class NodeOptions:
-    """The bus and the files that the user gave."""
+    """The given bus and files."""
 
     interface: str | None
     channel: str | None
@@ -134,16 +134,16 @@ def node_options(function: Decorated) -> Decorated:
 
 
 class NodeSession:
-    """A bus with the nodes that were asked for; holds state: the open channel and nodes, which ``stack`` closes."""
+    """A bus with the requested nodes; holds state: the open channel and nodes, which ``stack`` closes."""
 
     def __init__(
         self, stack: ExitStack, asked: NodeOptions, files: NodeFiles, node_ids: Iterable[int] = ()
     ) -> None:
-        """Read the EDS files of the nodes that are known by now, then open the bus.
+        """Read the EDS files of the nodes known so far, then open the bus.
 
         Raises:
             UsageError: neither --cell nor -i is given.
-            others as ``NodeFiles.eds_for`` and ``buses.open_bus``.
+            Other errors as ``NodeFiles.eds_for`` and ``buses.open_bus``.
         """
         require_bus(asked)
         self.files = files
@@ -165,7 +165,7 @@ class NodeSession:
 
 
 def require_bus(asked: NodeOptions) -> None:
-    """Raise UsageError where no bus is given."""
+    """Raise UsageError if no bus is given."""
     if asked.cell is None and asked.interface is None:
         raise click.UsageError(
             "give a cell file with --cell, or the bus with -i and -c (such as: -i socketcan -c can0)"

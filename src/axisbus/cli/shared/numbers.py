@@ -1,4 +1,4 @@
-"""Numbers on the command line: seconds that can be waited, and bit rates that a CAN bus can have."""
+"""Parameter types of the command line: seconds, and bit rates of a CAN bus."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-_LONGEST = 1e8  # seconds, some years: what the system's clock functions still take
+_LONGEST = 1e8  # seconds, some years: accepted by the system's clock functions
 _SLOWEST, _FASTEST = 5_000, 1_000_000  # bit/s of classic CAN
 
 
@@ -17,7 +17,7 @@ _TIME = re.compile(r"(?P<number>.*?\d\.?)\s*(?P<unit>ms|s|min|h)")
 
 
 class Seconds(click.ParamType):  # type: ignore[type-arg,unused-ignore]
-    """A time, finite and from ``least`` on, in seconds or with its unit: 0.5, 500ms, 10s, 5min, 1h."""
+    """A finite time of at least ``least``, in seconds or with its unit: 0.5, 500ms, 10s, 5min, 1h."""
 
     name = "seconds"
 
@@ -47,7 +47,7 @@ class BitRate(click.ParamType):  # type: ignore[type-arg,unused-ignore]
     name = "bit/s"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        """Turn text into bit/s; kbit/s, given by mistake, are told."""
+        """Convert text to bit/s; suggest the right value if it looks like kbit/s."""
         try:
             rate = int(value)
         except ValueError:

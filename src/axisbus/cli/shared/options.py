@@ -1,4 +1,4 @@
-"""Options and arguments that several subcommands share."""
+"""Options and arguments of several subcommands."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _OWN_OPTIONS = {"interface": "-i", "channel": "-c", "bitrate": "-b"}
 
 
 def port_option(default: int) -> Callable[[Decorated], Decorated]:
-    """Return what adds --port: where a server listens."""
+    """Return a decorator that adds --port: the port of a server."""
     return click.option(
         "--port",
         type=click.IntRange(0, 65535),
@@ -28,12 +28,12 @@ def port_option(default: int) -> Callable[[Decorated], Decorated]:
 
 
 def listen_option(words: str) -> Callable[[Decorated], Decorated]:
-    """Return what adds --listen: an address of this computer; ``words`` say what another than loopback means."""
+    """Return a decorator that adds --listen: an address of this computer; ``words`` explain addresses other than loopback."""
     return click.option("--listen", metavar="ADDRESS", default="127.0.0.1", show_default=True, help=words)
 
 
 def beside_option(function: Decorated) -> Decorated:
-    """Add --beside: boot even where another master is heard."""
+    """Add --beside: boot even if another master is detected."""
     return click.option(
         "--beside",
         is_flag=True,
@@ -42,7 +42,7 @@ def beside_option(function: Decorated) -> Decorated:
 
 
 def bus_options(function: Decorated) -> Decorated:
-    """Add -i, -c, -b and -O: which bus to open. With a cell file, -c, -b and -O replace what its [bus] says."""
+    """Add -i, -c, -b and -O: the bus to open. With a cell file, -c, -b and -O replace the values of its [bus]."""
     for decorate in (
         click.option(
             "-O", "--option", multiple=True, metavar="KEY=VALUE", help="Further option for the adapter."
@@ -72,7 +72,7 @@ def bus_words(
     bitrate: int | None,
     option: tuple[str, ...],
 ) -> str:
-    """Return the bus as it was typed, to be repeated in a hint."""
+    """Return the bus options as typed, to be repeated in a hint."""
     words = [str(cell)] if cell is not None else []
     for flag, value in (
         ("-i", interface),
@@ -85,7 +85,7 @@ def bus_words(
 
 
 def parse_options(pairs: tuple[str, ...]) -> dict[str, Any]:
-    """Turn KEY=VALUE texts into adapter options; numbers and true/false are understood."""
+    """Convert KEY=VALUE texts to adapter options; numbers and true/false are recognised."""
     options: dict[str, Any] = {}
     for pair in pairs:
         key, sign, text = pair.partition("=")
@@ -107,7 +107,7 @@ def _value(text: str) -> Any:
 
 
 def parse_targets(pairs: tuple[str, ...], what: str = "POSITION") -> dict[str, float]:
-    """Turn AXIS=POSITION texts into numbers; ``what`` they are, for people."""
+    """Convert AXIS=POSITION texts to numbers; ``what`` names the numbers for people."""
     targets: dict[str, float] = {}
     for pair in pairs:
         name, sign, text = pair.partition("=")

@@ -1,4 +1,4 @@
-"""Output files: whether one can be written is found out first, its folder is made, and it is written whole or not at all."""
+"""Output files: checked before any work, folders are made, and each file is written completely or not at all."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ def concise_option(text: str) -> Callable[[_F], _F]:
 
 
 def force_option(function: _F) -> _F:
-    """Add ``--force``, without which no file that is there is replaced (see ``require_free``)."""
+    """Add ``--force``, without which no existing file is replaced (see ``require_free``)."""
     return click.option("--force", is_flag=True, help="Replace a file that is there.")(function)
 
 
 def require_writable(output: Path | None, concise: Path | None = None) -> None:
-    """Check before any work that the files of ``-o`` and ``--concise`` can be written, and that they are two; None is none.
+    """Check before any work that the files of ``-o`` and ``--concise`` are writable and different; None: no file.
 
-    A folder that is not there yet must be one that can be made. Nothing is left behind.
+    It must be possible to make a missing folder. The check leaves nothing behind.
 
     Raises:
-        UserError: one cannot.
+        UserError: a file cannot be written.
     """
     for path, option in _given(output, concise):
         try:
@@ -49,12 +49,12 @@ def require_writable(output: Path | None, concise: Path | None = None) -> None:
 
 
 def require_free(output: Path | None, concise: Path | None = None, *, force: bool) -> None:
-    """As ``require_writable``; in addition neither of them may be there yet, unless ``force`` is given.
+    """As ``require_writable``; in addition neither file may exist, unless ``force`` is given.
 
-    A device or a pipe may be there: nothing of it is replaced.
+    A device or a pipe may exist: it is not replaced.
 
     Raises:
-        UserError: one is, or cannot be written.
+        UserError: a file exists, or cannot be written.
     """
     require_writable(output, concise)
     for path, option in _given(output, concise):
@@ -70,12 +70,12 @@ def _given(output: Path | None, concise: Path | None) -> list[tuple[Path, str]]:
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file so that it is either the old one or the new one, never half of it; a link stays, and so do permissions.
+    """Write a file atomically: it has either the old or the new contents; a symbolic link and the permissions remain.
 
-    Its folder is made where it is not there yet. A device or a pipe is written to as it is.
+    A missing folder is made. A device or a pipe is written directly.
 
     Raises:
-        UserError: it cannot be written; then nothing has changed.
+        UserError: the file cannot be written; then nothing has changed.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -110,14 +110,14 @@ def _try(path: Path) -> None:
     folder = next(each for each in target.parents if os.path.lexists(each))
     if not folder.is_dir():
         raise NotADirectoryError(f"{folder} is no folder")
-    target.exists()  # a name that is too long is told by this
+    target.exists()  # fails if the name is too long
     probe = _beside(folder)
     probe.touch(exist_ok=False)
     probe.unlink()
 
 
 def _beside(folder: Path) -> Path:
-    """Return a name of our own in a folder: a killed run may have left one, and the name of the file may have no room for more."""
+    """Return an unused temporary name in a folder: a killed run may have left one, and the file's name may be too long."""
     return folder / f".axisbus-{os.urandom(6).hex()}.new"
 
 

@@ -1,4 +1,4 @@
-"""A path as a command takes it: whoever opens the file says what is wrong with it, always in the same words."""
+"""The parameter type of paths: unchecked, so that the code that opens the file reports errors in a uniform text."""
 
 from __future__ import annotations
 
@@ -8,4 +8,4 @@ import click
 
 PATH = click.Path(
     path_type=Path, readable=False
-)  # click itself would refuse what cannot be read, without a remedy
+)  # click itself would refuse an unreadable file without a remedy

@@ -1,4 +1,4 @@
-"""Axes under way, on a terminal: position, percent, and what is left, in a line that is drawn again and again."""
+"""Show running motions on a terminal: position, percentage, and remaining time, in a line that is redrawn."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from axisbus.machine.machine import Machine
 from axisbus.wording import printable
 
 _REDRAW = 0.1  # seconds
-_SLOWEST = 0.001  # of the way per second: below that nobody knows how long it will take
+_SLOWEST = 0.001  # fraction of the path per second: if slower, the remaining time is unknown
 
 
 @dataclass(slots=True)
 class MoverProgress:
-    """A command of an axis or a pair under way; holds the longest distance that was left, which is all of the way."""
+    """A running command of an axis or a pair; holds the longest remaining distance, which is the whole distance."""
 
     mover: Mover
     handle: Handle
     whole: float = 0.0
 
     def text(self) -> str:
-        """Return where the axis is and what is left; a homing has no end that is known before."""
+        """Return the position and the remainder; the end of a homing is not known in advance."""
         axis = self._axis
         try:
             where = f"{self.mover.name} {axis.position:.3f} {axis.unit}"
@@ -46,7 +46,7 @@ class MoverProgress:
 
     @property
     def _axis(self) -> Axis:
-        """The axis, or that of a pair which tells where the beam is."""
+        """The axis, or the axis of a pair that defines the position of the beam."""
         return axes_of(self.mover)[0]
 
     def _seconds(self, left: float) -> str:
@@ -58,7 +58,7 @@ class MoverProgress:
 
 
 def follow(machine: Machine, ways: Sequence[MoverProgress]) -> None:
-    """Wait until all have ended; on a terminal with a line that shows how far they are.
+    """Wait until all have ended; on a terminal, show their progress in a line.
 
     Raises:
         ExceptionGroup: as ``wait``.
@@ -75,12 +75,12 @@ def follow(machine: Machine, ways: Sequence[MoverProgress]) -> None:
 
 
 def is_terminal() -> bool:
-    """Whether standard error is one, and so is looked at."""
+    """Whether standard error is a terminal."""
     return sys.stderr.isatty()
 
 
 def speed_text(mover: Mover) -> str:
-    """Return where an axis or a beam is and how fast it goes, as far as that is known."""
+    """Return position and velocity of an axis or a pair, as far as known."""
     texts, axis = [], axes_of(mover)[0]
     for known, unit in (("position", axis.unit), ("velocity", f"{axis.unit}/s")):
         with suppress(StaleError):
@@ -89,9 +89,9 @@ def speed_text(mover: Mover) -> str:
 
 
 def draw(text: str) -> None:
-    """Draw a line over the one before, where standard error is a terminal."""
+    """Redraw the progress line, if standard error is a terminal."""
     if not is_terminal():
         return
     room = shutil.get_terminal_size().columns - 1
-    with suppress(OSError):  # a terminal that is gone must not end a motion
+    with suppress(OSError):  # the loss of the terminal must not end a motion
         click.echo(f"\r{printable(text)[:room]}\x1b[K", err=True, nl=False)

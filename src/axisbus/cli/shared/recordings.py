@@ -1,4 +1,4 @@
-"""``--record``: a command that moves axes is recorded."""
+"""The option ``--record`` of commands that move axes."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _Function = TypeVar("_Function", bound=Callable[..., object])
 
 
 def record_option(function: _Function) -> _Function:
-    """Add --record: the MCAP file that the command is recorded into."""
+    """Add --record: the MCAP file for a recording of the command."""
     return click.option(
         "--record", type=PATH, callback=_checked, help="Record it into this MCAP file, which is replaced."
     )(function)
 
 
-def _checked(ctx: click.Context, parameter: click.Parameter, path: Path | None) -> Path | None:  # noqa: ARG001  # click's shape
-    """Find out before anything is opened whether there can be a recording."""
+def _checked(ctx: click.Context, parameter: click.Parameter, path: Path | None) -> Path | None:  # noqa: ARG001  # click's signature
+    """Check before anything is opened whether recording is possible."""
     if path is not None:
         from axisbus.record.mcap_writer import library
 
@@ -39,21 +39,21 @@ def _checked(ctx: click.Context, parameter: click.Parameter, path: Path | None) 
 
 @dataclass(slots=True)
 class RecordingEnd:
-    """Whether a recording could not be written to its end; known after the block of ``recorded``."""
+    """Whether writing of a recording failed; known after the block of ``recorded``."""
 
     failed: bool = False
 
     @property
     def code(self) -> int:
-        """The exit code of a command that has done all else."""
+        """The exit code of a command that has otherwise succeeded."""
         return FAILURE if self.failed else OK
 
 
 @contextmanager
 def recorded(machine: Machine, path: Path | None) -> Iterator[RecordingEnd]:
-    """Record what the block does with a machine, if there is a ``path``; says where the recording is, also after an error.
+    """Record the machine during the block if there is a ``path``; print where the recording is, also after an error.
 
-    A disk that is full does not end the motion: the command goes on, and its exit code says it (``RecordingEnd.code``).
+    A full disk does not end the motion: the command continues, and its exit code reports it (``RecordingEnd.code``).
     """
     end = RecordingEnd()
     if path is None:
@@ -69,7 +69,7 @@ def recorded(machine: Machine, path: Path | None) -> Iterator[RecordingEnd]:
 
 
 def told(recording: Recording) -> str:
-    """Return what a recording has come to."""
+    """Return a summary of a recording."""
     text = f"recorded: {recording.path}, {recording.seconds:.1f} s, {counted(recording.cycles, 'cycle')}"
     text += f", {recording.size / 1e6:.2f} MB"
     if recording.lost:

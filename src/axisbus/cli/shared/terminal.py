@@ -1,4 +1,4 @@
-"""What is printed in colour on a terminal, and plain everywhere else; NO_COLOR keeps it plain (no-color.org)."""
+"""Coloured output on a terminal, plain output everywhere else; NO_COLOR disables colours (no-color.org)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ STYLES = {"error": "bold red", "warning": "yellow", "note": "cyan"}
 
 
 def coloured() -> bool:
-    """Whether standard output is a terminal that shows colours, and its user has not asked for none."""
+    """Whether standard output is a terminal with colours, and the user has not disabled them."""
     if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
         return False
     return sys.stdout.isatty()
@@ -39,7 +39,7 @@ def say_styled(text: str, word: str, style: str) -> None:
 
 
 def say_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print a table, as wide as its terminal at most."""
+    """Print a table, at most as wide as its terminal."""
     from rich.table import Table
 
     table = Table(*headings, box=None, pad_edge=False, header_style="bold")

@@ -1,4 +1,4 @@
-"""What ``axisbus velocity`` and ``axisbus torque`` share: axes and pairs that go on until their time is over, or Ctrl-C."""
+"""Common parts of ``axisbus velocity`` and ``axisbus torque``: axes and pairs that move for a time, or until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 
-_TURNING = (AxisState.CONTINUOUS_MOTION, AxisState.SYNCHRONIZED_MOTION)  # by itself, and as one of a pair
+_TURNING = (AxisState.CONTINUOUS_MOTION, AxisState.SYNCHRONIZED_MOTION)  # alone, and as an axis of a pair
 _LOOK = 0.1  # seconds
-_HOLD = 0.5  # seconds without a look, such as of a command that was suspended (Ctrl-Z), after which the core halts
+_HOLD = 0.5  # seconds after which the core halts the axes if this command no longer runs, for example suspended (Ctrl-Z)
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
 
@@ -40,7 +40,7 @@ def for_option(function: _Function) -> _Function:
 
 @dataclass(frozen=True, slots=True)
 class TimedMotion:
-    """Axes and pairs by name with what each is to keep; ``begin`` gives one its command, ``unit`` is what follows the number.
+    """Axes and pairs by name with their set values; ``begin`` gives one its command, ``unit`` follows the number.
 
     ``verb``: the command's name.
     """
@@ -51,16 +51,16 @@ class TimedMotion:
     unit: Callable[[Mover], str]
 
     def run(self, cell: Path, seconds: float | None, *, record: Path | None, beside: bool, take: bool) -> int:
-        """Enable the axes, let them turn, halt them, and leave them as they were found."""
+        """Enable the axes, move them, halt them, and restore their previous state."""
         config = checked(cell)
         sides = sides_of(config, self.wanted, self.verb)
-        self._rehearse(DryRun(config))  # what cannot be is told before the bus is opened
+        self._rehearse(DryRun(config))  # report impossible requests before the bus is opened
         with (
             commanded(cell, sides, take=take, beside=beside) as (machine, _),
             recorded(machine, record) as recording,
         ):
             known = {name: facts.parameters for name, facts in machine.session.axes.items()}
-            self._rehearse(DryRun(config, known))  # what the drives alone know, before they are enabled
+            self._rehearse(DryRun(config, known))  # with the values of the drives, before they are enabled
             chosen = movers(machine, self.wanted)
             enable(chosen)
             follow(
@@ -80,10 +80,10 @@ class TimedMotion:
 
 
 def _keep(machine: Machine, chosen: Sequence[Mover], seconds: float | None) -> None:
-    """Let them turn.
+    """Keep them moving.
 
     Raises:
-        AxisbusError: one has stopped by itself.
+        AxisbusError: one has stopped without a command.
     """
     until = None if seconds is None else time.monotonic() + seconds
     try:

@@ -1,1 +1,1 @@
-"""``axisbus sim``: stand-ins for the drives of a cell, in a process of their own."""
+"""``axisbus sim``: simulated drives of a cell, in a process of their own."""

@@ -1,4 +1,4 @@
-"""A cell file with another ``[bus]``: where its stand-ins are served."""
+"""Make a cell file with another ``[bus]``: the server of its simulated drives."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ _REPLACED = re.compile(r"\s*(interface|channel|options)\b")
 
 
 def with_bus(source: str, lines: list[str]) -> str:
-    """Return the text of a cell file with ``lines`` in its ``[bus]``, instead of its interface, channel and options.
+    """Return the text of a cell file with ``lines`` in its ``[bus]``, in place of its interface, channel and options.
 
     Raises:
-        UserError: it has no line ``[bus]``.
+        UserError: the file has no line ``[bus]``.
     """
     kept: list[str] = []
     table, found = "", False

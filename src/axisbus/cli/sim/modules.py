@@ -1,4 +1,4 @@
-"""Modules that do not speak CANopen, as ``axisbus sim`` is told of them: ``--can-simple ID[:FIRMWARE]``."""
+"""Modules without CANopen for ``axisbus sim``: ``--can-simple ID[:FIRMWARE]``."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from axisbus.sim.can_simple.firmware import EXTENDED, FACTORY, Firmware
 from axisbus.sim.can_simple.module import Module
 from axisbus.wording import counted
 
-_EDS = f"{PREFIX}gim6010-8"  # what such a module becomes in CANopen
+_EDS = f"{PREFIX}gim6010-8"  # the EDS of such a module after switching it to CANopen
 Wanted = tuple[int, Firmware]
 
 
 class CanSimple(click.ParamType):  # type: ignore[type-arg,unused-ignore]
-    """A node ID from 0 to 63, and the version of a firmware: 0, 5:0.5.11."""
+    """A node ID from 0 to 63, and a firmware version: 0, 5:0.5.11."""
 
     name = "id[:firmware]"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Wanted:
-        """Turn text into both."""
+        """Convert text to both."""
         node_id, _, firmware = str(value).partition(":")
         try:
             found = int(node_id), Firmware.read(firmware or str(FACTORY))
@@ -41,7 +41,7 @@ class CanSimple(click.ParamType):  # type: ignore[type-arg,unused-ignore]
 
 
 def modules(wanted: Sequence[Wanted]) -> list[Module]:
-    """Make the modules; blocks for the EDS that they have in CANopen."""
+    """Create the modules; blocks to read their EDS for CANopen."""
     eds = load(resolve(_EDS, Path())) if wanted else None
     return [
         Module(node_id, firmware=firmware, eds=eds, serial=number)
@@ -50,7 +50,7 @@ def modules(wanted: Sequence[Wanted]) -> list[Module]:
 
 
 def told(wanted: Sequence[Wanted]) -> str:
-    """Return what is said of the modules that are served."""
+    """Return the text about the served modules."""
     each = (
         f"node {node_id} with firmware {firmware}"
         + (", in its 29-bit protocol" if firmware >= EXTENDED else "")

@@ -1,4 +1,4 @@
-"""Modules on RS485, as ``axisbus sim`` is told of them: ``--modbus ID[:FIRMWARE]``, all on one pseudo-terminal."""
+"""Modules on RS485 for ``axisbus sim``: ``--modbus ID[:FIRMWARE]``, all on one pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 
 class Modbus(CanSimple):
-    """A node ID from 1 to 63, and the version of a firmware: 1, 5:0.5.14."""
+    """A node ID from 1 to 63, and a firmware version: 1, 5:0.5.14."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Wanted:
-        """Turn text into both."""
+        """Convert text to both."""
         found = super().convert(value, param, ctx)
         if not found[0]:
             self.fail("0 is everybody's address in Modbus: give a node ID from 1 to 63", param, ctx)
@@ -30,10 +30,11 @@ class Modbus(CanSimple):
 
 @contextmanager
 def on_terminal(wanted: Sequence[Wanted]) -> Iterator[None]:
-    """Serve the modules on a pseudo-terminal while the block runs, and tell its path; nothing without modules.
+    """Serve the modules on a pseudo-terminal during the block, and print its path; without modules, do nothing.
 
     Raises:
-        UsageError: two have one node ID. AdapterError: this system has no pseudo-terminals.
+        UsageError: two modules have one node ID.
+        AdapterError: this system has no pseudo-terminals.
     """
     if not wanted:
         yield

@@ -1,4 +1,4 @@
-"""``axisbus sim``: the drives of a cell as stand-ins that other terminals and programs reach over a loopback port."""
+"""``axisbus sim``: simulate the drives of a cell for other terminals and programs, over a loopback port."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from axisbus.sim.socketcand.server import LOOPBACK, Server
 from axisbus.wording import counted
 
 _LONG = 3600.0  # s
-_PORT = 29536  # socketcand's own
+_PORT = 29536  # the default port of socketcand
 
 
 @click.command("sim")
@@ -120,7 +120,7 @@ def _wait(seconds: float | None) -> None:
 def _require_enough(
     config: CellConfig | None, wanted: tuple[Wanted, ...], options: dict[str, Path | None]
 ) -> None:
-    """Without a cell file there must be modules, and nothing that is said of a cell."""
+    """Check that there are modules if there is no cell file, and no options that need one."""
     if config is not None:
         return
     if not wanted:
@@ -131,7 +131,7 @@ def _require_enough(
 
 
 def _require_others(config: CellConfig, wanted: tuple[Wanted, ...]) -> None:
-    """Modules of the cell are served anyway: a second one of the same node ID would answer with it."""
+    """Refuse a second module with the node ID of a module of the cell, which is served anyway: both would answer."""
     for node_id, _ in wanted:
         if node_id in modules_of(config):
             raise UserError(
@@ -141,7 +141,7 @@ def _require_others(config: CellConfig, wanted: tuple[Wanted, ...]) -> None:
 
 
 def _require_beside(config: CellConfig, output: Path | None) -> None:
-    """A cell file that is written elsewhere would not find the files that it names."""
+    """Refuse to write the cell file to another folder, where it would not find the files that it names."""
     files = [node.file for node in config.nodes.values() if node.file and not node.file.startswith(PREFIX)]
     relative = [file for file in files if not Path(file).expanduser().is_absolute()]
     if output is not None and relative and output.absolute().parent != config.folder.absolute():

@@ -1,4 +1,4 @@
-"""``axisbus gim6010 modbus calibrate``: motor and encoder of a module over RS485, followed and judged."""
+"""``axisbus gim6010 modbus calibrate``: calibrate motor and encoder of a module over RS485, and check the result."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def command(what: str, target: ModbusTarget, yes: bool) -> int:
     from axisbus.drives.gim6010.modbus.motion.calibrating import Calibrating
 
     kind = CalibrationKind[what.upper()]
-    read_list(target.listed, target.made_for)  # before anything is asked, or opened
+    read_list(target.listed, target.made_for)  # before any question is asked or port opened
     ask(explanation(kind, target.node, warden=True), yes=yes)
     with opened(target) as module, guard(target) as warden:
         found = Calibrating(

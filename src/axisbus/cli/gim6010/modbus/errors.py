@@ -1,4 +1,4 @@
-"""``axisbus gim6010 modbus errors``: every error of a module, named and explained, and cleared."""
+"""``axisbus gim6010 modbus errors``: print every error of a module with its name and explanation, and clear them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def command(target: ModbusTarget, clear: bool, as_json: bool) -> int:
 
 
 def tell_errors(target: ModbusTarget, *, clear: bool = False, as_json: bool = False) -> int:
-    """Print a module's errors, cleared before where asked; return the exit code."""
+    """Print a module's errors, after clearing them if requested; return the exit code."""
     with opened(target) as module:
         found = module.errors()
         if clear and not as_json:

@@ -1,4 +1,4 @@
-"""``axisbus gim6010 modbus find``: the modules on an RS485 line."""
+"""``axisbus gim6010 modbus find``: find the modules on an RS485 line."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def command(port: str, rates: str, parity: str, highest: int) -> int:
 
 
 def _at(line: ModbusTarget, highest: int) -> list[bool]:
-    """Ask at one rate; return of each module whether it is well."""
+    """Query all node IDs at one rate; return for each module whether it has no error."""
     from axisbus.drives.gim6010.modbus.discovery import Present, present
     from axisbus.drives.gim6010.modbus.serial_wire import Parity, SerialWire
 
@@ -78,7 +78,7 @@ def _at(line: ModbusTarget, highest: int) -> list[bool]:
 
 
 def _show_progress(device: int, highest: int, rate: int) -> None:
-    """Tell how far it is, where somebody looks."""
+    """Show the progress on a terminal."""
     if sys.stderr.isatty():
         end = "\r" if device < highest else "\n"
         click.echo(f"  {rate} bit/s: node ID {device} of {highest}", err=True, nl=False)

@@ -1,4 +1,4 @@
-"""``axisbus gim6010 modbus``: the subcommands for a module that speaks Modbus RTU."""
+"""``axisbus gim6010 modbus``: the subcommands for a module with Modbus RTU."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``axisbus gim6010 modbus move``: a module enabled, moved by its trapezoid, stopped and switched off."""
+"""``axisbus gim6010 modbus move``: enable a module, move it with a trapezoidal profile, stop it and switch it off."""
 
 from __future__ import annotations
 

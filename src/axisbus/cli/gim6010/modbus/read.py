@@ -1,4 +1,4 @@
-"""``axisbus gim6010 modbus read``: registers, and parameters by their names."""
+"""``axisbus gim6010 modbus read``: read registers, and parameters by name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``axisbus gim6010 modbus state``: how a module is."""
+"""``axisbus gim6010 modbus state``: print the state of a module."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``axisbus gim6010 modbus stop``: velocity 0, idle, emergency stop, until a module stands without power."""
+"""``axisbus gim6010 modbus stop``: velocity 0, idle, emergency stop, until a module is at standstill without power."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The module that a command of ``modbus`` is for: its serial port, its node ID, and where it is needed its list of endpoints."""
+"""The module of a command of ``modbus``: its serial port, its node ID, and, if needed, its list of endpoints."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _WARDEN = "where this program alone is killed its warden stops the module; not w
 
 @dataclass(frozen=True, slots=True)
 class ModbusTarget:
-    """Which module was asked for; the list only where the command takes one."""
+    """The requested module; the list only if the command takes one."""
 
     port: str
     node: int
@@ -81,7 +81,7 @@ def target_options(function: Decorated) -> Decorated:
 
 
 def list_options(function: Decorated) -> Decorated:
-    """Add --list and --made-for to a command with ``target_options``, and put them into its ``target``."""
+    """Add --list and --made-for to a command with ``target_options``, as part of its ``target``."""
     command = function
 
     @functools.wraps(command)
@@ -107,7 +107,8 @@ def opened(target: ModbusTarget) -> Iterator[ModbusModule]:
     """Open the port for the module; sends nothing.
 
     Raises:
-        UserError: the extra is not installed. AdapterError: the port cannot be opened.
+        UserError: the extra is not installed.
+        AdapterError: the port cannot be opened.
     """
     from axisbus.drives.gim6010.modbus.module import ModbusModule
     from axisbus.drives.gim6010.modbus.serial_wire import Parity, SerialWire
@@ -121,10 +122,12 @@ def opened(target: ModbusTarget) -> Iterator[ModbusModule]:
 
 @contextmanager
 def axis(target: ModbusTarget) -> Iterator[ModbusAxis]:
-    """Open the module to move it, with a warden; however the block ends it is stopped, and how that went is told.
+    """Open the module to move it, with a watchdog process; at the end of the block it is stopped, and the result is printed.
 
     Raises:
-        StateError: there can be no warden. NodeError: the module does not answer. UserError, AdapterError: as ``opened``.
+        StateError: the watchdog process cannot be started.
+        NodeError: the module does not answer.
+        UserError, AdapterError: as ``opened``.
     """
     from axisbus.drives.gim6010.modbus.motion.axis import ModbusAxis
 
@@ -139,7 +142,7 @@ def axis(target: ModbusTarget) -> Iterator[ModbusAxis]:
 
 @contextmanager
 def guard(target: ModbusTarget) -> Iterator[Warden]:
-    """Have a warden stop the module where this program is killed within the block; say what it does not help against.
+    """Start a watchdog process that stops the module if this program is killed in the block; print its limitations.
 
     Raises:
         StateError: it cannot be started.
@@ -154,10 +157,11 @@ def guard(target: ModbusTarget) -> Iterator[Warden]:
 
 
 def parameters(target: ModbusTarget, module: ModbusModule) -> ModbusParameters:
-    """Return the module's parameters, once its list is shown to fit; blocks.
+    """Return the module's parameters after checking that its list fits; blocks.
 
     Raises:
-        UsageError: there is no list, or nobody says for which firmware it is. UserError, ArgumentError: it does not fit.
+        UsageError: the list or its firmware is not given.
+        UserError, ArgumentError: the list does not fit.
         NodeError: the module does not answer.
     """
     from axisbus.drives.gim6010.modbus.parameters import ModbusParameters

@@ -1,4 +1,4 @@
-"""``axisbus gim6010 modbus torque``: a module enabled, pushing for a time, stopped and switched off."""
+"""``axisbus gim6010 modbus torque``: enable a module, apply a torque for a time, stop it and switch it off."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Values of registers and parameters as they are typed and printed."""
+"""Parse and format values of registers and parameters."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def is_parameter(name: str) -> bool:
-    """Whether a name is one of the list of endpoints, all of which but a few of the first level have a point."""
+    """Whether a name is a parameter of the list of endpoints: these have a point, except a few of the first level."""
     from axisbus.drives.gim6010.modbus.registers import BY_NAME
 
     return "." in name or name not in BY_NAME
@@ -25,7 +25,7 @@ def pair(text: str) -> tuple[str, str]:
     """Return NAME and VALUE of ``NAME=VALUE``.
 
     Raises:
-        UsageError: it is none.
+        UsageError: the text has another form.
     """
     name, equals, value = text.partition("=")
     if not equals or not name or not value:
@@ -34,10 +34,10 @@ def pair(text: str) -> tuple[str, str]:
 
 
 def parse(register: Register, text: str) -> Number:
-    """Return the value that a text is, of the register's type.
+    """Return a text as a value of the register's type.
 
     Raises:
-        ArgumentError: it is none.
+        ArgumentError: the text is not such a value.
     """
     found: Number | None
     try:
@@ -50,7 +50,7 @@ def parse(register: Register, text: str) -> Number:
 
 
 def show(register: Register, value: Number) -> str:
-    """Return a value with what it means, its unit and its side of the gear."""
+    """Return a value as text with its meaning, its unit and its side of the gear."""
     field = register.field
     number = f"{value:.7g}" if isinstance(value, float) else str(value)
     words = field.values.get(int(value)) if field.values and math.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""``axisbus gim6010 modbus velocity``: a module enabled, turning for a time, stopped and switched off."""
+"""``axisbus gim6010 modbus velocity``: enable a module, turn it for a time, stop it and switch it off."""
 
 from __future__ import annotations
 

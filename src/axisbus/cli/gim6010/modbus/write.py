@@ -1,4 +1,4 @@
-"""``axisbus gim6010 modbus write``: settings by name, each read back; another node ID; saving."""
+"""``axisbus gim6010 modbus write``: write settings by name, read each back, set another node ID, and save."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def command(target: ModbusTarget, pairs: tuple[str, ...], save: bool) -> int:
 
 
 def _check(wanted: dict[str, str]) -> None:
-    """Refuse what cannot be written before the port is opened."""
+    """Refuse invalid settings before the port is opened."""
     from axisbus.drives.gim6010.modbus.module import require_setting
     from axisbus.drives.gim6010.modbus.registers import named
     from axisbus.drives.gim6010.modbus.requests import write
@@ -87,7 +87,7 @@ def _saved(module: ModbusModule, known: ModbusParameters | None) -> str:
 
 
 def rename(target: ModbusTarget, new: int, *, save: bool) -> int:
-    """Give a module another node ID, and tell how it is reached then; return the exit code."""
+    """Set another node ID in a module, and print how to reach it then; return the exit code."""
     from axisbus.drives.gim6010.modbus.set_node_id import set_node_id
 
     with opened(target) as module:

@@ -1,4 +1,4 @@
-"""``axisbus gim6010 modbus zero``: the position where a module stands becomes 0, saved."""
+"""``axisbus gim6010 modbus zero``: define the present position of a module as 0, and save it."""
 
 from __future__ import annotations
 

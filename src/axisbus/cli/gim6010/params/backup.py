@@ -1,4 +1,4 @@
-"""``axisbus gim6010 params backup``: the settings of a module as a file."""
+"""``axisbus gim6010 params backup``: write the settings of a module to a file."""
 
 from __future__ import annotations
 

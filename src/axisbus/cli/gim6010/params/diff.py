@@ -1,4 +1,4 @@
-"""``axisbus gim6010 params diff``: what differs between two backups, or a backup and a module."""
+"""``axisbus gim6010 params diff``: compare two backups, or a backup and a module."""
 
 from __future__ import annotations
 

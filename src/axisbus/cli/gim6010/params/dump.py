@@ -1,4 +1,4 @@
-"""``axisbus gim6010 params dump``: every parameter of a module."""
+"""``axisbus gim6010 params dump``: read every parameter of a module."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The firmware's list of endpoints as it was given, and the firmware that it is for."""
+"""The given list of the firmware's endpoints, and the firmware that it belongs to."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ if TYPE_CHECKING:
 
 
 def read_list(path: Path | None, made_for: str | None) -> tuple[EndpointList, Firmware]:
-    """Return the list of endpoints in a file, and the firmware that it is for by its name or by ``made_for``.
+    """Return the list of endpoints in a file, and its firmware, by the file's name or by ``made_for``.
 
     Raises:
-        UsageError: it is not given, or for which firmware it is. UserError, ArgumentError: it cannot be read, or is none.
+        UsageError: the list or its firmware is not given.
+        UserError, ArgumentError: the file cannot be read, or is not a list.
     """
     from axisbus.drives.gim6010.can_simple.endpoints import parse
     from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware, proposed_version
@@ -40,10 +41,10 @@ def read_list(path: Path | None, made_for: str | None) -> tuple[EndpointList, Fi
 
 
 def text_of(path: Path) -> bytes:
-    """Return what is in a file.
+    """Return the contents of a file.
 
     Raises:
-        UserError: it cannot be read.
+        UserError: the file cannot be read.
     """
     try:
         return path.read_bytes()

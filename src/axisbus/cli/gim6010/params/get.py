@@ -1,4 +1,4 @@
-"""``axisbus gim6010 params get``: parameters by name."""
+"""``axisbus gim6010 params get``: read parameters by name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The module that a command of ``params`` is for: its bus, its list of endpoints, and itself, opened and proven."""
+"""The module of a command of ``params``: its bus, its list of endpoints, and the module itself, opened and verified."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ModuleSelection:
-    """Which module was asked for, over CAN, by its ``serial`` port or by ``usb``, and by which list."""
+    """The requested module, over CAN, by its ``serial`` port or by ``usb``, and its list."""
 
     line: BusOptions
     node: int | None
@@ -96,7 +96,7 @@ def opened(asked: ModuleSelection) -> Iterator[ModuleParameters]:
 
     Raises:
         UsageError: bus, node ID, list or the list's version is not given.
-        UserError, ArgumentError: the list cannot be read, or does not fit.
+        UserError, ArgumentError: the list cannot be read, or does not fit the module.
         AdapterError, NodeError: bus or port cannot be opened, or the module does not answer.
     """
     if asked.usb is not None:
@@ -134,10 +134,10 @@ def _over_modbus(serial: ModbusTarget) -> Iterator[ModbusParameters]:
 
 
 def require_can(asked: ModuleSelection, why: str) -> None:
-    """Refuse another way to the module for what goes over CAN alone.
+    """Refuse another connection than CAN if a command works only over CAN.
 
     Raises:
-        UsageError: it is given.
+        UsageError: another connection is given.
     """
     if not asked.over_can:
         way = "--modbus" if asked.usb is None else "--usb"
@@ -145,13 +145,13 @@ def require_can(asked: ModuleSelection, why: str) -> None:
 
 
 def require_list(asked: ModuleSelection) -> None:
-    """Check the list of endpoints where one is needed, before anything is opened; raises as ``read_list``."""
+    """Check the list of endpoints, if one is needed, before anything is opened; raises as ``read_list``."""
     if asked.usb is None:
         list_of(asked)
 
 
 def list_of(asked: ModuleSelection) -> tuple[EndpointList, Firmware]:
-    """Return the list of endpoints that was given, and the firmware that it is for; raises as ``read_list``."""
+    """Return the given list of endpoints, and its firmware; raises as ``read_list``."""
     return read_list(asked.listed, asked.made_for)
 
 
@@ -159,7 +159,7 @@ def backup_of(path: Path) -> ParameterBackup:
     """Return the backup in a file.
 
     Raises:
-        UserError, ArgumentError: it cannot be read, or is none.
+        UserError, ArgumentError: the file cannot be read, or is not a backup.
     """
     from axisbus.drives.gim6010.parameters import backup
 

@@ -1,4 +1,4 @@
-"""``axisbus gim6010 params restore``: a module brought to the settings of a backup."""
+"""``axisbus gim6010 params restore``: restore the settings of a module from a backup."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``axisbus gim6010 params set``: parameters written by name, each read back."""
+"""``axisbus gim6010 params set``: write parameters by name, and read each back."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _parsed(module: ModuleParameters, text: str) -> tuple[str, Value]:
     """Return path and value of ``PATH=VALUE``.
 
     Raises:
-        UsageError, ArgumentError: it is written otherwise, there is no such parameter, or it is not to be written.
+        UsageError, ArgumentError: the text has another form, the parameter is unknown, or it must not be written.
     """
     from axisbus.drives.gim6010.can_simple.endpoint_messages import value_bytes
     from axisbus.drives.gim6010.parameters import rules, values

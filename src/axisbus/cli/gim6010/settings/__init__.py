@@ -1,1 +1,1 @@
-"""``axisbus gim6010 termination``, ``limits``, ``watchdog``, ``zero`` and ``set-bitrate``: what is set in a module."""
+"""``axisbus gim6010 termination``, ``limits``, ``watchdog``, ``zero`` and ``set-bitrate``: the settings of a module."""

@@ -1,4 +1,4 @@
-"""``axisbus gim6010 brake-resistor``: the resistor that takes what a braking motor gives back."""
+"""``axisbus gim6010 brake-resistor``: the resistor that dissipates the energy of a braking motor."""
 
 from __future__ import annotations
 

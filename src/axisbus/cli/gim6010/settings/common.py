@@ -1,4 +1,4 @@
-"""What the commands share that set parameters: written, read back and saved; where that fails, the steps over USB are told."""
+"""Common parts of the commands that set parameters: write, read back and save; if that fails, print the steps over USB."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ def save_option(function: Decorated) -> Decorated:
 
 
 def over_usb(steps: Sequence[str]) -> None:
-    """Tell steps over USB."""
+    """Print steps over USB."""
     say("over USB it is done like this:")
     for step in steps:
         say(f"  {step}")
 
 
 def with_module(asked: ModuleSelection, act: Act, steps: Sequence[str]) -> int:
-    """Open a module and do something with its parameters; where it does not take it, tell the ``steps`` over USB.
+    """Open a module and run ``act`` on its parameters; if the module refuses, print the ``steps`` over USB.
 
     Raises:
-        UsageError, UserError, AdapterError: as ``opened``, or of ``act``.
+        UsageError, UserError, AdapterError: as ``opened``, or from ``act``.
     """
     require_list(asked)
     try:
@@ -62,7 +62,7 @@ def show(asked: ModuleSelection, paths: tuple[str, ...]) -> int:
 
 
 def put(module: ModuleParameters, wanted: ParameterBatch, *, save: bool) -> None:
-    """Write all of it, and save it where asked; where it breaks off, say what is in RAM."""
+    """Write all parameters, and save them if requested; if that fails midway, print which are in RAM."""
     from axisbus.drives.gim6010.settings.parameter_batch import apply
 
     told: list[str] = []
@@ -86,7 +86,7 @@ def put(module: ModuleParameters, wanted: ParameterBatch, *, save: bool) -> None
 
 
 def end(asked: ModuleSelection, command: str, *, saved: bool) -> None:
-    """Say where it is now, and how it is kept."""
+    """Print where the settings are now, and how to save them."""
     if saved:
         say("saved: it restarted, and holds all of it")
     else:

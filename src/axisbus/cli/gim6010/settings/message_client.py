@@ -1,4 +1,4 @@
-"""The line to a module that is told something by messages alone, without a list of endpoints."""
+"""The connection to a module that is configured by messages alone, without a list of endpoints."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ if TYPE_CHECKING:
 
 
 def line_of(asked: ModuleSelection, stack: ExitStack) -> SimpleLine:
-    """Open the bus, which ``stack`` closes, and return the line to the module, not yet open.
+    """Open the bus, which ``stack`` closes, and return the connection to the module, not yet open.
 
     Raises:
-        UsageError: bus or node ID is not given, or another way to it is. AdapterError: the bus cannot be opened.
+        UsageError: bus or node ID is not given, or another connection is.
+        AdapterError: the bus cannot be opened.
     """
     require_can(asked, "it is a message of CAN Simple")
     if asked.node is None:

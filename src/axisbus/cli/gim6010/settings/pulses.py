@@ -1,4 +1,4 @@
-"""``axisbus gim6010 pulses``: what a pulse of pulse and direction is, and how that is set."""
+"""``axisbus gim6010 pulses``: the meaning of a pulse of pulse and direction, and how to configure it."""
 
 from __future__ import annotations
 

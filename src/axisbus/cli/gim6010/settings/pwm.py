@@ -1,4 +1,4 @@
-"""``axisbus gim6010 pwm``: what the pulses of a remote control are mapped to, and how that is set."""
+"""``axisbus gim6010 pwm``: the mapping of a remote control's pulses, and how to configure it."""
 
 from __future__ import annotations
 

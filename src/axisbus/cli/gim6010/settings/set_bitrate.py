@@ -1,4 +1,4 @@
-"""``axisbus gim6010 set-bitrate``: another bit rate for a module that is alone on its bus."""
+"""``axisbus gim6010 set-bitrate``: set the bit rate of a module that is alone on its bus."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_next
 from axisbus.cli.shared.numbers import BitRate
 from axisbus.errors import NodeError
 
-_BACK = 25.0  # s that owners gave a restart
+_BACK = 25.0  # s, the time of a restart as reported by owners
 
 
 @click.command("set-bitrate")

@@ -1,4 +1,4 @@
-"""``axisbus gim6010 watchdog``: what makes a module notice that nobody commands it any more."""
+"""``axisbus gim6010 watchdog``: the watchdog by which a module detects that it gets no more commands."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def command(
 
 
 def _clear(module: ModuleParameters) -> None:
-    """Clear what a trip has left, where the axis reports nothing else."""
+    """Clear the error of a watchdog trip, if the axis reports no other one."""
     from axisbus.drives.gim6010.settings.watchdog import LATCHED
 
     error = module.axis_error

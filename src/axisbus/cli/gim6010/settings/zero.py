@@ -1,4 +1,4 @@
-"""``axisbus gim6010 zero``: the zero of a module's position, where it stands."""
+"""``axisbus gim6010 zero``: define the present position of a module as its zero."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from axisbus.errors import StateError
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 
-_BETWEEN = 0.3  # s between two looks at whether it turns
+_BETWEEN = 0.3  # s between two readings that show whether it turns
 
 
 @click.command("zero")
@@ -43,11 +43,11 @@ def command(asked: ModuleSelection, until_restart: bool) -> int:
 
 
 def set_zero(module: ModuleParameters) -> None:
-    """Set and save a module's zero, and look where it is after its restart; blocks.
+    """Set and save a module's zero, and check its position after the restart; blocks.
 
     Raises:
-        StateError: it is not idle, turns, or tells no place that is believed: then the steps over USB are told.
-        NodeError: no answer, or it is not at its zero after it.
+        StateError: it is not idle, turns, or reports no credible position: then the steps over USB are printed.
+        NodeError: it does not answer, or is not at its zero afterwards.
     """
     from axisbus.drives.gim6010.parameters import rules
     from axisbus.drives.gim6010.settings import zero
