@@ -60,9 +60,9 @@ class CellInfo(msgspec.Struct, frozen=True):
 class AxisStateMessage(msgspec.Struct, frozen=True):
     """State of an axis. ``age``: seconds since its process image was made, None if unknown; a value that is too old is None.
 
-    ``position_age``: seconds since the position was received, if the drive reports one. ``state`` is the PLCopen state, ``drive``
-    the state of CiA 402. Positions are in ``unit``, velocity in ``unit``/s, torque in N·m or as a fraction of the rated torque.
-    ``error`` is the message of the axis's error.
+    ``position_age``: seconds since the drive's position was received, None if there is none. ``state`` is the PLCopen state,
+    ``drive`` the state of CiA 402. Positions are in ``unit``, velocity in ``unit``/s, torque in N·m or as a fraction of the rated
+    torque. ``error`` is the message of the axis's error.
     """
 
     n: int

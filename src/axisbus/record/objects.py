@@ -40,7 +40,7 @@ class ObjectReads:
         return one.label, self._read(one)
 
     def read_all(self) -> Iterator[tuple[str, Value | None]]:
-        """Read all objects now: for virtual time, where a read takes no time and no frames are sent."""
+        """Read all objects now: in virtual time, a read takes no time and sends no frames."""
         for one in self._wanted:
             yield one.label, self._read(one)
 

@@ -36,7 +36,5 @@ def logging_aside() -> Iterator[None]:
         yield
     finally:
         root.removeHandler(aside)
-        with suppress(
-            queue.Full
-        ):  # a writer that is held up is left behind: its thread ends with the process
+        with suppress(queue.Full):  # a blocked writer is abandoned: its thread ends with the process
             listener.enqueue_sentinel()

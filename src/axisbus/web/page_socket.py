@@ -27,7 +27,7 @@ _LOOK, _VALUES, _CELL = (
     0.02,
     0.1,
     0.5,
-)  # seconds between two looks at what is held, at the axes, and at all else
+)  # seconds between two checks of held jogs, of the axes, and of everything else
 
 
 class PageSocket:

@@ -59,7 +59,7 @@ def without_remote(line: BusOptions) -> bool:
 
 
 def look(line: BusOptions, finder: Finder, *, quiet: bool = False) -> BitRateTraffic | None:
-    """Run ``finder`` on a bus; if the bus runs at another bit rate, send nothing and return the traffic received at that.
+    """Run ``finder`` on a bus; if traffic is received only at another bit rate, send nothing and return that traffic.
 
     An adapter with a listen-only mode listens in it first. Blocks some seconds.
 

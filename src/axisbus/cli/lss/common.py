@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from axisbus.cia305.services import LssAddress
 
 _REDRAW = 0.1  # s
-_FLOOR = 0.015  # s, as cia301.lss_dialogue.Timing
+_FLOOR = 0.015  # s, as in cia305.dialogue.LssTiming
 
 
 class NumberType(click.ParamType):  # type: ignore[type-arg,unused-ignore]

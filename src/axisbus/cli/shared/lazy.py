@@ -33,7 +33,7 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the subcommand; if there is none, suggest similar ones."""
+        """Find the subcommand; suggest similar ones for an unknown name."""
         name = args[0]
         if name not in self._table and not name.startswith("-"):
             meant = self._meant(ctx, name)

@@ -141,7 +141,7 @@ def _require_others(config: CellConfig, wanted: tuple[Wanted, ...]) -> None:
 
 
 def _require_beside(config: CellConfig, output: Path | None) -> None:
-    """Refuse to write the cell file to another folder, where it would not find the files that it names."""
+    """Refuse to write the cell file to another folder: it would not find the files that it names."""
     files = [node.file for node in config.nodes.values() if node.file and not node.file.startswith(PREFIX)]
     relative = [file for file in files if not Path(file).expanduser().is_absolute()]
     if output is not None and relative and output.absolute().parent != config.folder.absolute():

@@ -88,7 +88,7 @@ class Exporter:
 
 
 def _all_of(families: Iterator[Metric]) -> list[Metric]:
-    """Return what can be had of some families: the machine may end in their midst."""
+    """Return those of some families that can be read: the machine may end meanwhile."""
     found: list[Metric] = []
     with suppress(AxisbusError):  # ``axisbus_up`` reports it at the next scrape
         found.extend(families)

@@ -120,7 +120,7 @@ def _travels(row: OpcuaVariable, facts: AxisFacts) -> bool:
 
 
 def measured(machine: Machine, now: Callable[[], float]) -> Iterator[tuple[str, OpcuaValue]]:
-    """Read the temperature of each axis by SDO, one after the other; blocks for each, and skips axes that report none."""
+    """Read the temperature of each axis by SDO, one after the other; blocks for each. An axis without one gets a bad value."""
     for axis in machine:
         try:
             yield axis.name, OpcuaValue(axis.temperature, Quality.GOOD, now())

@@ -108,7 +108,7 @@ def _whereabouts(axis: Axis) -> str:
 
 
 def _together(ends: Sequence[MethodResult]) -> MethodResult:
-    """Return the worst status of all, and all texts, those of errors first."""
+    """Return the first status that is not good, else good, and all texts, those of errors first."""
     bad = [end for end in ends if end.status != "Good"]
     text = "\n".join(end.text for end in [*bad, *(end for end in ends if end.status == "Good")])
     return MethodResult(bad[0].status if bad else "Good", text)

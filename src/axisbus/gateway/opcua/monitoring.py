@@ -176,7 +176,7 @@ def _modified(
 
 
 def _refusal(attribute: int, given: object) -> int | None:
-    """Return why a filter cannot be that of an item of this attribute, None where it can."""
+    """Return why a filter is not valid for an item of this attribute, None if it is valid."""
     event = attribute == ua.AttributeIds.EventNotifier
     if isinstance(given, ua.EventFilter):
         return _refusal_of_event(given) if event else _Codes.BadFilterNotAllowed

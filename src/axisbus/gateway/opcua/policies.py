@@ -91,7 +91,7 @@ class Refusing:
     """All other policies: refused with an error that the client understands, instead of silence."""
 
     def matches(self, uri: str, mode: ua.MessageSecurityMode | None = None) -> bool:  # noqa: ARG002  # asyncua's shape
-        """Match all remaining policies."""
+        """Match all remaining policies, if no security mode is given."""
         return mode is None
 
     def create(self, peer_certificate: bytes | None) -> Policy:  # noqa: ARG002  # asyncua's shape

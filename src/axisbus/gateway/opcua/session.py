@@ -116,7 +116,7 @@ class GuardedSession(MonitoringSession):
         callback: Callable[..., Any],
         request_callback: Callable[..., Any] | None = None,
     ) -> ua.CreateSubscriptionResult:
-        """Create a subscription whose interval is limited, so that it neither overloads the server nor never ends."""
+        """Create a subscription; its interval is limited, so that it does not overload the server, and ends if it is not used."""
         while (crowd := self._crowd()) is not None:
             left = self.iserver.left_behind(crowd)
             if left is None:

@@ -46,7 +46,7 @@ def trusted(folder: Path) -> Trust:
     """Read the certificates in a folder: each file that ends in .pem, .crt, .cer or .der.
 
     Raises:
-        ConfigError: there is no certificate, or one of them cannot be read.
+        ConfigError: there is no certificate, or the folder or one of them cannot be read.
     """
     try:
         files = sorted(path for path in folder.iterdir() if path.suffix.lower() in _ENDINGS)
@@ -77,7 +77,7 @@ def uri_of(path: Path) -> str:
     """Return the application URI in the server's certificate; clients compare it with the URI that the server reports.
 
     Raises:
-        StateError: the certificate has none.
+        StateError: the certificate has none, or cannot be read.
     """
     try:
         certificate = _parsed(path.read_bytes())

@@ -19,7 +19,7 @@ from axisbus.gateway.zenoh.lease_manager import Holding
 from axisbus.machine.machine import Machine
 
 LONGEST = 64  # characters of a client's name
-_STOPS = 256  # that may be under way
+_STOPS = 256  # the most running stops that are remembered
 
 
 class Commands:

@@ -40,5 +40,5 @@ def too_late(deadman: DeadMan, ask: PageRequest, now: float) -> Refusal | None:
 
 
 def is_ahead(told: float, seen: float | None) -> bool:
-    """Return whether to send a page nothing new: it shows the values sent at ``seen``, and the last were sent at ``told``."""
+    """Return whether a page lags too far: it shows the values sent at ``seen``, and the newest were sent at ``told``."""
     return seen is not None and told - seen > AHEAD

@@ -30,7 +30,7 @@ def live(name: str, classes: str = "") -> Tag:
 
 
 def scrolled(label: str) -> Tag:
-    """Return a place for what may be wider than the screen; the keyboard reaches it, so that its arrows scroll it."""
+    """Return a container for contents that may be wider than the screen; it is focusable, so that arrow keys scroll it."""
     return Tag("div", classes="scroll", tabindex="0", role="region", aria_label=label)
 
 

@@ -121,7 +121,7 @@ def _both(limit: float | None) -> Span | None:
 
 
 def _lag(parameters: AxisParameters, increment: float) -> float | None:
-    """Return the largest following error in units: from the cell file, else from the drive's 6065h; rounded to the increment."""
+    """Return the largest following error in units: from the cell file, else from the drive's 6065h; rounded to its resolution."""
     own = parameters.following_error
     own = parameters.drive_following_error if own is None else own
     if own is None:

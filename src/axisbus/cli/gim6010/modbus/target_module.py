@@ -125,7 +125,7 @@ def axis(target: ModbusTarget) -> Iterator[ModbusAxis]:
     """Open the module to move it, with a watchdog process; at the end of the block it is stopped, and the result is printed.
 
     Raises:
-        StateError: the watchdog process cannot be started.
+        StateError: the module is not idle, or the watchdog process cannot be started.
         NodeError: the module does not answer.
         UserError, AdapterError: as ``opened``.
     """
