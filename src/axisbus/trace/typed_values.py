@@ -91,7 +91,7 @@ class Values:
         )
 
     def _note_mode(self, node: int, index: int, value: Value) -> None:
-        """Note a mode: the mode display wins, because it is the actual mode; before one is seen, the first commanded mode counts."""
+        """Note a mode: the mode display wins, because it is the actual mode; before it is seen, the first command counts."""
         first = first_axis(index)
         if first not in _MODES or not isinstance(value, int):
             return

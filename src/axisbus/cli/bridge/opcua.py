@@ -1,4 +1,4 @@
-"""``axisbus bridge opcua``: an OPC UA server beside a machine."""
+"""``axisbus bridge opcua``: an OPC UA server for a machine."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ def over_usb(steps: Sequence[str]) -> None:
 
 
 def with_module(asked: ModuleSelection, act: Act, steps: Sequence[str]) -> int:
-    """Open a module and run ``act`` on its parameters; if the module refuses, print the ``steps`` over USB.
+    """Open a module and run ``act`` on its parameters; after a NodeError, print the ``steps`` over USB.
 
     Raises:
         UsageError, UserError, AdapterError: as ``opened``, or from ``act``.
