@@ -1,4 +1,4 @@
-"""One axis as its user sees it: commands in engineering units, checked at the call; values that are never passed off as fresh."""
+"""The public axis: commands in engineering units, checked at the call, and values that are fresh or reported as unknown."""
 
 from __future__ import annotations
 
@@ -42,22 +42,22 @@ Measure = Callable[[str, str], float]
 
 
 def tells_nothing(axis: str, what: str) -> float:
-    """Refuse to read ``what``: there is no way to the drive's objects."""
+    """Raise StateError: the value ``what`` cannot be read, because the machine has no access to the drive's objects."""
     raise StateError(f"{axis}: its {what} is not known: the machine has no way to its objects")
 
 
 class Axis:
     """A named axis. Every command returns a ``Handle`` at once; ``handle.wait()`` blocks, ``await handle`` does not.
 
-    Values are in the axis's unit (``unit``, unit/s, unit/s²), torques in N·m, times in seconds. Argument errors raise at the call;
-    what the state forbids, and all that happens later, ends the handle. Commands that come faster than the scan takes them wait, up
-    to a number (see ``inbox``); halt, stop, quick_stop and disable never do.
+    Values are in the axis's unit (``unit``, unit/s, unit/s²), torques in N·m, times in seconds. Wrong arguments raise at the call.
+    If the state of the axis forbids a command, or if an error occurs later, the handle ends with that error. A cycle accepts at
+    most 32 commands; up to 1024 more are queued. Halt, stop, quick_stop and disable are never queued.
     """
 
     def __init__(
         self, parameters: AxisParameters, commanding: CommandDispatcher, measure: Measure = tells_nothing
     ) -> None:
-        """``measure`` reads what the drive tells beside the cyclic values, by name (see ``temperature``)."""
+        """``measure`` reads a value of the drive that is not sent cyclically, by its name (see ``temperature``)."""
         self.name = parameters.name
         self._parameters = parameters
         self._commanding = commanding
@@ -74,38 +74,38 @@ class Axis:
         return f"<Axis {self.name}: {self.snapshot.state.value}{where}>"
 
     def _repr_html_(self) -> str:
-        """Let a notebook show it."""
+        """Return the HTML that a notebook shows."""
         from axisbus.machine.display.notebook import axis_html  # only a notebook needs it
 
         return axis_html(self)
 
-    # -- what it is and where it is ----------------------------------------------------------------------------------
+    # -- identity and position ---------------------------------------------------------------------------------------
 
     @property
     def modulo(self) -> float | None:
-        """How far an endless axis turns until it counts anew, in its unit; None where it is not endless."""
+        """Length of one turn of an endless axis, in its unit; None if the axis is not endless."""
         return self._parameters.units.modulo
 
     @property
     def unit(self) -> str:
-        """The unit of its positions."""
+        """The unit of the axis's positions."""
         return self._parameters.units.position.unit
 
     @property
     def state(self) -> AxisState:
-        """PLCopen's state, as of the last cycle.
+        """The PLCopen state of the axis in the last cycle.
 
         Raises:
-            StaleError: it is unknown: the scan has failed.
+            StaleError: the state is unknown, because the scan has failed.
         """
         self._require_scan("state")
         return self.snapshot.state
 
     @property
     def error(self) -> AxisbusError | None:
-        """Why the axis is in ErrorStop, or nothing is known of it (the scan has failed), or it takes no command any more.
+        """Why the axis is in ErrorStop, is unknown (the scan has failed), or accepts no more commands; None if all is well.
 
-        The last comes of Ctrl-C or SIGTERM, after which there is only the way out. None when all is well.
+        An axis accepts no more commands after Ctrl-C or SIGTERM: the machine can then only be closed.
         """
         dead, leaving = self._session.dead, self._session.leaving_because
         if dead is not None:
@@ -116,10 +116,10 @@ class Axis:
 
     @property
     def homed(self) -> bool:
-        """Whether its position is a confirmed one: homed, or set by ``set_position``, since the machine was opened.
+        """Whether the position is confirmed: homed, or set by ``set_position``, since the machine was opened.
 
         Raises:
-            StaleError: it is unknown: the scan has failed.
+            StaleError: it is unknown, because the scan has failed.
         """
         self._require_scan("position")
         return self.snapshot.homed
@@ -134,13 +134,13 @@ class Axis:
         """Actual position in the axis's unit.
 
         Raises:
-            StaleError: it is unknown (never received, or older than its maximum age).
+            StaleError: the position is unknown (never received, or older than its maximum age).
         """
         return self._parameters.units.turned(self.unwrapped_position)
 
     @property
     def unwrapped_position(self) -> float:
-        """As ``position``, but of an endless axis not within its modulo: how far it has turned in all; for groups."""
+        """As ``position``, but not wrapped at the modulo: the total angle that an endless axis has turned; for groups."""
         snapshot = self.snapshot
         return self._parameters.units.position.to_units(
             self._known(snapshot.position, "position (6064h)") - snapshot.origin
@@ -148,7 +148,7 @@ class Axis:
 
     @property
     def commanded_position(self) -> float:
-        """Where its drive was led to last (6062h, where it is believed), else where it is; unwrapped, in its unit; for groups."""
+        """The last demand position (6062h, if valid), else the actual position; unwrapped, in the axis's unit; for groups."""
         snapshot = self.snapshot
         place = snapshot.demand if snapshot.demand_leads else None
         if place is None:
@@ -157,34 +157,34 @@ class Axis:
 
     @property
     def scan_period(self) -> float:
-        """Seconds between two of its cycles; for groups."""
+        """The scan period of the axis in seconds; for groups."""
         return self._parameters.scan_period
 
     @property
     def increment(self) -> float:
-        """What one increment of its position comes to, in its unit; for groups."""
+        """The size of one position increment, in the axis's unit; for groups."""
         return abs(self._parameters.units.position.to_units(1))
 
     @property
     def start_tolerance(self) -> float:
-        """How far it may be from a place that counts as where it stands, in its unit; for groups."""
+        """The allowed distance between the axis and the start of a motion, in the axis's unit; for groups."""
         return self._parameters.place_window * self.increment
 
     @property
     def velocity(self) -> float:
-        """Actual velocity in unit/s; raises StaleError when it is unknown."""
+        """Actual velocity in unit/s; raises StaleError if it is unknown."""
         return self._parameters.units.velocity.to_units(
             self._known(self.snapshot.velocity, "velocity (606Ch)")
         )
 
     @property
     def torque(self) -> float:
-        """Actual torque in N·m (in parts of rated torque without ``rated_torque``); raises StaleError when it is unknown."""
+        """Actual torque in N·m (without ``rated_torque``: in parts of the rated torque); raises StaleError if it is unknown."""
         return self._parameters.units.torque(self._known(self.snapshot.torque, "torque (6077h)"))
 
     @property
     def target(self) -> float | None:
-        """Where the last move to a position leads, in the axis's unit; None without one, or after another kind of motion."""
+        """Target of the last move to a position, in the axis's unit; None without one, or after another kind of motion."""
         snapshot = self.snapshot
         if snapshot.target is None:
             return None
@@ -193,7 +193,7 @@ class Axis:
 
     @property
     def distance_to_go(self) -> float | None:
-        """How far the target of the last move to a position is from where the axis is, signed, in the axis's unit.
+        """Signed distance from the actual position to the target of the last move to a position, in the axis's unit.
 
         None without such a move, or while the position is unknown.
         """
@@ -204,10 +204,10 @@ class Axis:
 
     @property
     def following_error(self) -> float:
-        """How far the actual position is behind the demand (6062h minus 6064h), in the axis's unit.
+        """Demand position minus actual position (6062h minus 6064h), in the axis's unit.
 
         Raises:
-            StaleError: one of both is unknown; so it is on a drive whose 6062h says nothing (see ``docs/stopping.md``).
+            StaleError: one of the two is unknown, for example because the drive's 6062h is not valid (see ``docs/stopping.md``).
         """
         snapshot = self.snapshot
         demand = self._known(snapshot.demand, "demand (6062h)")
@@ -217,7 +217,7 @@ class Axis:
 
     @property
     def enabled(self) -> bool:
-        """Whether the drive is in *operation enabled*, as of the last cycle.
+        """Whether the drive was in *operation enabled* in the last cycle.
 
         Raises:
             StaleError: it is unknown: no fresh statusword, or the scan has failed.
@@ -229,11 +229,11 @@ class Axis:
 
     @property
     def limits(self) -> AxisLimits:
-        """What the master keeps: ``position``, ``velocity``, ``acceleration`` in units, ``torque`` in N·m (None: none)."""
+        """The limits that the master keeps: position, velocity, acceleration in units, torque in N·m (None: no limit)."""
         return self._parameters.limits
 
     def room_from(self, start: float) -> tuple[float, float] | None:
-        """Return within what a way from ``start`` (unit) must lie, None: anything; for groups."""
+        """Return the range in which a path from ``start`` (unit) must lie, None if there are no position limits; for groups."""
         start = self._request(f"room_from({shown(start)})").finite("start", start)
         limits, units = self._parameters.limits.position, self._parameters.units.position
         if limits is None:
@@ -243,7 +243,7 @@ class Axis:
 
     @property
     def promises(self) -> tuple[Promise, ...]:
-        """In which mode each limit is kept and how, by what the drive has shown when it was booted; one entry for each mode.
+        """How each limit is kept in each mode, according to the drive's objects at boot; one entry for each limit and mode.
 
         An entry has ``limit`` (its key in the cell file), ``mode`` (such as ``pv``), ``kept``, ``why`` and ``remedy``.
         """
@@ -251,21 +251,21 @@ class Axis:
 
     @property
     def override(self) -> float:
-        """The factor of ``set_override``, whichever program has set it; 1 before that. That of the cell multiplies it."""
+        """The last factor of ``set_override`` from any program; 1 before that. The override of the cell multiplies it."""
         return self.snapshot.override
 
     @property
     def total_override(self) -> float:
-        """By what the velocities of its commands are multiplied: its own override times that of the cell, at most 1.5."""
+        """The factor that multiplies the velocities of this axis: its own override times that of the cell, at most 1.5."""
         snapshot = self.snapshot
         return min(snapshot.override * snapshot.cell_override, FASTER)
 
     @property
     def temperature(self) -> float:
-        """Motor temperature in °C, where the make's table names its object; read by SDO: it blocks until the drive has answered.
+        """Motor temperature in °C, if the drive plug-in names its object. Read by SDO: blocks until the drive has answered.
 
         Raises:
-            StateError: the drive does not tell it, or nobody knows by which object.
+            StateError: the drive does not report it, or its object is unknown.
             SdoAbort, SdoTimeout: the drive refuses, or does not answer.
         """
         return self._measure(self.name, "temperature")
@@ -292,7 +292,7 @@ class Axis:
         return value
 
     def _require_scan(self, what: str) -> None:
-        """Check that the scan lives, or was ended well; raises StaleError."""
+        """Raise StaleError if the scan has failed. A scan that was ended in the normal manner is accepted."""
         dead = self._session.dead
         if dead is not None:
             raise self._unknown(what, dead)
@@ -309,7 +309,7 @@ class Axis:
         )
 
     def _why_unknown(self, what: str) -> tuple[str, str]:
-        """Return what is seen of a value that is not known, and what to do."""
+        """Return the observation and the remedy for an unknown value."""
         name = what.partition(" ")[0]
         remedy = "check that the node is there and sends it; it must be in a TPDO (axisbus boot shows what travels how)"
         if (
@@ -330,12 +330,14 @@ class Axis:
     # -- power and stopping ------------------------------------------------------------------------------------------
 
     def enable(self, *, allow_moving: bool = False) -> Handle:
-        """Switch the power stage on (MC_Power). Nothing moves by it: every target is preloaded.
+        """Switch the power stage on (MC_Power). This moves nothing: every target is preloaded.
 
-        An axis that moves without power (coasts, sags, is turned by hand) is awaited, and refused where it does not come to rest;
-        ``allow_moving`` catches it in motion. It is done when the axis is seen to stand with its power on.
+        If the axis moves without power (coasts, sags, is turned by hand), the command waits until it is at standstill. If the axis
+        does not come to rest, the command is refused. ``allow_moving`` enables the axis in motion. The handle is done when the axis
+        is seen at standstill with its power on.
 
-        Asked for again while it is under way, it goes on, and both handles end as it does; so do ``reset`` and all that stops.
+        If enable is called again while it is active, it continues, and both handles end with it. The same applies to ``reset`` and
+        to all stop commands.
         """
         caught = flag_of(f"{self.name}.enable", "moving", allow_moving)
         return self._submit("enable(allow_moving=True)" if caught else "enable()", c.EnableCommand(caught))
@@ -348,12 +350,12 @@ class Axis:
     def reset(self) -> Handle:
         """Reset a fault or ErrorStop (MC_Reset); never enables.
 
-        Does not block. The reset waits while the axis is being stopped; a new error, ``stop()`` or ``quick_stop()`` ends it then.
+        Does not block. While the axis is being stopped, the reset waits; a new error, ``stop()`` or ``quick_stop()`` then ends it.
         """
         return self._submit("reset()", c.ResetCommand())
 
     def halt(self) -> Handle:
-        """Brake to Standstill (MC_Halt); a new motion command may interrupt it."""
+        """Brake to Standstill (MC_Halt); a new motion command may interrupt the braking."""
         return self._submit("halt()", c.Halt())
 
     def stop(self) -> Handle:
@@ -361,12 +363,15 @@ class Axis:
         return self._submit("stop()", c.Stop())
 
     def release(self) -> Handle:
-        """End the lock of ``stop()``, once the axis stands."""
+        """End the lock of ``stop()`` when the axis is at standstill."""
         return self._submit("release()", c.Release())
 
     @contextmanager
     def held_stopped(self, timeout: float | None = None) -> Iterator[None]:
-        """Stop on entering (blocks until it stands), release on leaving."""
+        """Stop the axis for a ``with`` block: stop on entering (blocks until standstill), release on leaving.
+
+        ``timeout``: seconds that stop and release may each take.
+        """
         self.stop().wait(timeout)
         try:
             yield
@@ -374,7 +379,7 @@ class Axis:
             self.release().wait(timeout)
 
     def quick_stop(self) -> Handle:
-        """Let the drive do its quick stop (605Ah); afterwards it is Disabled, or held in Stopping, as configured."""
+        """Make the drive perform its quick stop (605Ah). Afterwards the axis is Disabled, or held in Stopping, as configured."""
         return self._submit("quick_stop()", c.QuickStop())
 
     # -- motion ------------------------------------------------------------------------------------------------------
@@ -393,20 +398,21 @@ class Axis:
     ) -> Handle:
         """Move to ``position`` (MC_MoveAbsolute, profile position mode).
 
-        ``jerk`` (unit/s³): the acceleration changes by no more in a second; ``math.inf``: at once, whatever the default is. A drive
-        with 60A4h and 6086h limits it; any other, and a virtual axis, is led by the master in csp. A halt and a stop are
-        as without.
-        ``direction`` is for endless axes (``modulo``): 0 shortest way, 1 positive, -1 negative. ``timeout`` in seconds replaces the
-        deadline that the master works out.
+        ``jerk`` (unit/s³) limits the change of the acceleration per second; ``math.inf`` removes the limit, also that of the
+        default. A drive with 60A4h and 6086h limits the jerk itself. For any other drive, and for a virtual axis, the master
+        commands the move in csp. ``jerk`` does not change a halt or a stop. ``direction`` is for endless axes (``modulo``): 0 is
+        the shortest path, 1 positive, -1 negative. ``timeout`` in seconds replaces the deadline that the master calculates.
 
-        With ``buffer`` (True, or ``"buffered"``) it begins when what the axis does has ended well (100 may wait), else it replaces
-        that. With ``"blending_low"``, ``"blending_previous"``, ``"blending_next"`` or ``"blending_high"`` (PLCopen's BufferMode) it
-        passes the end of the move before at the lower velocity of both, that of the one before, its own, or the higher. Behind a
-        move of the drive, the drive does that; with nothing under way it begins at once, led by the master in csp (where the drive
-        has it), so that the next passes exactly; with ``jerk`` only so. Where it cannot be so, the handle's ``note`` says why.
+        With ``buffer`` (True, or ``"buffered"``) the move begins when the present command of the axis has ended well (100 may be
+        queued); without it, the move replaces that command. With ``"blending_low"``, ``"blending_previous"``, ``"blending_next"``
+        or ``"blending_high"`` (PLCopen's BufferMode) the axis passes the end of the previous move without a stop: at the lower
+        velocity of the two, that of the previous move, that of this move, or the higher one. If the drive generates the previous
+        move, the drive blends. If no command is active, the move begins at once, and the master commands it in csp (if the drive
+        has csp), so that the next move can blend exactly. With ``jerk``, blending is possible only in csp. If blending is
+        impossible, the handle's ``note`` gives the reason.
 
         Raises:
-            LimitError: beyond ``position_limits``, ``max_velocity`` or ``max_acceleration``, or beyond what the object holds.
+            LimitError: beyond ``position_limits``, ``max_velocity`` or ``max_acceleration``, or out of the range of the object.
             ArgumentError: not finite, not positive, or a default is missing.
         """
         name = f"move_absolute({shown(position)} {self.unit})"
@@ -429,7 +435,7 @@ class Axis:
     ) -> Handle:
         """Move by ``distance`` from the actual position at the start (MC_MoveRelative); raises as ``move_absolute``.
 
-        Where it blends, it counts from the end of the move before.
+        If the move blends, ``distance`` counts from the end of the previous move.
         """
         ways = velocity, acceleration, deceleration, timeout, jerk
         return self._move_by(c.TargetReference.RELATIVE, distance, ways, buffer=buffer)
@@ -459,11 +465,12 @@ class Axis:
         timeout: float | None = None,
         buffer: bool | str = False,
     ) -> Handle:
-        """Move at ``velocity`` (signed, unit/s) until something else is wanted (MC_MoveVelocity, profile velocity mode).
+        """Move at ``velocity`` (signed, unit/s) until another command ends the motion (MC_MoveVelocity, profile velocity mode).
 
-        ``jerk`` (unit/s³) as in ``move_absolute``: a drive with 60A4h and 6086h limits it, any other, and a virtual axis, is led by
-        the master in csp, from standstill or from where that leads it already; ``halt`` is then as soft, every other stop is not.
-        The handle is done when the velocity is reached. Raises as ``move_absolute``.
+        ``jerk`` (unit/s³) as in ``move_absolute``: a drive with 60A4h and 6086h limits it itself. For any other drive, and for a
+        virtual axis, the master commands the motion in csp, from standstill or from a motion that the master already commands. In
+        that case ``halt`` also keeps the jerk limit; every other stop does not. The handle is done when the velocity is reached.
+        Raises as ``move_absolute``.
         """
         name = f"move_velocity({shown(velocity)} {self.unit}/s)"
         profile = self._request(name).turning(velocity, acceleration, deceleration, timeout, jerk)
@@ -472,10 +479,10 @@ class Axis:
     def jog(
         self, velocity: float, *, acceleration: float | None = None, continue_only: bool = False
     ) -> Handle:
-        """Move at ``velocity`` for 200 ms; call it again with the same values to go on. Raises as ``move_absolute``.
+        """Move at ``velocity`` for 200 ms; call it again with the same values to continue. Raises as ``move_absolute``.
 
-        With ``continue_only`` it goes on with the jog that runs, and begins none: where that has ended, by a halt of anybody's say,
-        the handle ends with ``Interrupted``. Whoever holds a button calls so from the second time on.
+        With ``continue_only`` the call continues the active jog and never starts one. If that jog has ended, for example by a halt
+        from any program, the handle ends with ``Interrupted``. For a push button, use ``continue_only`` from the second call on.
         """
         name = f"jog({shown(velocity)} {self.unit}/s)"
         profile = self._request(name).turning(velocity, acceleration, jerk=math.inf)
@@ -488,9 +495,9 @@ class Axis:
         """Apply ``torque`` (signed, N·m) with ``slope`` (N·m/s) in profile torque mode (MC_TorqueControl).
 
         Raises:
-            ArgumentError: ``rated_torque`` is not in cell.toml, a value is not finite, or no slope is known: the call gives
-                none, nor does ``torque_slope`` of the defaults, and the drive's own (6087h) is 0.
-            LimitError: beyond ``max_torque``, or beyond what 6071h holds.
+            ArgumentError: ``rated_torque`` is not in cell.toml, a value is not finite, or no slope is known: neither the call nor
+                ``torque_slope`` of the defaults gives one, and the drive's own (6087h) is 0.
+            LimitError: beyond ``max_torque``, or out of the range of 6071h.
         """
         name = f"torque_control({shown(torque)} N·m)"
         request = self._request(name)
@@ -502,15 +509,17 @@ class Axis:
     def cyclic_velocity(
         self, velocity: float, *, acceleration: float | None = None, deceleration: float | None = None
     ) -> Handle:
-        """Turn at ``velocity`` (signed, unit/s) until something else is wanted, in cyclic synchronous velocity mode (csv).
+        """Move at ``velocity`` (signed, unit/s) until another command ends the motion, in cyclic synchronous velocity mode (csv).
 
-        The ramps are made here: the drive gets one velocity per cycle. Called again while the axis turns, it goes on from the
-        velocity of that cycle; it may be called in every one. It begins at standstill, or where a ``cyclic_velocity`` runs or is
-        being halted. A halt brakes with ``deceleration``. The handle is done when the velocity is measured; it does not block.
+        The master makes the ramps: the drive gets one velocity per cycle. If the command is called again while the axis moves, it
+        continues from the velocity of that cycle; it may be called in every cycle. It begins at standstill, or while another
+        ``cyclic_velocity`` is active or is being halted. A halt brakes with ``deceleration``. The handle is done when the velocity
+        is measured. Does not block.
 
         Raises:
-            LimitError: beyond ``max_velocity`` or ``max_acceleration``, or beyond what 60FFh holds.
-            ArgumentError: not finite, not positive, a default is missing, or ``velocity_scale`` of an axis in increments.
+            LimitError: beyond ``max_velocity`` or ``max_acceleration``, or out of the range of 60FFh.
+            ArgumentError: not finite, not positive, a default is missing, or ``velocity_scale`` of an axis in increments is
+                missing.
         """
         name = f"cyclic_velocity({shown(velocity)} {self.unit}/s)"
         command = self._request(name).cyclic_velocity(velocity, acceleration, deceleration)
@@ -521,14 +530,14 @@ class Axis:
     ) -> Handle:
         """Apply ``torque`` (signed, N·m) with ``slope`` (N·m/s) in cyclic synchronous torque mode (cst).
 
-        The slope is made here, from the torque that the axis has when it begins: the drive gets one torque per cycle. It begins
-        at standstill, or where a ``cyclic_torque`` acts. The handle is done when the torque is measured; it does not block.
-        ``timeout`` in seconds replaces the deadline that the master works out.
+        The master makes the slope, from the present torque of the axis: the drive gets one torque per cycle. The command begins at
+        standstill, or while another ``cyclic_torque`` is active. The handle is done when the torque is measured. Does not block.
+        ``timeout`` in seconds replaces the deadline that the master calculates.
 
         Raises:
-            ArgumentError: ``rated_torque`` is not in cell.toml, a value is not finite, or no slope is known: the call gives
-                none, nor does ``torque_slope`` of the defaults, and the drive's own (6087h) is missing or 0.
-            LimitError: beyond ``max_torque``, beyond what 6071h holds, or a slope below 0.1 % of rated torque per second.
+            ArgumentError: ``rated_torque`` is not in cell.toml, a value is not finite, or no slope is known: neither the call nor
+                ``torque_slope`` of the defaults gives one, and the drive's own (6087h) is missing or 0.
+            LimitError: beyond ``max_torque``, out of the range of 6071h, or a slope below 0.1 % of rated torque per second.
         """
         name = f"cyclic_torque({shown(torque)} N·m)"
         request = self._request(name)
@@ -545,12 +554,13 @@ class Axis:
         slope: float | None = None,
         max_missed_cycles: int = 0,
     ) -> Controller:
-        """Let ``function`` lead the axis: it is given what was ``Measured`` in each cycle, and returns what is led to in the next.
+        """Let ``function`` control the axis: each cycle it gets an ``AxisFeedback`` and returns the next set-point.
 
-        ``output="velocity"``: it returns a velocity (unit/s, csv), ``"torque"``: a torque (N·m, cst); it is held to
-        ``max_velocity`` or ``max_torque``, and the ramps are those of ``cyclic_velocity`` and ``cyclic_torque``. It runs in a
-        thread of this program, and is called once the drive is in that mode. An exception, or no answer in time for the next
-        cycle, stops the axis (ErrorStop); ``max_missed_cycles``: for how many cycles more the last answer holds. Does not block.
+        ``output="velocity"``: the function returns a velocity (unit/s, csv), ``"torque"``: a torque (N·m, cst). The set-point is
+        limited to ``max_velocity`` or ``max_torque``, and the ramps are those of ``cyclic_velocity`` and ``cyclic_torque``. The
+        function runs in a thread of this program; the first call comes when the drive is in that mode. If the function raises an
+        exception, or its answer is late for the next cycle, the axis is stopped (ErrorStop). ``max_missed_cycles`` is the number of
+        further cycles for which the last answer stays valid. Does not block.
 
         Raises:
             ArgumentError, LimitError: as ``cyclic_velocity`` or ``cyclic_torque``.
@@ -569,10 +579,10 @@ class Axis:
     def home(self, method: int | None = None, *, timeout: float | None = None) -> Handle:
         """Home the axis (MC_Home) by ``method`` of 6098h, by default that of ``[axes.NAME.homing]``; ``timeout`` in seconds.
 
-        Asked for again while the axis is Homing, the second is refused and the first goes on.
+        If home is called again while the axis is Homing, the second call is refused and the first continues.
 
         Raises:
-            ArgumentError: no method is known, or one that moves has no speeds (a maker's own, below 0, may do without).
+            ArgumentError: no method is known, or a method that moves has no speeds (a vendor's own, below 0, may have none).
         """
         given = self._parameters.homing
         request = self._request("home()" if method is None else f"home(method {shown(method)})")
@@ -589,12 +599,12 @@ class Axis:
         return self._submit(name, c.Home(job))
 
     def set_position(self, position: float) -> Handle:
-        """Call the actual position ``position`` from now on (MC_SetPosition).
+        """Define the actual position as ``position`` from now on (MC_SetPosition).
 
-        The master keeps the difference; the drive's own position and limits do not change.
+        The master stores the difference; the drive's own position and limits do not change.
 
         Raises:
-            LimitError: beyond what a position object holds, so that no move could ever be told from there.
+            LimitError: out of the range of a position object, so that no move from there could be commanded.
             ArgumentError: not finite.
         """
         name = f"set_position({shown(position)} {self.unit})"
@@ -603,18 +613,19 @@ class Axis:
     def follow(self, trajectory: Followed, *, duration: float | None = None) -> Handle:
         """Follow ``trajectory`` (position over time in the axis's unit) in cyclic synchronous position mode.
 
-        It is an object with ``duration`` and ``position(t)``; rows of time (s, from 0 on) and position, also of numpy,
-        through which a smooth curve is laid (``SplineTrajectory``); or a function of time, with its ``duration`` in seconds.
+        ``trajectory`` is an object with ``duration`` and ``position(t)``; or rows of time (s, from 0 on) and position, also of
+        numpy, through which the master lays a smooth curve (``SplineTrajectory``); or a function of time, with its ``duration`` in
+        seconds.
 
-        It must begin where the axis stands. What is known in advance (``TrapezoidalTrajectory``, ``SampledTrajectory``,
-        ``SplineTrajectory``) is held against the limits as a whole. Any other is looked at in each cycle, as far ahead as braking
-        takes with the default deceleration: where it would leave the position limits, the axis is braked along it and stands within
-        them. So it is where the next step would be faster than ``max_velocity`` or harder than ``max_acceleration``; without both,
-        harder than the default acceleration.
+        The trajectory must begin at the present position of the axis. ``TrapezoidalTrajectory``, ``SampledTrajectory`` and
+        ``SplineTrajectory`` are checked against the limits as a whole, before the motion. Any other trajectory is checked in each
+        cycle, as far ahead as braking takes with the default deceleration. If it would leave the position limits, the axis brakes
+        along it and comes to standstill within them. The same happens if the next step would be faster than ``max_velocity`` or
+        would need more than ``max_acceleration``; if neither limit is set, more than the default acceleration.
 
         Raises:
             LimitError: it goes beyond ``position_limits``, ``max_velocity`` or ``max_acceleration``.
-            ArgumentError: the axis is not homed where it must be, or nothing is known to keep the limits with or to tell a jump by.
+            ArgumentError: the axis must be homed and is not; or no value is known to keep the limits with, or to detect a jump by.
         """
         followed = trajectory_of(trajectory, duration, f"{self.name}.follow")
         name = f"follow({type(followed).__name__}, {shown(followed.duration)} s)"
@@ -632,21 +643,22 @@ class Axis:
         master_start_distance: float | None = None,
         master_value_source: str = "command",
     ) -> Handle:
-        """Be led by ``master``: ``ratio`` units for each of its units, below 0 the other way (MC_GearIn, MC_GearInPos).
+        """Follow ``master`` at ``ratio`` own units per master unit, negative in reverse (MC_GearIn, MC_GearInPos).
 
-        The axis takes up its speed with ``acceleration`` (unit/s², by default its own); from where it has it, it keeps to the
-        master's place. With ``sync_positions`` = (master's place, own place) it waits until the master comes by, and within
-        ``master_start_distance`` units of the master before its place comes into step such that both are there at a time.
+        The axis reaches its velocity with ``acceleration`` (unit/s², by default its own); from then on it keeps the relation to the
+        master's position. With ``sync_positions`` = (master position, own position) the axis waits for the master. Within the last
+        ``master_start_distance`` units of the master before its position the axis comes into step, so that both axes reach their
+        positions at the same time.
 
-        The handle ends when they are in step; the axis is led on, one cycle behind, until another command, ``gear_out`` or a stop
-        takes it away. ``master_value_source`` "command": it goes by where the master is led to; "actual": by where it is, filtered.
-        A master in ErrorStop, being homed or unknown is lost: the axis is braked by its own deceleration, in ErrorStop. So it is
-        where the master would take it beyond its own limits.
+        The handle ends when the axis is in step. The axis keeps following, one cycle behind, until another command, ``gear_out`` or
+        a stop ends the coupling. ``master_value_source`` "command": the axis follows the master's commanded position; "actual": its
+        filtered actual position. A master that is in ErrorStop, is being homed, or is unknown counts as lost: the axis brakes with
+        its own deceleration and is in ErrorStop. The same happens if the master would move the axis beyond its own limits.
 
         Raises:
             LimitError: a value is beyond a limit.
-            ArgumentError: a value is missing or no number, an axis is not homed where it must be, or ``master`` is no other axis
-                of this machine.
+            ArgumentError: a value is missing or no number, an axis must be homed and is not, or ``master`` is not another axis of
+                this machine.
         """
         text = f"gear_in({getattr(master, 'name', shown(master))}, {shown(ratio)})"
         coupling = Coupling(self, master, text, self._request(text), master_value_source)
@@ -664,12 +676,13 @@ class Axis:
         slave_scaling: float = 1.0,
         master_value_source: str = "command",
     ) -> Handle:
-        """Be led by ``master`` along a ``cam`` (MC_CamIn).
+        """Follow ``master`` along a ``cam`` (MC_CamIn).
 
-        It must stand where it is due for the master's place, or comes there within the next ``master_start_distance`` units of the
-        master; with ``relative`` where it is counts as where it is due. ``master_offset``: by how many units of the master it is
-        ahead; ``master_scaling`` (above 0) and ``slave_scaling`` stretch the cam for the master's and the slave's places. The
-        handle, ``master_value_source``, and the ends are as of ``gear_in``.
+        At the call the axis must be at the position that the cam gives for the master's position, or it reaches the cam within the
+        next ``master_start_distance`` units of the master. With ``relative`` the present position of the axis counts as that
+        position. ``master_offset`` (units of the master): how far the master counts as further ahead. ``master_scaling`` (above 0)
+        and ``slave_scaling`` stretch the cam along the master's and the slave's positions. The handle, ``master_value_source``, and
+        the ends are those of ``gear_in``.
 
         Raises:
             LimitError: the cam leaves ``position_limits``.
@@ -688,47 +701,47 @@ class Axis:
         return self._couple(command, text)
 
     def gear_out(self) -> Handle:
-        """Be led no more, by a gear or a cam, and go on with the present speed (MC_GearOut, MC_CamOut); ``halt()`` brakes it."""
+        """End the coupling to a gear or a cam and keep the present velocity (MC_GearOut, MC_CamOut); ``halt()`` brakes the axis."""
         return self._submit("gear_out()", c.GearOut())
 
     def set_override(self, factor: float) -> Handle:
-        """Let the axis go at ``factor`` times the velocity of its commands: 0 (it holds) to 1.5 (MC_SetOverride). Does not block.
+        """Multiply the velocity of the axis's commands by ``factor``: 0 (the axis holds) to 1.5 (MC_SetOverride). Does not block.
 
-        At any time, also in motion, and for what follows, until it is set again; ``cell.set_override`` multiplies it, and so does
-        that of a group. At 0 the axis comes to rest, its handle stays busy, and it goes on by itself when the factor rises. A line,
-        path or stream of a group goes as slowly as its slowest axis. It lifts no limit: 1.5 times a velocity is at most
-        ``max_velocity``; a trajectory of your own is only made faster where it tells in advance that it stays within the limits.
-        It scales no ramp, torque, halt, stop or homing; an axis that another one leads follows that.
+        It may be called at any time, also in motion. It applies to present and later commands, until it is set again. The overrides
+        of the cell and of a group multiply it. At 0 the axis comes to rest, its handle stays busy, and the motion continues
+        automatically when the factor rises. A line, path or stream of a group moves at the lowest factor of its axes. The override
+        lifts no limit: 1.5 times a velocity is at most ``max_velocity``. A trajectory of the user's own becomes faster only if it
+        is known in advance to stay within the limits. The override scales no ramp, torque, halt, stop or homing; a coupled axis
+        follows its master.
 
-        The handle ends with a StateError where nothing says with which acceleration the axis may change its speed.
+        The handle ends with a StateError if it is unknown with which acceleration the axis may change its velocity.
 
         Raises:
-            ArgumentError: it is no number from 0 to 1.5.
+            ArgumentError: not a number from 0 to 1.5.
         """
         found = override_of(f"{self.name}.set_override", factor)
         return self._submit(f"set_override({found:g})", c.SetOverride(found))
 
     def set_torque_offset(self, torque: float) -> Handle:
-        """Let ``torque`` (N·m, signed) be added to what the drive's controllers ask for (60B2h), in csp and csv. Does not block.
+        """Add ``torque`` (N·m, signed) to the torque demand of the drive's controllers (60B2h), in csp and csv. Does not block.
 
-        Such as a weight that has been gripped. It takes the place of ``torque_offset`` in ``[axes.NAME.feed_forward]``, whichever
-        program sets it, until it is set again or the machine is opened anew. It acts while the drive is seen enabled by us, in csp
-        or csv; it comes and goes within 0.2 s, and a stop takes it away. The handle is
-        done at once.
+        An example is the weight of a gripped part. The offset replaces ``torque_offset`` of ``[axes.NAME.feed_forward]`` until any
+        program sets it again or the machine is reopened. It acts while the drive is seen enabled by this master, in csp or csv. It
+        rises and falls within 0.2 s, and a stop removes it. The handle is done at once.
 
         Raises:
             LimitError: beyond ``max_torque``, else the drive's 6072h.
-            ArgumentError: no finite number; ``rated_torque`` is missing; the cell file does not ask for 60B2h.
+            ArgumentError: not a finite number; ``rated_torque`` is missing; the cell file does not configure 60B2h.
         """
         name = f"set_torque_offset({shown(torque)} N·m)"
         return self._submit(name, c.SetTorqueOffset(self._request(name).torque_offset(torque)))
 
     def phasing_relative(self, shift: float, *, velocity: float, acceleration: float) -> Handle:
-        """See its master ``shift`` units farther on than that is, while both go on (MC_PhasingRelative).
+        """Follow as if the master were ``shift`` units further ahead; both axes keep moving meanwhile (MC_PhasingRelative).
 
-        For an axis in step. All in units of the master: the shift is signed, and changes with at most ``velocity`` (per s) and
-        ``acceleration`` (per s²). What is still to come of a shift under way is added to it. The handle is done when all has been
-        shifted; does not block.
+        For an axis in step. All values are in units of the master. The shift is signed, and changes with at most ``velocity`` (per
+        s) and ``acceleration`` (per s²). The rest of an active shift is added to the new one. The handle is done when the whole
+        shift is applied. Does not block.
 
         Raises:
             ArgumentError: a value is not finite, or velocity or acceleration are not above 0.
@@ -752,19 +765,20 @@ class Axis:
         acceleration: float | None = None,
         deceleration: float | None = None,
     ) -> Handle:
-        """Lay ``distance`` over what leads the axis along a path, which goes on meanwhile (MC_MoveSuperimposed). Does not block.
+        """Add ``distance`` to a motion that the master commands, and that continues (MC_MoveSuperimposed). Does not block.
 
-        For an axis that the master leads: on a line, path or stream of a group, a trajectory, a gear or cam, a soft move of the
-        master's, what goes on from these. The motion below goes on displaced: at its end ``position`` is its own end and
-        ``distance``, and its handle waits for an addition under way. Another one supersedes this one, from its present speed.
+        The motion below may be a line, path or stream of a group, a trajectory, a gear or cam, a move with limited jerk that the
+        master commands, or a motion that continues from one of these. It continues displaced: at its end ``position`` is its own
+        end plus ``distance``, and its handle waits for an active addition. A second addition replaces the first, from its present
+        velocity.
 
         ``velocity`` (unit/s) and ramps (unit/s²) are those of the addition, by default the axis's. The sum keeps ``max_velocity``
-        and ``max_acceleration``: the addition is slower, or waits. ``position_limits`` hold for the sum: a LimitError ends the
-        handle, and brakes the addition alone. An override slows it, too. There is no limit of jerk.
+        and ``max_acceleration``: if necessary, the addition is slower, or waits. ``position_limits`` apply to the sum: a LimitError
+        ends the handle, and only the addition brakes. An override slows the addition, too. There is no limit of jerk.
 
-        The handle is done when all is laid over. It ends with a StateError where nothing leads the axis (at standstill, or where
-        its drive plans the move), with a LimitError where what leads it takes all of ``max_acceleration``, or with what ends the
-        motion below: a halt, a stop, a fault, another command.
+        The handle is done when the whole distance is added. It ends with a StateError if the master commands no motion of the axis
+        (the axis is at standstill, or its drive generates the move). It ends with a LimitError if the motion below takes all of
+        ``max_acceleration``. If a halt, a stop, a fault or another command ends the motion below, the handle ends with that.
 
         Raises:
             LimitError: beyond ``max_velocity`` or ``max_acceleration``.
@@ -775,9 +789,10 @@ class Axis:
         return self._submit(name, command)
 
     def halt_superimposed(self, *, deceleration: float | None = None) -> Handle:
-        """Brake what is laid over the motion, by ``deceleration`` (unit/s²) or its own (MC_HaltSuperimposed). Does not block.
+        """Brake only the superimposed motion, with ``deceleration`` (unit/s²) or its own (MC_HaltSuperimposed). Does not block.
 
-        The motion below goes on, displaced by what has been laid over it until then. Harmless where nothing is.
+        The motion below continues, displaced by the distance that was added until then. Without a superimposed motion the call has
+        no effect.
 
         Raises:
             LimitError: beyond ``max_acceleration``.
@@ -798,19 +813,20 @@ class Axis:
         window: tuple[float, float] | None = None,
         source: str = "input",
     ) -> ProbeHandle:
-        """Arm a touch probe: the drive latches where it is at the next ``edge`` (MC_TouchProbe; CiA 402-2, 60B8h to 60BDh).
+        """Arm a touch probe: the drive latches its position at the next ``edge`` (MC_TouchProbe; CiA 402-2, 60B8h to 60BDh).
 
-        ``input``: 1 or 2. ``edge``: "rising", "falling", or "both", which is done when one of each was latched. ``source``:
-        "input", or "zero pulse" of the encoder. ``continuous`` tells every edge until it is cancelled. ``window``: from where to
-        where (in the axis's unit) an edge counts; of an endless axis it may go over the end of the turn.
+        ``input``: 1 or 2. ``edge``: "rising", "falling", or "both", which is done when one of each is latched. ``source``: "input",
+        or "zero pulse" of the encoder. ``continuous`` reports every edge until it is cancelled. ``window``: the range of positions
+        (in the axis's unit) in which an edge counts; for an endless axis it may include the end of the turn.
 
-        It does not block, energises and moves nothing, and works in every state in which the node is operational. The position is
-        the drive's own latch; that it was latched is seen by SDO, 10 ms and two answers later at most. An edge counts from when the
-        handle is ``active`` (see ``wait_armed``). Another request for the same input replaces this one; homing ends it.
+        Does not block. The command energises and moves nothing, and works in every state in which the node is operational. The
+        position is the drive's own latch. The master detects the latch by SDO, at most 10 ms and two answers later. An edge counts
+        from the time at which the handle is ``active`` (see ``wait_armed``). Another request for the same input replaces this one;
+        homing ends it.
 
         Raises:
-            StateError: the EDS lacks an object for it.
-            ArgumentError: a value is none that there is; or with a window, the axis is not homed where it must be.
+            StateError: the EDS lacks an object that is needed.
+            ArgumentError: a value is not one of those allowed; or with a window, the axis must be homed and is not.
         """
         name = f"probe(input {shown(input)}, {edge if isinstance(edge, str) else told(edge)})"
         command = probe_command(
@@ -840,16 +856,16 @@ class Axis:
         deceleration: float | None = None,
         timeout: float | None = None,
     ) -> ProbeHandle:
-        """Move to ``position`` at most, and halt where a touch probe sees its next ``edge`` ("rising" or "falling").
+        """Move to ``position`` at most, and halt when a touch probe sees its next ``edge`` ("rising" or "falling").
 
-        It begins at standstill: the input is armed, then the axis goes. The handle is done at rest, and its ``position`` is that
-        of the edge; the axis stands beyond it, by its way until the edge was seen and by its braking. Where it arrives without
-        an edge, the handle ends with a ProbeError. A halt, or another motion, ends it as it ends a move; ``cancel()`` halts.
-        Values are as of ``move_absolute`` and ``probe``; it does not block.
+        The command begins at standstill: the master arms the input, then moves the axis. The handle is done at rest, and its
+        ``position`` is that of the edge. The axis stops beyond the edge, by the distance that it moves until the edge is seen plus
+        its braking distance. If it arrives without an edge, the handle ends with a ProbeError. A halt, or another motion, ends it
+        as it ends a move; ``cancel()`` halts. Values are those of ``move_absolute`` and ``probe``. Does not block.
 
         Raises:
             LimitError, ArgumentError: as ``move_absolute`` and ``probe``.
-            StateError: the EDS lacks an object for it.
+            StateError: the EDS lacks an object that is needed.
         """
         name = f"probe_move({shown(position)} {self.unit}, input {shown(input)})"
         target = self._absolute_increments(name, position)
@@ -869,9 +885,9 @@ class Axis:
         return handle
 
     def probe_abort(self, input: int = 1) -> Handle:  # noqa: A002  # the standard's word
-        """Switch the touch probe of ``input`` (1 or 2) off, whoever has armed it (MC_AbortTrigger); its handle ends as aborted.
+        """Switch off the touch probe of ``input`` (1 or 2), whichever program armed it (MC_AbortTrigger); its handle is aborted.
 
-        It does not block; done when the drive has taken it. Raises as ``probe``.
+        Does not block; done when the drive has accepted it. Raises as ``probe``.
         """
         name = f"probe_abort(input {shown(input)})"
         request = self._request(name)
@@ -879,7 +895,7 @@ class Axis:
         require_objects(request, self._parameters, number, frozenset())
         return self._submit(name, c.ProbeAbort(number))
 
-    # -- how a command is made ----------------------------------------------------------------------------------------
+    # -- construction of commands -------------------------------------------------------------------------------------
 
     def _submit(self, name: str, command: c.Command) -> Handle:
         return self._commanding.submit(self.name, command, f"{self.name}.{name}")
@@ -890,7 +906,7 @@ class Axis:
         return self._commanding.submit(both, command, f"{self.name}.{text}")
 
     def _require_master(self, master: object, text: str) -> Axis:
-        """Return ``master``, which must be another axis of this machine (ArgumentError); for couplings."""
+        """Return ``master``; raise ArgumentError unless it is another axis of this machine; for couplings."""
         if isinstance(master, Axis) and master is not self and master._session is self._session:
             return master
         raise ArgumentError(
@@ -937,7 +953,7 @@ class Axis:
 
     @property
     def default_acceleration(self) -> float | None:
-        """Acceleration of ``[axes.NAME.defaults]`` in unit/s², None where it is missing."""
+        """Acceleration of ``[axes.NAME.defaults]`` in unit/s², None if it is missing."""
         return self._parameters.defaults.acceleration
 
     def _absolute_increments(self, name: str, position: float, direction: int = 0) -> int:
@@ -953,21 +969,21 @@ class Axis:
         return scale.to_increments(modulo_target(here, position, modulo, direction))
 
     def _absolute_position(self, name: str, position: float) -> float:
-        """Return where an absolute move would end, in units, checked as ``move_absolute`` does; for groups."""
+        """Return the end position of an absolute move, in units, checked as ``move_absolute`` does; for groups."""
         target = self._absolute_increments(name, position)
         endless = self._parameters.units.modulo is not None
         return self._parameters.units.position.to_units(target) if endless else position
 
     def _require_stream_limits(self, text: str) -> None:
-        """Raise ArgumentError where nothing says how it is braked, or how fast it may be; for streams."""
+        """Raise ArgumentError if the deceleration or the maximum velocity of the axis is unknown; for streams."""
         self._request(text).streamed()
 
     def _stream_limits(self) -> Allowed:
-        """Return what it may do on a stream of points that begins where it is led to; for streams."""
+        """Return the limits of the axis on a stream of points that begins at its commanded position; for streams."""
         return allowed_of(self._parameters, self.commanded_position)
 
     def _require_at_start(self, text: str, position: float) -> None:
-        """Raise StateError where ``position`` is not where it is led to; for streams."""
+        """Raise StateError if ``position`` is not the commanded position of the axis; for streams."""
         units = self._parameters.units.position
         off, allowed = abs(position - self.commanded_position), self.start_tolerance
         if off > allowed:
@@ -979,7 +995,7 @@ class Axis:
             )
 
     def _require_homed(self, name: str) -> None:
-        """Raise ArgumentError where it is not homed and must be; for couplings."""
+        """Raise ArgumentError if the axis must be homed and is not; for couplings."""
         if self._parameters.homing.required and not self.snapshot.homed:
             raise ArgumentError(
                 f"{self.name}.{name}: the axis is not homed",
@@ -989,7 +1005,7 @@ class Axis:
             )
 
     def _checked_position(self, name: str, position: float) -> float:
-        """Return a place, checked as ``move_absolute`` does; of an endless axis the one within its turn; for couplings."""
+        """Return ``position``, checked as ``move_absolute`` does; for an endless axis the one within its turn; for couplings."""
         self._absolute_increments(name, position)
         return float(position)
 
@@ -1000,7 +1016,7 @@ class Axis:
 
 
 def _takes_nothing(name: str, reason: str) -> StateError:
-    """The axis ``name`` is at rest, or is being stopped, and takes no command: the machine is on its way out."""
+    """Return the error of an axis that accepts no command, because the machine is being closed."""
     return StateError(
         f"{name}: takes no command any more, the machine is on its way out",
         observed=f"every axis is stopped: {reason}",

@@ -1,4 +1,4 @@
-"""A group of axes as its user sees it."""
+"""The public group of axes: lines, paths, circles, trajectories and streams of several axes."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ from axisbus.motion.point_stream.timed import TrajectoryPoint
 from axisbus.session import Target
 from axisbus.wording import counted
 
-_KEPT = 256  # commands of which the ends are kept: more cannot be under way
-_REFUSALS = (ArgumentError, LimitError, StateError)  # of a command that has moved nothing
+_KEPT = 256  # the number of commands with a stored end: more cannot be active
+_REFUSALS = (ArgumentError, LimitError, StateError)  # errors of a command that has moved nothing
 
 
 class _Path(NamedTuple):
-    """What was asked for of a path, and holds for what is added to it."""
+    """Parameters of the last path, the defaults for points that are added to it."""
 
     velocity: float
     acceleration: float | None
@@ -45,9 +45,9 @@ class _Path(NamedTuple):
 
 
 class Group(AxisSet):
-    """Axes that are enabled, halted, stopped and started in one SYNC; each command returns one ``Handle`` for all.
+    """Axes that are enabled, halted, stopped and started in one SYNC; each command returns one ``Handle`` for all axes.
 
-    "In one SYNC" holds for drives whose RPDOs are synchronous; ``axisbus boot`` says which are.
+    "In one SYNC" applies to drives with synchronous RPDOs; ``axisbus boot`` reports which drives these are.
     """
 
     def __init__(
@@ -58,33 +58,33 @@ class Group(AxisSet):
         key: Target | None = None,
         kinematics: Kinematics | UserKinematicsAdapter | None = None,
     ) -> None:
-        """``key``: by what the core knows it, where that is not its name. ``kinematics``: see ``with_kinematics``."""
+        """``key``: the core's key of the group, if it is not its name. ``kinematics``: see ``with_kinematics``."""
         super().__init__(name, axes, commanding, key)
         self._kinematics = kinematics
-        self._path: _Path | None = None  # the last one, for what is added to it
-        # What moves all, and where it ends; None: nobody knows yet.
+        self._path: _Path | None = None  # the last path, for points that are added to it
+        # Each motion of the group and its end position; None: not known yet.
         self._ends_at: deque[tuple[Handle, Place | None]] = deque(maxlen=_KEPT)
 
     def with_kinematics(
         self, kinematics: Kinematics | UserKinematics, *, accuracy: float | None = None
     ) -> Group:
-        """Return the group of the same axes with lines, paths and circles through places of a workspace, in its units.
+        """Return the group of the same axes with lines, paths and circles in a workspace, in the units of the workspace.
 
-        ``kinematics`` takes its axes in their order. Velocity, acceleration and blend are then those in the workspace, and each
-        axis's limits hold all the same. All else is as it is: ``move_direct`` takes positions of the axes.
+        ``kinematics`` takes the axes in their order. Velocity, acceleration and blend are then those in the workspace; the limits
+        of each axis still apply. All else is unchanged: ``move_direct`` takes positions of the axes.
 
-        ``CoreXY``, ``Scara`` and ``Delta`` run in the core. Kinematics of your own (``UserKinematics``) are called in this program
-        alone: each way is sampled by them before it begins, which blocks, so finely that the tool stays within ``accuracy`` (units
-        of the workspace; by default what one increment of an axis moves it by) of it.
+        ``CoreXY``, ``Scara`` and ``Delta`` run in the core. The user's own kinematics (``UserKinematics``) are called only in this
+        program. They sample each path before it begins, which blocks. The samples are so fine that the tool stays within
+        ``accuracy`` of the path (units of the workspace; by default the distance by which one increment of an axis moves the tool).
 
         Raises:
-            ArgumentError: they have no ``forward`` and ``inverse``, or ``accuracy`` is no distance above 0.
+            ArgumentError: they have no ``forward`` and ``inverse``, or ``accuracy`` is not a distance above 0.
         """
         made = kinematics_for(f"{self.name}.with_kinematics", kinematics, self._axes, accuracy)
         return Group(self.name, self._axes, self._commanding, self._key, made)
 
     def enable(self) -> Handle:
-        """Switch all power stages on, once all axes stand; the last transition is taken by all together."""
+        """Switch all power stages on when all axes are at standstill; all drives make the last transition together."""
         return self._all("enable()", c.EnableCommand, together=True)
 
     def move_linear(
@@ -97,23 +97,24 @@ class Group(AxisSet):
         buffer: bool | str = False,
         blend: float = 0.0,
     ) -> Handle:
-        """Move all on a straight line to ``positions`` (in the group's order of axes) in cyclic synchronous position mode.
+        """Move all axes on a straight line to ``positions`` (in the group's order of axes) in cyclic synchronous position mode.
 
         ``velocity`` (unit/s) and ``acceleration`` (unit/s², by default the smallest of the defaults) are those of the path: the
-        Euclidean length over all axes. Axes that would be asked for more than their own limits slow all down. ``jerk``
-        (unit/s³): the acceleration along the path changes by no more, also in a halt and under an override; None: at once. With
-        ``buffer`` (True, or ``"buffered"``) it begins when what the group does has ended well, from where that ends; at most 100
-        commands wait.
+        Euclidean length over all axes. If an axis would exceed its own limits, all axes are slower. ``jerk`` (unit/s³) limits the
+        change of the acceleration along the path, also in a halt and under an override; None: no limit. With ``buffer`` (True, or
+        ``"buffered"``) the line begins when the group's present command has ended well, from the end of that command; at most 100
+        commands are queued.
 
-        With ``"blending_low"``, ``"blending_previous"``, ``"blending_next"`` or ``"blending_high"`` (PLCopen's BufferMode) it goes
-        on from the line or path under way without a stop. The corner comes within ``blend`` (units; one axis alone needs none) of
-        the joint, and is passed with the lowest velocity of both, that of the one before, that of this one, or the highest, as far
-        as the axes' limits allow. Where the way turns back, and where it comes too late for a corner, the axes stop at the joint.
-        The handle of the one before is done when the joint has been passed. With nothing under way it begins at once.
+        With ``"blending_low"``, ``"blending_previous"``, ``"blending_next"`` or ``"blending_high"`` (PLCopen's BufferMode) the line
+        continues from the active line or path without a stop. The corner passes within ``blend`` of the transition point (units; a
+        group of one axis needs none). Its velocity is the lowest of the two, that of the previous line, that of this line, or the
+        highest, as far as the axes' limits allow. If the path reverses, or if the command comes too late for a corner, the axes
+        stop at the transition point. The handle of the previous line is done when the transition point has been passed. If no
+        command is active, the line begins at once.
 
         Raises:
-            LimitError: an end lies beyond an axis's position limits.
-            ArgumentError: a value is missing, not finite or not positive; or it cannot blend: with ``jerk``, in a workspace.
+            LimitError: an end is beyond an axis's position limits.
+            ArgumentError: a value is missing, not finite or not positive; or blending is impossible: with ``jerk``, in a workspace.
         """
         name = f"move_linear({_list(positions)}, velocity={shown(velocity)})"
         mode = buffering_of(f"{self.name}.{name}", buffer)
@@ -143,18 +144,18 @@ class Group(AxisSet):
     ) -> Handle:
         """Move all on straight lines through ``points`` (positions in the group's order of axes), to the last one (MC_MovePath).
 
-        Each corner is rounded so that the path comes within ``blend`` (units, Euclidean) of it, and less where a line is too short
-        for that; with 0 the axes stop there. ``velocity`` and ``acceleration`` as ``move_linear``; the velocity is kept through
-        corners as far as the axes' velocities and accelerations allow. ``jerk`` (unit/s³): so much does the acceleration change at
-        most, along the path and across it (Euclidean), and corners are slower for it; None: at once. At most 1000 points.
-        ``buffer`` as ``move_linear``. With ``more`` half of the last line is kept for the corner of what is added to it
-        (``extend_path``); that cannot be had with ``jerk``.
+        Each corner is rounded so that the path comes within ``blend`` (units, Euclidean) of it. The rounding is smaller if a line
+        is too short; with 0 the axes stop at the corner. ``velocity`` and ``acceleration`` as ``move_linear``; corners keep the
+        velocity as far as the axes' velocities and accelerations allow. ``jerk`` (unit/s³) limits the change of the acceleration
+        along the path and across it (Euclidean), and makes corners slower; None: no limit. At most 1000 points. ``buffer`` as
+        ``move_linear``. With ``more`` half of the last line is reserved for the corner to points added later (``extend_path``);
+        this excludes ``jerk``.
 
         Raises:
-            LimitError: a point lies beyond an axis's position limits.
-            ArgumentError: a value is missing, not finite or not positive, or an axis is endless; or it cannot blend or be added
-                to with ``jerk``, of which there is none in corners by kinematics of the program's own.
-            StaleError: where an axis stands is not known.
+            LimitError: a point is beyond an axis's position limits.
+            ArgumentError: a value is missing, not finite or not positive, or an axis is endless; or blending or adding is
+                impossible with ``jerk``; the user's own kinematics allow no ``jerk`` in corners.
+            StaleError: the position of an axis is unknown.
         """
         points = items_of(f"{self.name}.move_path", "points", points)
         goes_on = flag_of(f"{self.name}.move_path", "more", more)
@@ -181,16 +182,17 @@ class Group(AxisSet):
         acceleration: float | None = None,
         blend: float | None = None,
     ) -> Handle:
-        """Add ``points`` to the path that is under way, from its end on; the handle is done when the last of them has been reached.
+        """Add ``points`` at the end of the active path; the handle is done when the last of them has been reached.
 
-        What comes in time is looked at together with what is ahead already: the velocity is kept through the new corner as well.
-        Where no more comes, the axes come to rest at the last point, on the path, and go on from there if more comes before its
-        handle has ended. ``velocity``, ``acceleration`` and ``blend`` are those of the last ``move_path`` of this object where they
-        are left out; of two velocities the corner is passed with the lower one. At most 1000 points in a call; what is ahead may
-        be 100 calls with 2000 lines and corners. The handles of the path, and of what was added before, are done as their ends are
-        passed. A halt, a stop or a fault ends all of them, and ``resume`` goes on to the end of all.
+        Points that come in time are planned together with the rest of the path: the velocity is kept through the new corner as
+        well. If no more points come, the axes come to rest at the last point, on the path. They continue from there if more points
+        come before the handle of the path has ended. ``velocity``, ``acceleration`` and ``blend`` are those of the last
+        ``move_path`` of this object if they are left out. At a corner between two velocities the lower one applies. At most 1000
+        points in a call; at most 100 calls with 2000 lines and corners may be ahead of the axes. The handles of the path, and of
+        earlier additions, are done when their ends are passed. A halt, a stop or a fault ends all of them, and ``resume`` continues
+        to the end of all.
 
-        The handle ends with a StateError where the path has ended, or too much is ahead. Raises as ``move_path``.
+        If the path has ended, or too much is ahead, the handle ends with a StateError. Raises as ``move_path``.
         """
         points = items_of(f"{self.name}.extend_path", "points", points)
         text = f"extend_path({counted(len(points), 'point')})"
@@ -221,16 +223,16 @@ class Group(AxisSet):
         jerk: float | None = None,
         buffer: bool | str = False,
     ) -> Handle:
-        """Move all on an arc to ``end``, by the point ``via`` or about ``centre`` (MC_MoveCircularAbsolute, BORDER and CENTER).
+        """Move all axes on an arc to ``end``, through ``via`` or about ``centre`` (MC_MoveCircularAbsolute, BORDER and CENTER).
 
-        About a centre, for two axes: counter-clockwise as the first axis turns to the second, or ``clockwise``; once round where
-        ``end`` is where they stand. ``velocity``, ``acceleration`` and ``jerk`` (that of the speed along it) as ``move_linear``;
-        the circle is slower where its curvature asks for it. ``buffer`` as ``move_linear``, without blending.
+        About a centre, for two axes: counter-clockwise from the first axis to the second, or ``clockwise``; a full circle if
+        ``end`` is the present position. ``velocity``, ``acceleration`` and ``jerk`` (along the path) as ``move_linear``; the motion
+        is slower if the curvature demands it. ``buffer`` as ``move_linear``, without blending.
 
         Raises:
             LimitError: the arc leaves an axis's position limits.
             ArgumentError: a value is missing, not finite or not positive, the points make no circle, or an axis is endless.
-            StaleError: where an axis stands is not known.
+            StaleError: the position of an axis is unknown.
         """
         turns_back = flag_of(f"{self.name}.move_circular", "clockwise", clockwise)
         text = f"move_circular({_list(end)}, velocity={shown(velocity)})"
@@ -253,11 +255,11 @@ class Group(AxisSet):
 
     @property
     def tool_position(self) -> Place:
-        """Where its axes are: their positions, with kinematics the place in the workspace.
+        """The positions of the axes; with kinematics, the position of the tool in the workspace.
 
         Raises:
             StaleError: a position is unknown.
-            LimitError: the axes' positions give no place in the workspace: for instance, arms do not meet.
+            LimitError: the axes' positions give no position in the workspace: for instance, arms do not meet.
         """
         axes = tuple(axis.unwrapped_position for axis in self._axes.values())
         if self._kinematics is None:
@@ -272,17 +274,17 @@ class Group(AxisSet):
             ) from None
 
     def resume(self) -> Handle:
-        """Go on along the group's last line, path, circle or stream, which was broken off, to its end (MC_GroupContinue).
+        """Continue the group's last interrupted line, path, circle or stream, to its end (MC_GroupContinue).
 
-        Of a stream, that is the last point that was taken; to push more, see ``PointStream.resume``. From where it was left: after
-        a halt, a stop that was released, or an error that was reset. Every axis must still be there, within ``position_window`` (a
-        tenth of ``standstill_window`` where that is not known), else the handle ends with a StateError: nothing goes on with what
-        was moved meanwhile, or has left its way by a stop of the drive's own.
+        The end of a stream is its last accepted point; to push more points, see ``PointStream.resume``. The motion continues from
+        the position of the interruption: a halt, a stop that was released, or an error that was reset. Every axis must still be
+        there, within ``position_window`` (a tenth of ``standstill_window`` if that is unknown). Otherwise the handle ends with a
+        StateError, because an axis was moved meanwhile or has left the path in a stop of the drive's own.
         """
         left = [end for handle, end in self._ends_at if not isinstance(handle.error, _REFUSALS)]
         handle = self._submit("resume()", GroupContinue(tuple(self._axes)))
         if left:
-            self._ends_at.append((handle, left[-1]))  # so that points can be added behind it
+            self._ends_at.append((handle, left[-1]))  # so that points can be added after it
         return handle
 
     def stream(
@@ -295,14 +297,15 @@ class Group(AxisSet):
         """Follow points that this program gives at its own pace, in cyclic synchronous position mode, on a smooth curve.
 
         ``with xy.stream(period="10ms") as points: points.push((x, y))``: one point every ``period`` (seconds, or a time with its
-        unit); without it each point begins with its time. The first point is where the axes stand. They begin when as
-        much as ``buffer`` (the same) and what braking takes is ahead; then ``push`` blocks. Where no point comes in time, they
-        brake along those that there are, together: with ``on_underrun="hold"`` they go on when there are more, with ``"error"``
-        the stream ends. With kinematics the points are places of the workspace; those of this program's own are called by ``push``.
+        unit). Without ``period`` each point begins with its time. The first point is the present position of the axes. The axes
+        begin when ``buffer`` (same form) plus the braking time is ahead; then ``push`` blocks. If no point comes in time, the axes
+        brake together along the points that exist. With ``on_underrun="hold"`` they continue when there are more points; with
+        ``"error"`` the stream ends. With kinematics the points are positions in the workspace; ``push`` calls the user's own
+        kinematics.
 
         Raises:
-            ArgumentError: a value is none that a stream can have, an axis is endless, or nothing says how it is braked.
-            StaleError: where an axis stands is not known.
+            ArgumentError: a value that a stream cannot have, an axis is endless, or an axis has no known braking deceleration.
+            StaleError: the position of an axis is unknown.
         """
         text = f"{self.name}.stream"
         places = self._kinematics
@@ -312,32 +315,33 @@ class Group(AxisSet):
         return made
 
     def follow(self, points: Sequence[TrajectoryPoint]) -> Handle:
-        """Be at ``points`` at their times (s, from when all begin), in cyclic synchronous position mode; from rest to rest.
+        """Reach ``points`` at their times (s, from the common start), in cyclic synchronous position mode; from rest to rest.
 
-        ``TrajectoryPoint(time, positions, velocities, accelerations)``: in the group's order of axes, of its axes also with
-        kinematics; all points have velocities (unit/s), or velocities and accelerations (unit/s²), or neither. Between two points
-        goes the polynomial of degree three or five that has them; with positions alone no axis goes beyond two points. The first
-        point is where the axes stand, or later than 0: they come to it from where they are led to. At most 4000 points; those of an
-        endless axis are as far as it has turned in all.
+        ``TrajectoryPoint(time, positions, velocities, accelerations)``: in the group's order of axes, and positions of the axes
+        also with kinematics. All points have velocities (unit/s), or velocities and accelerations (unit/s²), or neither. The path
+        between two points is the polynomial of degree three or five with these values; with positions alone no axis overshoots the
+        two points. The first point is the present position of the axes, or has a time later than 0: the axes then move to it from
+        their commanded position. At most 4000 points. Positions of an endless axis are not wrapped at the modulo.
 
-        All of it is held against the limits before anything moves: of ``max_acceleration`` a trajectory may use four fifths. That
-        takes less than 0.1 ms for each point and axis, and so long does it block. The core then knows it up to its end. A halt
-        brakes along it, and ``resume`` goes on; an override slows it.
+        The whole trajectory is checked against the limits before anything moves; it may use four fifths of ``max_acceleration``.
+        The check blocks for less than 0.1 ms for each point and axis. The core then has the whole trajectory. A halt brakes along
+        it, and ``resume`` continues; an override slows it.
 
         Raises:
             LimitError: it goes beyond an axis's ``position_limits``, ``max_velocity`` or ``max_acceleration``.
-            ArgumentError: the points are none, do not rise in time, do not begin and end at rest, or nothing says how an axis is
-                braked. StateError: the axes do not stand at the first. StaleError: where an axis stands is not known.
+            ArgumentError: there are no points, their times do not rise, they do not begin and end at rest, or an axis has no known
+                braking deceleration. StateError: the axes are not at the first point. StaleError: the position of an axis is
+                unknown.
         """
         handle = follow_points(self._axes, self._commanding, self._key, self.name, points)
         self._ends_at.append((handle, None))
         return handle
 
     def move_direct(self, positions: Sequence[float], *, velocity: float | None = None) -> Handle:
-        """Move each axis to its position by its own profile (profile position mode); all start in the same cycle.
+        """Move each axis to its position by its own profile (profile position mode); all axes start in the same cycle.
 
-        ``velocity`` (unit/s) replaces each axis's default. If an axis that has come to its position gets another command before the
-        others have come to theirs, the handle ends as interrupted. Raises as ``Axis.move_absolute``.
+        ``velocity`` (unit/s) replaces each axis's default. If an axis that has reached its position gets another command before the
+        others have reached theirs, the handle ends as interrupted. Raises as ``Axis.move_absolute``.
         """
         name = f"move_direct({_list(positions)})"
         self._ends(name, positions)
@@ -377,7 +381,7 @@ class Group(AxisSet):
         )
 
     def _blend(self, text: str, blend: float, mode: BufferMode | None, jerk: float | None = None) -> float:
-        """Return how far corners are cut, where the group can do so."""
+        """Return the corner distance ``blend``, checked: raise ArgumentError if the group cannot blend."""
         wide = blend_of(f"{self.name}.{text}", blend, mode, len(self._axes))
         if _blends(mode) and (jerk is not None or self._kinematics is not None):
             why = "in a workspace" if jerk is None else "with a limit of jerk"
@@ -390,11 +394,11 @@ class Group(AxisSet):
 
     @property
     def _end_of_all(self) -> Place | None:
-        """Where what is under way ends, with all that goes on from it; what was refused is none of it."""
+        """The end position of the last active or queued motion, None if there is none; refused motions do not count."""
         return next((end for handle, end in reversed(self._ends_at) if handle.busy), None)
 
     def _move(self, name: str, command: MoveLinear | MovePath, end: Place | None = None) -> Handle:
-        """Give a command that moves all, and note where it ends: what waits for it begins there."""
+        """Submit a command that moves all axes, and store its end position, where a buffered command begins."""
         if end is None and isinstance(command, MovePath):
             end = command.way.at(command.way.length)
         handle = self._submit(name, command)
@@ -405,7 +409,7 @@ class Group(AxisSet):
     def _pace(
         self, name: str, velocity: float, acceleration: float | None, jerk: float | None
     ) -> tuple[float, float, float | None]:
-        """Return velocity, acceleration (by default the smallest of the axes) and jerk of a way, checked."""
+        """Return velocity, acceleration (by default the smallest of the axes) and jerk of a path, checked."""
         speed = self._positive(name, "velocity", velocity)
         known = self._smallest_acceleration(name) if acceleration is None else acceleration
         ramp = self._positive(name, "acceleration", known)

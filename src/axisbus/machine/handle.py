@@ -1,4 +1,4 @@
-"""The handle of a command: waitable, awaitable, and never failing in silence."""
+"""The handle of a command: a program can wait for it or await it, and a failure is never silent."""
 
 from __future__ import annotations
 
@@ -24,12 +24,13 @@ log = logging.getLogger("axisbus")
 
 
 class Handle:
-    """One command under way.
+    """One command and its status.
 
-    ``wait`` blocks a thread, ``await`` an asyncio task; both return the handle, or raise what ended the command. It is a coroutine
-    as well (``asyncio.create_task(handle)``, ``asyncio.gather``), in any number of tasks at once. A handle that
-    failed and was never looked at is reported by name when it is dropped. ``note`` says what is to be known of an end that is
-    otherwise well: of a stop, by what less than its position the axis was seen to stand.
+    ``wait`` blocks a thread, ``await`` an asyncio task; both return the handle, or raise the error that ended the command. The
+    handle is a coroutine as well (``asyncio.create_task(handle)``, ``asyncio.gather``), in any number of tasks at once. If the
+    handle of a failed command is dropped and its status was never read, the failure is logged with the command's name. ``note``
+    holds a remark about a successful end. For a stop it says by which evidence, if not by its position, the axis was seen at
+    standstill.
     """
 
     __slots__ = (
@@ -45,7 +46,7 @@ class Handle:
     )
 
     def __init__(self, name: str, waiter: Waiter) -> None:
-        """``name`` says what was asked, such as ``x.move_absolute(90.0 deg)``."""
+        """``name``: the text of the call, such as ``x.move_absolute(90.0 deg)``."""
         self.name = name
         self.status = Status.BUSY
         self.error: AxisbusError | None = None
@@ -53,14 +54,14 @@ class Handle:
         self._waiter = waiter
         self._looked = False
         self._callbacks: deque[Callable[[], None]] = deque()
-        self._tasks: dict[int, Generator[object, None, Handle]] = {}  # who awaits it as a coroutine
+        self._tasks: dict[int, Generator[object, None, Handle]] = {}  # the waits, by id of the task
 
     def __repr__(self) -> str:
         note = f" ({self.note})" if self.note else ""
         return f"<Handle {self.name}: {self.status.value}{note}>"
 
     def _repr_html_(self) -> str:
-        """Let a notebook show it."""
+        """Return the HTML that a notebook shows."""
         from axisbus.machine.display.notebook import handle_html  # only a notebook needs it
 
         return handle_html(self)
@@ -72,7 +73,7 @@ class Handle:
 
     @property
     def active(self) -> bool:
-        """Whether the command has control of the axis."""
+        """Whether the command controls the axis."""
         return self.status is Status.ACTIVE
 
     @property
@@ -82,11 +83,11 @@ class Handle:
 
     @property
     def aborted(self) -> bool:
-        """Whether something else took over."""
+        """Whether another command replaced this one."""
         return self._look() is Status.ABORTED
 
     def exception(self) -> AxisbusError | None:
-        """Return what ended the command badly, None if nothing did (yet)."""
+        """Return the error that ended the command, None if there is none (yet)."""
         self._look()
         return self.error
 
@@ -94,8 +95,8 @@ class Handle:
         """Block until the command has ended, at most ``timeout`` seconds, and return the handle.
 
         Raises:
-            TimeoutError: it has not ended; it goes on.
-            AxisbusError: what ended it badly. ArgumentError: ``timeout`` is no number.
+            TimeoutError: the command has not ended; it continues.
+            AxisbusError: the error that ended the command. ArgumentError: ``timeout`` is not a number.
         """
         if not self._waiter.wait(self._ended, patience(self.name, timeout)):
             raise TimeoutError(f"{self.name}: not ended after {timeout:g} s; it goes on")
@@ -112,18 +113,18 @@ class Handle:
             raise self.error
         return self
 
-    # As a coroutine: asyncio drives each task's own wait by these three.
+    # Coroutine protocol: asyncio drives the wait of each task with these three methods.
 
     def send(self, value: None) -> object:
-        """Go on with the wait of the present task, as asyncio does; ends by StopIteration."""
+        """Continue the wait of the present task, as asyncio does; ends by StopIteration."""
         return self._wait_of_task().send(value)
 
     def throw(self, *error: Any) -> object:
-        """Let the wait of the present task end by an exception, as asyncio does when it is cancelled."""
+        """End the wait of the present task with an exception, as asyncio does when the task is cancelled."""
         return self._wait_of_task().throw(*error)
 
     def close(self) -> None:
-        """Forget the wait of the present task; the command goes on."""
+        """Drop the wait of the present task; the command continues."""
         waiting = self._tasks.pop(_task(), None)
         if waiting is not None:
             waiting.close()
@@ -138,7 +139,7 @@ class Handle:
             self._tasks.pop(task, None)
 
     def _on_event(self, event: CommandEvent) -> None:
-        """Take in how the command goes on."""
+        """Apply a change of the command's status."""
         if event.status in ENDED:
             self.note = event.note
             self._finish(event.status, event.error)
@@ -154,16 +155,16 @@ class Handle:
         self._call_back()
 
     def add_done_callback(self, callback: Callable[[], None]) -> None:
-        """Call ``callback`` (in the scan's thread, so be quick) when the command has ended; at once if it has.
+        """Call ``callback`` when the command has ended; at once if it has. It runs in the scan's thread, so it must be quick.
 
-        One that fails is logged with its traceback: it must not end the scan.
+        If a callback fails, its traceback is logged: a callback must not end the scan.
         """
         self._callbacks.append(callback)
         if self._ended():
             self._call_back()
 
     def _call_back(self) -> None:
-        """Call every callback once; whoever takes one out calls it, and taking out is atomic."""
+        """Call every callback once. Taking a callback out of the queue is atomic, so only one thread calls it."""
         while True:
             try:
                 callback = self._callbacks.popleft()
@@ -190,12 +191,12 @@ class Handle:
 
 
 def look_at_end(handle: Handle) -> None:
-    """Let nobody be told how it ends badly: another handle tells why."""
+    """Mark the end of ``handle`` as read, so that its failure is not logged: another handle reports the reason."""
     handle.add_done_callback(lambda: _look(handle))
 
 
 def end_with(halt: Handle, error: BaseException | None) -> None:
-    """Wait until ``halt`` has ended, as a ``with`` block is left; where ``error`` ends the block, a note on it says what failed.
+    """Wait until ``halt`` has ended, at the end of a ``with`` block. If ``error`` ends the block, a failed halt is noted on it.
 
     Raises:
         AxisbusError: the halt has failed, and there is no ``error``.
@@ -208,7 +209,7 @@ def end_with(halt: Handle, error: BaseException | None) -> None:
         if not isinstance(failure, StateError) and failure.message not in str(error):
             error.add_note(
                 f"while halting: {failure}"
-            )  # a StateError: the machine is being left, which stops it
+            )  # after a StateError the machine is being closed, which stops the axes
 
 
 def _look(handle: Handle) -> None:
@@ -216,19 +217,19 @@ def _look(handle: Handle) -> None:
 
 
 def _log_aside(text: str, name: str, error: BaseException) -> None:
-    """Log a failure with its traceback, for which source files are read: no thread of ours, such as the scan, waits for that."""
+    """Log a failure with its traceback in a thread of its own, because reading the source files would delay the scan's thread."""
     tell = partial(log.error, text, name, exc_info=error)
     if not in_thread_of_ours():
         tell()
         return
     try:
         threading.Thread(target=tell, name="log of axisbus", daemon=True).start()
-    except RuntimeError:  # the interpreter is ending and makes no more threads
+    except RuntimeError:  # the interpreter is ending and starts no more threads
         tell()
 
 
 def _task() -> int:
-    import asyncio  # only a program that awaits has need of it
+    import asyncio  # only a program that awaits needs asyncio
 
     return id(asyncio.current_task())
 
@@ -250,7 +251,7 @@ async def _await(handle: Handle, waiter: Waiter) -> None:
             ended.set_result(None)
 
     def tell_loop() -> None:
-        with suppress(RuntimeError):  # the loop is gone: nobody awaits any more
+        with suppress(RuntimeError):  # the loop is closed: no task waits any more
             loop.call_soon_threadsafe(tell)
 
     handle.add_done_callback(tell_loop)
@@ -258,10 +259,10 @@ async def _await(handle: Handle, waiter: Waiter) -> None:
 
 
 def patience(call: str, timeout: object) -> float | None:
-    """Return for how many seconds a call waits at most; None: as long as it takes, as does infinity.
+    """Return the maximum time in seconds that a call waits; None (also for infinity) means without limit.
 
     Raises:
-        ArgumentError: it is no number; ``call`` says in its text what waits.
+        ArgumentError: ``timeout`` is not a number; ``call`` names the waiting call in its text.
     """
     if timeout is None or (isinstance(timeout, float) and timeout == math.inf):
         return None
@@ -275,11 +276,11 @@ def patience(call: str, timeout: object) -> float | None:
 
 
 def wait(*handles: Handle | Iterable[Handle], timeout: float | None = None) -> list[Handle]:
-    """Block until all commands have ended, at most ``timeout`` seconds in all; return their handles.
+    """Block until all commands have ended, at most ``timeout`` seconds in total; return their handles.
 
     Raises:
-        TimeoutError: some have not ended; they go on.
-        ExceptionGroup: all that failed, after all have ended. The first failure stops nobody by itself (the fault policy does).
+        TimeoutError: some have not ended; they continue.
+        ExceptionGroup: all failures, after all commands have ended. The first failure alone stops no axis; the fault policy does.
     """
     flat = _flatten(handles)
     _wait_for_all(flat, patience("wait", timeout))
@@ -291,7 +292,7 @@ def wait(*handles: Handle | Iterable[Handle], timeout: float | None = None) -> l
 
 
 def _wait_for_all(handles: list[Handle], timeout: float | None) -> None:
-    """Block until none is busy. One waiter waits for all of its handles together, so that virtual time counts once."""
+    """Block until no command is busy. One waiter waits for all of its handles together, so that virtual time counts once."""
     deadline = None if timeout is None else time.monotonic() + timeout
     waiters = {id(handle._waiter): handle._waiter for handle in handles}
     for waiter in waiters.values():
@@ -319,12 +320,12 @@ def _flatten(handles: tuple[Handle | Iterable[Handle], ...]) -> list[Handle]:
 
 
 class _Nobody:
-    """Waits for nothing: for handles that the scan keeps for itself."""
+    """A waiter that does not wait, for handles that only the scan uses."""
 
     realtime = False
 
     def wait(self, done: Callable[[], bool], timeout: float | None) -> bool:  # noqa: ARG002  # the protocol's shape
-        """Return whether it has ended already."""
+        """Return whether the command has already ended."""
         return done()
 
 

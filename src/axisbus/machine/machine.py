@@ -1,4 +1,4 @@
-"""The machine: a cell opened, booted, scanned, and stopped again on every way out."""
+"""The machine: opens, boots and scans a cell, and stops its axes whenever it is closed, for whatever reason."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from axisbus.motion.group.commands import CellSetOverride
 from axisbus.motion.numbers import number, told
 from axisbus.session import ClientProgram, LatenessReport, MachineSession
 
-if TYPE_CHECKING:  # who only looks at axes has no need of them
+if TYPE_CHECKING:  # programs that only use axes do not need these
     from axisbus.boot.report import NodeReport
     from axisbus.boot.result import Booted
     from axisbus.bus.link.controller import ControllerEvent
@@ -54,11 +54,11 @@ if TYPE_CHECKING:  # who only looks at axes has no need of them
     from axisbus.sim.device import Device
 
 log = logging.getLogger("axisbus")
-_NEXT_CYCLE = 0.5  # seconds that a cycle may take to come
+_NEXT_CYCLE = 0.5  # seconds within which the next cycle must come
 
 
 class Machine:
-    """A cell of axes. Use it in a ``with`` block: leaving it, by whatever way, stops what this program has moved.
+    """A cell of axes. Use it in a ``with`` block: leaving the block, for any reason, stops the axes that this program has moved.
 
     Iterating yields the axes; ``machine["x"]`` is one by name, ``machine.group("x", "y")`` several that move together,
     ``machine.node(1)`` direct access to a device.
@@ -80,26 +80,26 @@ class Machine:
 
     @property
     def session(self) -> MachineSession:
-        """The way to the core that moves the axes."""
+        """The connection to the core, which moves the axes."""
         return self._core.session
 
     @classmethod
     def open(cls, path: str | Path, *, allow_other_master: bool = False, shared: bool = False) -> Machine:
         """Check, open, boot and configure the cell of a ``cell.toml``, and start its scan; energises nothing.
 
-        Blocks until all nodes are up. With ``interface = "sim"`` the nodes are simulated on a private bus, in real time; on any
-        other it first listens for another master, at most 0.5 s. ``allow_other_master`` opens it all the same (as
-        ``allow_other_master`` in ``[bus]``). The core runs in a process of its own, where the cell and the platform let it
-        (``process`` in ``[bus]``). Other programs of this user can join it (``attach``): to look on, and to halt. ``shared``: this
-        program commands nothing, one of them may.
+        Blocks until all nodes are up. With ``interface = "sim"`` the nodes are simulated on a private bus, in real time. On any
+        other interface the method first listens for another master, for at most 0.5 s. ``allow_other_master`` opens the cell even
+        if another master is heard (as ``allow_other_master`` in ``[bus]``). The core runs in a process of its own, if the cell and
+        the platform allow it (``process`` in ``[bus]``). Other programs of the same user can join it (``attach``), to read values
+        and to halt. With ``shared`` this program has no control of the machine, and one of the other programs may take it.
 
         Raises:
-            StateError: it is to be shared, and its core cannot have a process of its own.
+            StateError: ``shared`` is set, and the core cannot have a process of its own.
             ConfigError, EdsError: the cell file or an EDS is wrong (``axisbus check`` lists everything).
             AdapterError: the bus cannot be opened.
             SecondMasterError: another master is heard on the bus; nothing was sent.
             BootError: a node did not come up (several: an ExceptionGroup of them).
-            SyncError: another device is to send SYNC, and does not, or not at scan_period.
+            SyncError: another device is configured to send SYNC, and sends none, or not at scan_period.
         """
         return cls(*opened(path, allow_other_master, shared))._begun()
 
@@ -107,14 +107,15 @@ class Machine:
     def attach(cls, path: str | Path, *, command: bool = False, force: bool = False) -> Machine:
         """Join the machine of a ``cell.toml`` that another program of this user has opened on this computer. Blocks for a moment.
 
-        Leaving it leaves the machine as it is. Without ``command`` this program looks on; it may halt and quick-stop, which locks
-        nobody out, and everything else is refused. ``command``: it is to have the command, which one program has at a time;
-        ``force``: it too, from whoever has it, after all that moves has halted. Whoever has it and is gone, by whatever way, loses
-        it; what moves then halts, and stays enabled. The command goes back to the program that opened the machine, if it wants it.
+        Leaving the machine does not change it. Without ``command`` this program may only read, halt and quick-stop, which locks no
+        other program out; everything else is refused. ``command``: get control of the machine, which one program has at a time.
+        ``force``: get control even if another program has it, after all moving axes have halted. If the program with control ends,
+        for any reason, it loses control: moving axes halt, and stay enabled. Control then returns to the program that opened the
+        machine, if that program wants it.
 
         Raises:
-            StateError: no machine of this cell runs, or it is of another version or another text of the file.
-            OwnershipError: another program has the command.
+            StateError: no machine of this cell runs, or it has another version or another text of the file.
+            OwnershipError: another program has control.
             ConfigError, EdsError, ScanError: as ``open``.
         """
         machine = cls.try_attach(path, command=command, force=force)
@@ -128,25 +129,25 @@ class Machine:
 
     @classmethod
     def try_attach(cls, path: str | Path, *, command: bool = False, force: bool = False) -> Machine | None:
-        """As ``attach``, but return None where no machine of this cell runs."""
+        """As ``attach``, but return None if no machine of this cell runs."""
         core = attached(path, command=command, take=force)
         return None if core is None else cls(*core)._begun()
 
     @classmethod
     def simulated(cls, path: str | Path, devices: Mapping[int, Device] | None = None) -> Machine:
-        """Run the same cell on stand-ins without a bus, in virtual time: nothing runs by itself, waiting lets time pass.
+        """Run the same cell on simulated drives without a bus, in virtual time: time passes only while the program waits.
 
-        ``devices`` replaces the stand-ins, by node ID. Raises as ``open``.
+        ``devices`` replaces simulated drives, by node-ID. Raises as ``open``.
         """
         return cls(*simulated(path, devices))._begun()
 
     def _begun(self) -> Machine:
-        """Let the scan run, and return itself."""
+        """Start the scan, and return this machine."""
         try:
             self._begin()
             if interactive():
                 self._keep_last()
-        except BaseException:  # a signal, as a rule: nobody has the machine yet who could close it
+        except BaseException:  # a signal, as a rule: the caller cannot close the machine yet
             self._close("opening it was interrupted")
             EXIT.take()
             raise
@@ -158,7 +159,7 @@ class Machine:
         self._last = LastMinute(self)
         self._last.begin()
 
-    # -- what is in it -----------------------------------------------------------------------------------------------
+    # -- contents ----------------------------------------------------------------------------------------------------
 
     def __iter__(self) -> Iterator[Axis]:
         return iter(self._roster.axes.values())
@@ -178,24 +179,24 @@ class Machine:
         return self._roster[name]
 
     def __repr__(self) -> str:
-        """Tell the cell and its axes, each with its state."""
+        """Return the cell file's name and the axes, each with its state."""
         axes = ", ".join(f"{name} {self.session.snapshots[name].state.value}" for name in self.axes)
         return f"<Machine {Path(self.cell.file).name}: {axes}>"
 
     def _repr_html_(self) -> str:
-        """Let a notebook show it."""
+        """Return the HTML that a notebook shows."""
         from axisbus.machine.display.notebook import machine_html  # only a notebook needs it
 
         return machine_html(self)
 
     @property
     def axes(self) -> Mapping[str, Axis]:
-        """The axes that are there, by name, in the order of cell.toml."""
+        """The axes of the booted nodes, by name, in the order of cell.toml."""
         return dict(self._roster.axes)
 
     @property
     def groups(self) -> Mapping[str, Group]:
-        """The groups of cell.toml whose axes are all there, by name."""
+        """The groups of cell.toml with all of their axes present, by name."""
         return self._roster.groups
 
     def group(
@@ -204,9 +205,9 @@ class Machine:
         kinematics: Kinematics | UserKinematics | None = None,
         accuracy: float | None = None,
     ) -> Group:
-        """Return the group of this name in cell.toml, or a group of the axes named, in this order.
+        """Return the group of this name in cell.toml, or a group of the named axes, in this order.
 
-        ``kinematics`` and ``accuracy``: as ``Group.with_kinematics``; without, those of cell.toml.
+        ``kinematics`` and ``accuracy``: as ``Group.with_kinematics``; without them, those of cell.toml.
 
         Raises:
             StateError: no such group or axis.
@@ -219,30 +220,30 @@ class Machine:
         """Return the pair of axes that carry one beam, ``[gantries.NAME]`` of cell.toml.
 
         Raises:
-            StateError: there is no such pair, or an axis of it is not there.
+            StateError: there is no such pair, or one of its axes is absent.
         """
         return self._roster.gantry(name)
 
     @property
     def override(self) -> float:
-        """The factor of ``set_override``, whichever program has set it; 1 before that, and where there is no axis."""
+        """The last factor of ``set_override`` from any program; 1 before that, and if the cell has no axis."""
         return max((snapshot.cell_override for snapshot in self.session.snapshots.values()), default=1.0)
 
     def set_override(self, factor: float) -> Handle:
-        """Multiply the velocities of all axes, also of those that come later, by ``factor``: 0 (all hold) to 1.5. Does not block.
+        """Multiply the velocities of all axes, also of axes that come later, by ``factor``: 0 (all hold) to 1.5. Does not block.
 
-        As ``Axis.set_override``, which it multiplies; the product is at most 1.5. The handle ends with a StateError, and nothing is
-        changed, where nothing says with which acceleration one of the axes may change its speed.
+        It multiplies the factors of ``Axis.set_override``; the product is at most 1.5. If it is unknown with which acceleration one
+        of the axes may change its velocity, the handle ends with a StateError, and nothing changes.
 
         Raises:
-            ArgumentError: it is no number from 0 to 1.5.
+            ArgumentError: not a number from 0 to 1.5.
         """
         found = override_of("cell.set_override", factor)
         return self._commanding.submit("", CellSetOverride(found), f"cell.set_override({found:g})")
 
     @property
     def io(self) -> InputsOutputs:
-        """The named inputs and outputs: ``machine.io["lamp"]``; those of nodes that have not come up are there, and unknown."""
+        """The named inputs and outputs: ``machine.io["lamp"]``. If a node has not come up, its values are unknown."""
         if self._io is None:
             from axisbus.cell.io.signals import all_points  # most cells have none
             from axisbus.machine.io import InputsOutputs
@@ -254,14 +255,14 @@ class Machine:
         return self._io
 
     def stream(self, *names: str, **options: Unpack[StreamWords]) -> PointStream:
-        """Let a group, or the axes named, follow points that this program gives at its own pace: ``group(*names).stream(...)``.
+        """Follow points that this program gives at its own pace, with a group or the named axes: ``group(*names).stream(...)``.
 
-        ``options`` and what is raised are those of ``Group.stream``; those of ``group`` are raised as well.
+        ``options`` and exceptions are those of ``Group.stream``; the exceptions of ``group`` are raised as well.
         """
         return self.group(*names).stream(**options)
 
     def node(self, node_id: int) -> NodeAccess:
-        """Return direct access to a node; raises StateError where the cell has no such node."""
+        """Return direct access to a node; raises StateError if the cell has no such node."""
         known = isinstance(node_id, int) and not isinstance(node_id, bool)
         parts = self._core.nodes.get(node_id) if known else None
         if parts is None:
@@ -271,18 +272,18 @@ class Machine:
             )
         if (
             node_id not in self._nodes or self._nodes[node_id].parts is not parts
-        ):  # one that came late has new ones
+        ):  # a node that came up late has new parts
             from axisbus.machine.node_access import NodeAccess
 
             self._nodes[node_id] = NodeAccess(parts, self._await_cycle)
         return self._nodes[node_id]
 
     def _await_cycle(self) -> None:
-        """Wait until the axes are those of a cycle that has begun since; for a second at most."""
+        """Wait until the axes have the values of a cycle that began after this call; for at most a second."""
         session, in_cycle = self.session, self._core.in_cycle
         if not session.snapshots or (in_cycle is not None and in_cycle()):
             return
-        for _ in range(2):  # the first one that ends may have begun before
+        for _ in range(2):  # the first cycle that ends may have begun before this call
             before = _newest(session)
             with suppress(StateError):  # the scan's own thread cannot wait for a cycle
                 session.waiter.wait(
@@ -291,7 +292,7 @@ class Machine:
                 )
 
     def simulated_node(self, node_id: int) -> SimulatedNode:
-        """Return the stand-in of a simulated node: its plant, its dials, and faults on demand.
+        """Return the simulated drive of a node: its plant, its fault settings, and faults on demand.
 
         Raises:
             StateError: the cell runs on hardware, or has no such node.
@@ -304,31 +305,31 @@ class Machine:
 
     @property
     def is_simulated(self) -> bool:
-        """Whether the drives are stand-ins."""
+        """Whether the drives are simulated."""
         return self.cell.bus.interface == SIMULATED or not self._core.realtime
 
     @property
     def is_attached(self) -> bool:
-        """Whether another program has opened it (``attach``)."""
+        """Whether another program has opened the machine (``attach``)."""
         return self._core.joined
 
     @property
     def control_owner(self) -> str:
-        """Who had the command when this program joined the machine, for people; empty where nobody had, or it is its own."""
+        """The program that had control when this program joined, as text; empty if control was free or this program's."""
         return self._core.commanded_by
 
     @property
     def programs(self) -> tuple[ClientProgram, ...]:
-        """The programs that are at this machine (``who``, and whether it ``commands``), the one that opened it first.
+        """The programs connected to this machine (``who``, and whether it ``commands``), beginning with the one that opened it.
 
-        ``lost_cycles`` and ``lost_frames`` are what each did not take in time. Empty where no other can join it: its core is in
-        this program.
+        ``lost_cycles`` and ``lost_frames`` are the numbers of cycles and frames that each program did not take in time. Empty if no
+        other program can join, because the core is in this program.
         """
         return self.session.programs
 
     @property
     def has_control(self) -> bool:
-        """Whether this program has the command of the machine now; blocks for an answer of the core.
+        """Whether this program has control of the machine now; blocks until the core answers.
 
         Raises:
             ScanError: the core is gone.
@@ -336,29 +337,29 @@ class Machine:
         return self.session.has_command
 
     def take_control(self) -> None:
-        """Take the command of the machine from whoever has it, after all that moves has halted; blocks until that is done.
+        """Take control of the machine from the program that has it, after all moving axes have halted; blocks until that is done.
 
-        As ``take`` of ``attach``, for a program that is at the machine already: one that looks on, or that has lost the command to
-        another one. Whoever had it is told. Harmless where this program has it.
+        As ``force`` of ``attach``, for a program that has already joined: one that only reads, or that has lost control to another
+        program. The program that had control is notified. Harmless if this program has control.
 
         Raises:
             StateError: an axis does not come to rest.
-            Stopped: this program has been told to stop.
+            Stopped: this program has been asked to stop.
             ScanError: the core is gone.
         """
         self.session.take_command()
 
     def hold_to_run(self, seconds: float | None, continuous: float | None = None) -> None:
-        """Let everything that this program has set going halt, and stay enabled, unless this is called again within ``seconds``.
+        """Halt the axes that this program has set in motion unless it calls this again within ``seconds``; they stay enabled.
 
-        A hold-to-run control (ISO 12100) for programs: one that a person, a browser or a network works through promises to be
-        heard, 0.05 to 60 s; where it is stopped, hangs or starves, the core halts in its place, once, and it may command on.
-        ``continuous``: the same, and shorter, while an axis is in continuous motion (velocity or torque), which has no end of its
-        own. None: what moves goes on by itself, as without it. Of a program that has not the command it means nothing. Does not
-        block.
+        This is a hold-to-run control (ISO 12100) for programs. A program that acts for a person, a browser or a network promises a
+        call within 0.05 to 60 s. If the program is stopped, hangs or starves, the core halts the axes in its place, once; the
+        program may command again afterwards. ``continuous``: the same with a shorter time, for an axis in continuous motion (at a
+        velocity or under torque), which has no end of its own. None: moving axes continue, as without this call. The call has no
+        effect in a program without control. Does not block.
 
         Raises:
-            ArgumentError: it is no such time.
+            ArgumentError: not a time in this range.
         """
         call = "cell.hold_to_run"
         times = [None if each is None else hold_of(call, each) for each in (seconds, continuous)]
@@ -366,20 +367,21 @@ class Machine:
 
     @property
     def bus_traffic(self) -> BusTraffic | None:
-        """How many frames, and octets in them, the bus has carried up to a ``time``, in both directions; None without a bus.
+        """The numbers of frames and octets that the bus has carried up to a ``time``, in both directions; None without a bus.
 
-        ``later.load(before, bitrate)`` is the part of the bus that was taken meanwhile: without stuff bits, and with the most.
+        ``later.load(before, bitrate)`` returns the bus load between two of these values: without stuff bits, and with the maximum
+        number of them.
         """
         return self.session.carried
 
     @property
     def reports(self) -> list[NodeReport]:
-        """What boot-up had to say of each node."""
+        """The boot report of each node."""
         return [booted.report for booted in self._core.booted.values()]
 
     @property
     def events(self) -> list[NodeEvent | ShutdownRequest]:
-        """What error control has told of all nodes, what was heard of another master, and why the machine was left.
+        """Events of error control for all nodes, signs of another master, and the reason why the machine was closed.
 
         Since the scan began, in the order of time.
         """
@@ -394,8 +396,8 @@ class Machine:
     def fault_recordings(self) -> list[Path]:
         """The files of the cell's last 20 faults, oldest first: each with 1.5 s before and 1 s after it, for ``plot``.
 
-        The core keeps them by itself, where it has a process of its own; a fault is there a second after it, or when the machine
-        has been closed.
+        The core stores them automatically if it has a process of its own. The file of a fault exists one second after the fault, or
+        when the machine has been closed.
         """
         from axisbus.core.process.launch import path_of
         from axisbus.core.process.persistence.journal import faults_of
@@ -404,36 +406,36 @@ class Machine:
 
     @property
     def cycle_jitter(self) -> LatenessReport:
-        """How late the cycles were so far (50 and 99 of 100, the worst), how many were skipped, and why; in seconds."""
+        """The lateness of the cycles so far (median, 99th percentile, worst) in seconds, and skipped cycles by cause."""
         return self.session.lateness
 
     @property
     def real_time_status(self) -> str:
-        """How surely its cycles come in time: where the core runs, and what the operating system lets it have."""
+        """The real-time status as text: where the core runs, and which real-time means the operating system allows it."""
         return self._core.degree
 
     @property
     def bus_events(self) -> list[ControllerEvent]:
-        """What the CAN controller has told: error warning, passive, bus-off, restarted; at most the last 64, oldest first.
+        """The events of the CAN controller: error warning, passive, bus-off, restarted; at most the last 64, oldest first.
 
-        While it is bus-off nothing is sent; every axis is in ErrorStop, and stays there after the restart until it is reset.
-        Empty without a bus, and with adapters that tell nothing.
+        During bus-off nothing is sent; every axis is in ErrorStop, and stays there after the restart until it is reset.
+        Empty without a bus, and with adapters that report nothing.
         """
         return self.session.bus_events
 
     @property
     def dropped_frames(self) -> tuple[Drop, ...]:
-        """Frames of this cell's nodes, and of none, that were dropped since it was opened, counted by reason and node.
+        """Dropped frames of this cell's nodes, and of no node, since the machine was opened, counted by reason and node.
 
-        Such are PDOs too short for their mapping, answers that nothing was waiting for, malformed messages. What a node sends that
-        the cell does not take, such as PDOs that are not configured, is among them. Empty without a bus.
+        Examples are PDOs too short for their mapping, answers to no request, and malformed messages. Frames of a node that the cell
+        does not use, such as PDOs that are not configured, are included. Empty without a bus.
         """
         drops = self.session.drops
         return tuple(drop for drop in drops if drop.node is None or drop.node in self.cell.nodes)
 
     @property
     def sdo_counts(self) -> tuple[SdoCount, ...]:
-        """How the SDO transfers with this cell's nodes ended since it was opened, by node, and how many attempts were retries.
+        """The numbers of SDO transfers with this cell's nodes since the machine was opened, by node and result, and of retries.
 
         Empty without a bus.
         """
@@ -441,14 +443,14 @@ class Machine:
 
     @property
     def bus_time(self) -> datetime | None:
-        """The time of day by another device's TIME messages (CiA 301 7.2.6), in UTC; None where none was heard."""
+        """The time of day by another device's TIME messages (CiA 301 7.2.6), in UTC; None if none was received."""
         return self.session.bus_time
 
     def sleep(self, seconds: float) -> None:
-        """Let ``seconds`` pass: real ones, or virtual ones in a simulated machine.
+        """Let ``seconds`` pass: real time, or virtual time in a simulated machine.
 
         Raises:
-            ArgumentError: they are no finite number.
+            ArgumentError: not a finite number.
         """
         passing = number(seconds)
         if passing is None:
@@ -461,13 +463,13 @@ class Machine:
     def recording(
         self, path: str | Path, *, axes: Iterable[str] | None = None, objects: Iterable[str] = ()
     ) -> Recording:
-        """Record into an MCAP file, for a ``with`` block: each cycle of the axes, and what happens; ``axisbus plot`` draws it.
+        """Record each cycle of the axes, and events, into an MCAP file, for a ``with`` block; ``axisbus plot`` draws it.
 
-        ``axes``: all, if None. ``objects``: recorded beside them, such as ``"x:6074"``, ``"3:1001"``, or an input or output by its
-        name: each frame of a PDO that carries one, else read by SDO, in turn. The file grows while it runs, and can be read however
-        the program ends, up to its last second. What cannot be written in time is left out, and a disk that takes no more ends the
-        recording, never the motion; both are told. Where an error ends the block, the stop of the axes is still recorded, until the
-        machine is closed.
+        ``axes``: all, if None. ``objects`` are recorded as well, such as ``"x:6074"``, ``"3:1001"``, or an input or output by its
+        name: each frame of a PDO that contains one, otherwise read by SDO, in turn. The file grows while the recording runs.
+        However the program ends, the file can be read up to its last second. Values that cannot be written in time are left out,
+        and a full disk ends the recording, never the motion; both are reported. If an error ends the block, the stop of the axes is
+        still recorded, until the machine is closed.
 
         Raises:
             StateError, ArgumentError: no such axis, node or object.
@@ -488,13 +490,17 @@ class Machine:
         after: float = 1.5,
         axes: Iterable[str] | None = None,
     ) -> Capture:
-        """Keep the cycles around a moment in an MCAP file, for a ``with`` block: ``before`` and ``after`` it, in seconds (0 to 60).
+        """Store the cycles around a moment in an MCAP file, for a ``with`` block: seconds ``before`` and ``after`` it (0 to 60).
 
-        ``when``: ``"x.velocity > 100"``, ``"|x.following_error| > 0.5"``, ``"x.state = ErrorStop"`` or ``"fault"``, in the axes'
-        units; ``"part = true"`` or ``"level > 2.5"`` of an input or output by its name; ``"x.probe"``: an edge that a touch probe
-        has latched, for whatever program; or a function of the values by axis and column, which is called in each cycle and must
-        be quick. What becomes true counts, once; what was unknown before has not become true. Nothing is written
-        where the moment does not come (``fired``); ``wait()`` waits until the file is there.
+        ``when`` is one of these:
+
+        - ``"x.velocity > 100"``, ``"|x.following_error| > 0.5"``, ``"x.state = ErrorStop"`` or ``"fault"``, in the axes' units;
+        - ``"part = true"`` or ``"level > 2.5"`` of an input or output by its name;
+        - ``"x.probe"``: a touch probe has latched an edge, for any program;
+        - a function of the values by axis and column, which is called in each cycle and must be quick.
+
+        The moment is the first change from false to true; a change from unknown to true does not count. If the moment does not come
+        (``fired``), no file is written. ``wait()`` waits until the file exists.
 
         Raises:
             StateError, ArgumentError: no such axis, value, input or output, no condition, or no such time.
@@ -507,14 +513,14 @@ class Machine:
         return made
 
     def serve_web(self, *, port: int = 0, command: bool = False) -> WebPage:
-        """Serve the page in the browser for this machine, in a process of its own, until it is closed or the machine is.
+        """Serve the web page of this machine in a process of its own, until the page or the machine is closed.
 
-        ``port`` of this computer's loopback, 0 for one that is free. The page looks on, and may halt and stop; with ``command`` it
-        takes the command of the machine, after all that moves has halted, and this program commands again once the page is closed.
-        Blocks until it is served, some 3 s.
+        ``port`` of this computer's loopback, 0 for a free one. The page displays, and may halt and stop. With ``command`` the page
+        takes control of the machine, after all moving axes have halted; when the page is closed, this program has control again.
+        Blocks until the page is served, about 3 s.
 
         Raises:
-            StateError: nobody can join this machine, or the page cannot be served.
+            StateError: no other program can join this machine, or the page cannot be served.
             UserError: the extra ``web`` is not installed.
         """
         from axisbus.machine.display.web_process import WebPage, require_joinable, require_nicegui
@@ -527,14 +533,15 @@ class Machine:
         return page
 
     def plot_last(self, seconds: float | None = None, *, axes: Iterable[str] | None = None) -> RecordingPlot:
-        """Draw the last motion, from a little before it until a little after its end, or until now; a notebook shows the picture.
+        """Draw the last motion, from shortly before it until shortly after its end, or until now; a notebook shows the picture.
 
-        ``seconds``: draw so many until now instead (at most 60 are kept). ``axes``: those that moved, if None. The picture has a
-        ``save(path)``. Blocks while it is drawn, and until the core has told what happened meanwhile. The last minute is kept where
-        somebody types the program: in a notebook, in IPython, and in Python's own interpreter; also after the machine was closed.
+        ``seconds``: draw this many seconds until now instead (at most 60 are stored). ``axes``: those that moved, if None. The
+        picture has a ``save(path)``. Blocks while it is drawn, and until the core has reported the events of that time. The last
+        minute is stored only in interactive sessions: in a notebook, in IPython, and in Python's own interpreter; also after the
+        machine was closed.
 
         Raises:
-            StateError: the last minute is not kept here, nothing has moved in it, or there is no such axis.
+            StateError: the last minute is not stored here, nothing has moved in it, or there is no such axis.
             ArgumentError: no such time.
             UserError: matplotlib is not installed.
         """
@@ -561,17 +568,17 @@ class Machine:
         if error is None or (isinstance(error, Exception) and EXIT.pending is not None):
             self._raise(failures)
         elif error is not None:
-            EXIT.take()  # a signal that came meanwhile: the program ends already
+            EXIT.take()  # a signal that came meanwhile: the program is already ending
             _add_notes(error, failures)
 
     async def __aenter__(self) -> Machine:
-        """Enter as ``with`` does, in an asyncio program; leaving waits in a thread, so that the event loop goes on."""
+        """Enter as ``with`` does, in an asyncio program; leaving waits in a thread, so that the event loop continues."""
         return self
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if not self._core.realtime:  # nothing goes on beside it in virtual time
+        if not self._core.realtime:  # nothing else runs in virtual time
             self.__exit__(kind, error, trace)
             return
         try:
@@ -579,15 +586,15 @@ class Machine:
 
             await asyncio.to_thread(self.__exit__, kind, error, trace)
         finally:
-            EXIT.part(self.session)  # once more: only the main thread can give signals back
+            EXIT.part(self.session)  # again, because only the main thread can restore the signal handlers
 
     def close(self) -> None:
         """Stop every axis that this program has enabled or commanded, disable it, and release the bus. Harmless when repeated.
 
-        Blocks until all stand, at most the times of the stop ladders.
+        Blocks until all axes are at standstill, at most for the time limits of the stop sequences.
 
         Raises:
-            DriveError: an axis could not be stopped as asked (several: an ExceptionGroup).
+            DriveError: an axis could not be stopped as requested (several: an ExceptionGroup).
             ScanError: the scan had failed before.
             KeyboardInterrupt, SystemExit: Ctrl-C or SIGTERM came meanwhile.
         """
@@ -607,12 +614,12 @@ class Machine:
         core.await_values()
 
     def _close(self, reason: str) -> list[AxisbusError]:
-        """Close, or wait for whoever closes; return what went wrong. In a forked child there is nothing to be closed."""
+        """Close, or wait for the thread that closes; return the failures. In a forked child there is nothing to close."""
         if self._inherited:
             return []
         failures = self._closing.run(reason)
         if self._closing.over:
-            EXIT.part(self.session)  # once more: only the main thread can give signals back
+            EXIT.part(self.session)  # again, because only the main thread can restore the signal handlers
         return failures
 
     def _leave(self, reason: str) -> list[AxisbusError]:
@@ -626,7 +633,7 @@ class Machine:
             EXIT.part(self.session)
 
     def _end_recordings(self) -> None:
-        """End those that were to hold the stop as well."""
+        """End the recordings that had to contain the stop as well."""
         for recording in self._recordings:
             try:
                 recording.close()
@@ -634,10 +641,8 @@ class Machine:
                 log.exception("the recording %s was not ended", recording.path)
 
     def _raise(self, failures: list[AxisbusError]) -> None:
-        """Raise what a signal left behind while the machine was being closed, else what went wrong."""
-        pending = (
-            EXIT.take()
-        )  # from here on nothing is called that a signal could interrupt, where all went well
+        """Raise the exception of a signal that arrived during closing, otherwise the failures."""
+        pending = EXIT.take()  # if all went well, no call from here on can be interrupted by a signal
         if pending is not None:
             _add_notes(pending, failures)
             raise pending
@@ -649,7 +654,7 @@ class Machine:
             log.error("while the program ended: %s", failure)
 
     def disown(self) -> None:
-        """Be of no use in a forked child, which must neither command nor close what its parent has."""
+        """Make this object unusable in a forked child, which must neither command nor close its parent's machine."""
         self._inherited = True
         self._core.disown()
         self._commanding.disown()
@@ -660,12 +665,12 @@ EXIT.keep_within(Machine.__exit__, Machine.close, Machine._close)
 
 
 def _newest(session: MachineSession) -> float:
-    """Return the time of the newest image of an axis (seconds, monotonic)."""
+    """Return the time of the newest snapshot of an axis (seconds, monotonic)."""
     return max(each.now for each in session.snapshots.values())
 
 
 def _add_notes(error: BaseException, failures: list[AxisbusError]) -> None:
-    """Let the text of ``error`` say what went wrong while stopping; Python ends a program by SystemExit without any text."""
+    """Add the failures of the stop to the text of ``error``, and log them for SystemExit, which Python ends without any text."""
     for failure in failures:
         error.add_note(f"while stopping: {failure}")
         if isinstance(error, SystemExit):

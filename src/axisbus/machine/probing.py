@@ -1,4 +1,4 @@
-"""The touch probe as its user sees it: what is asked for, and what it has latched, in the axis's unit."""
+"""The public touch probe: requests, and the latched positions in the axis's unit."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ _keys = itertools.count(1)
 
 @dataclass(frozen=True, slots=True)
 class ProbeResult:
-    """One edge: where the drive was at it, by its own latch, in the axis's unit.
+    """One edge: the position that the drive latched, in the axis's unit.
 
-    ``position`` counts as ``axis.position`` did in the cycle in which the edge was seen, ``unwrapped`` does not begin anew at
+    ``position`` is wrapped as ``axis.position`` was in the cycle in which the edge was seen; ``unwrapped`` is not wrapped at
     ``modulo``. ``edge``: "rising" or "falling". ``time``: seconds (monotonic, as ``axis.snapshot.now``) of that cycle; the edge
-    itself was earlier. ``missed``: how many edges of its kind the drive has counted since the one before, and nobody was told of;
-    None where it does not count.
+    itself was earlier. ``missed``: the number of edges of this kind that the drive has counted since the previous result and that
+    were not reported; None if the drive does not count.
     """
 
     position: float
@@ -51,9 +51,9 @@ class ProbeResult:
 
 
 class ProbeHandle(Handle):
-    """A request to a touch probe. ``active``: its input is armed. ``done``: every edge that was asked for was latched.
+    """A request to a touch probe. ``active``: its input is armed. ``done``: all requested edges are latched.
 
-    The last 10,000 captures are kept. In a ``with`` block the input is switched off at the end.
+    The last 10,000 captures are stored. In a ``with`` block the input is switched off at the end.
     """
 
     __slots__ = ("_abort", "_all", "_new", "_units")
@@ -66,7 +66,7 @@ class ProbeHandle(Handle):
         self._new: deque[ProbeResult] = deque(maxlen=_KEPT)
 
     def _on_event(self, event: CommandEvent) -> None:
-        """As ``Handle._on_event``, and take what was latched."""
+        """As ``Handle._on_event``, and store the captured position."""
         if event.capture is not None and self.busy:
             probed = _probed(event.capture, self._units)
             self._all.append(probed)
@@ -75,15 +75,15 @@ class ProbeHandle(Handle):
 
     @property
     def captures(self) -> tuple[ProbeResult, ...]:
-        """What was latched so far, oldest first."""
+        """All captures so far, oldest first."""
         return tuple(self._all)
 
     @property
     def result(self) -> ProbeResult:
-        """What was latched last.
+        """The last capture.
 
         Raises:
-            StateError: nothing was, yet or at all.
+            StateError: there is none, yet or at all.
         """
         try:
             return self._all[-1]
@@ -96,15 +96,15 @@ class ProbeHandle(Handle):
 
     @property
     def position(self) -> float:
-        """Where the axis was at the edge that was latched last, in its unit; raises as ``result``."""
+        """Position of the axis at the last captured edge, in its unit; raises as ``result``."""
         return self.result.position
 
     def wait_armed(self, timeout: float | None = None) -> ProbeHandle:
-        """Block until the input is armed (an edge before that is not latched), at most ``timeout`` seconds; return the handle.
+        """Block until the input is armed, at most ``timeout`` seconds; return the handle. An earlier edge is not latched.
 
         Raises:
-            TimeoutError: it is not armed yet; that goes on.
-            AxisbusError: what has ended the request badly.
+            TimeoutError: the input is not armed yet; the request continues.
+            AxisbusError: the error that ended the request.
         """
         self._wait_for(lambda: self.status is not Status.BUSY, timeout, "not armed")
         if self.status in (Status.ABORTED, Status.ERROR):
@@ -115,9 +115,9 @@ class ProbeHandle(Handle):
         """Return the oldest capture that ``next`` has not returned yet; block for it at most ``timeout`` seconds.
 
         Raises:
-            TimeoutError: there was none; the request goes on.
+            TimeoutError: there was none; the request continues.
             StateError: the request has ended, and there will be no more.
-            AxisbusError: what has ended the request badly.
+            AxisbusError: the error that ended the request.
         """
         self._wait_for(lambda: bool(self._new) or not self.busy, timeout, "no edge")
         if self._new:
@@ -128,9 +128,9 @@ class ProbeHandle(Handle):
         )
 
     def cancel(self) -> Handle:
-        """Switch the input off, if this request still has it; does not block. The handle returned is done when that is so.
+        """Switch the input off, if this request still uses it. Does not block; the returned handle is done when the input is off.
 
-        This one ends as aborted.
+        This request ends as aborted.
         """
         return self._abort()
 
@@ -141,7 +141,7 @@ class ProbeHandle(Handle):
         if self.busy:
             look_at_end(
                 self.cancel()
-            )  # where the node is lost, or the machine left, this request has told why
+            )  # if the node is lost or the machine is closed, this request has reported the reason
 
     def _wait_for(self, happened: Callable[[], bool], timeout: float | None, what: str) -> None:
         if not self._waiter.wait(happened, patience(self.name, timeout)):
@@ -172,11 +172,11 @@ def probe_command(
     *,
     continuous: bool,
 ) -> Probe:
-    """Return what is asked of a touch probe.
+    """Return the command for a touch probe.
 
     Raises:
-        ArgumentError: a value is none that there is.
-        StateError: the drive lacks an object for it.
+        ArgumentError: a value is not one of those allowed.
+        StateError: the drive lacks an object that is needed.
     """
     number = input_number(request, number)
     edges = _choice(request, "edge", edge, _EDGES)
@@ -193,7 +193,7 @@ def probe_command(
 def require_objects(
     request: AxisCall, parameters: AxisParameters, number: int, edges: frozenset[Edge]
 ) -> None:
-    """Raise StateError where the drive's EDS lacks an object of a touch probe; without edges only those that switch it off."""
+    """Raise StateError if the EDS lacks a touch probe object; if ``edges`` is empty, only the objects to switch it off count."""
     wanted = [objects.TOUCH_PROBE_FUNCTION, objects.TOUCH_PROBE_STATUS]
     wanted += [POSITIONS[number, edge] for edge in Edge if edge in edges]
     missing = next((index for index in wanted if not parameters.has(index)), None)

@@ -1,4 +1,4 @@
-"""What groups and pairs of axes share: power, stops and override of all, each with one handle."""
+"""Commands that groups and gantry pairs share: power, stops and override of all axes, each with one handle."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from axisbus.session import Target
 
 
 class AxisSet:
-    """Axes that are told the same, by one command; none of them blocks."""
+    """Axes that receive the same command together; no command blocks."""
 
     def __init__(
         self, name: str, axes: Mapping[str, Axis], commanding: CommandDispatcher, key: Target | None = None
     ) -> None:
-        """``key``: by what the core knows it, where that is not its name."""
+        """``key``: the core's key of the set, if it is not its name."""
         self._name = name
         self._key = name if key is None else key
         self._axes = dict(axes)
@@ -38,23 +38,23 @@ class AxisSet:
 
     @property
     def name(self) -> str:
-        """Its name in the cell file; of axes that a program has put together, theirs."""
+        """Its name in the cell file; for axes that a program has combined, their names."""
         return self._name
 
     def disable(self) -> Handle:
-        """Halt, then switch off all."""
+        """Halt all axes, then switch their power stages off."""
         return self._all("disable()", c.Disable)
 
     def reset(self) -> Handle:
-        """Reset all (MC_Reset, MC_GroupReset), each after the stop that it is in; never enables."""
+        """Reset all axes (MC_Reset, MC_GroupReset), each after its active stop has ended; never enables."""
         return self._all("reset()", c.ResetCommand)
 
     def halt(self) -> Handle:
-        """Brake all to Standstill (MC_Halt, MC_GroupHalt), along the way that they are on; ``resume`` goes on."""
+        """Brake all axes to Standstill (MC_Halt, MC_GroupHalt), along their present path; ``resume`` continues it."""
         return self._all("halt()", c.Halt)
 
     def stop(self) -> Handle:
-        """Brake all, along the way that they are on, and lock them until ``release()`` (MC_Stop, MC_GroupStop)."""
+        """Brake all axes along their present path, and lock them until ``release()`` (MC_Stop, MC_GroupStop)."""
         return self._all("stop()", c.Stop)
 
     def release(self) -> Handle:
@@ -62,23 +62,24 @@ class AxisSet:
         return self._all("release()", c.Release)
 
     def quick_stop(self) -> Handle:
-        """Let every drive do its quick stop, each by its own ramp (605Ah, 6085h)."""
+        """Make every drive perform its quick stop, each with its own ramp (605Ah, 6085h)."""
         return self._all("quick_stop()", c.QuickStop)
 
     @property
     def override(self) -> float:
-        """The factor that this program has set last with ``set_override``; 1 before that."""
+        """The last factor that this program has set with ``set_override``; 1 before that."""
         return self._override
 
     def set_override(self, factor: float) -> Handle:
-        """Go along lines and paths at ``factor`` times their velocity: 0 (they hold) to 1.5 (MC_GroupSetOverride).
+        """Multiply the velocity of lines and paths by ``factor``: 0 (the axes hold) to 1.5 (MC_GroupSetOverride).
 
-        At any time, also in motion: the axes stay on their way, and change their speed along it by its acceleration. It stays so
-        for what follows, until it is set again. It lifts no limit of an axis, and scales no halt, no stop and no profile move.
-        Those of its axes, and of the cell, multiply it: the way goes at the lowest of its axes' factors times this one.
+        It may be called at any time, also in motion: the axes stay on their path, and change their velocity along it with the
+        path's acceleration. The factor applies until it is set again. It lifts no limit of an axis, and scales no halt, no stop and
+        no profile move. The overrides of the axes and of the cell multiply it: the path has the lowest factor of its axes times
+        this one.
 
         Raises:
-            ArgumentError: it is no number from 0 to 1.5.
+            ArgumentError: not a number from 0 to 1.5.
         """
         found = override_of(f"{self.name}.set_override", factor)
         self._override = found

@@ -2,9 +2,10 @@
 
 Theory of operation
 -------------------
-Points are joined to spans here (``motion.point_stream.curve_fit``), and each span goes to the core as soon as it is known, as a
-command of its own that ends when the axes have come to its end: so the program knows how much is ahead of them. The core begins
-when told that enough is there, goes along what it has, and comes to rest at its end whatever becomes of the program.
+This module makes splines from the points (``motion.point_stream.curve_fit``). It sends each spline to the core as soon as it is
+known, as a command of its own. That command ends when the axes reach the end of the spline, so the program knows how much of the
+stream is ahead of the axes. The core begins when this module reports that enough is ahead. It moves the axes along the splines
+that it has, and brings them to rest at the end of these whatever happens to the program.
 """
 
 from __future__ import annotations
@@ -33,11 +34,11 @@ from axisbus.motion.point_stream.curve_fit import CurveFit, PointAccepted, Strea
 from axisbus.session import Target
 from axisbus.wording import counted
 
-_MOST = 2048  # spans that are ahead at most: the core holds twice as many
+_MOST = 2048  # maximum number of spans ahead: the core holds twice as many
 
 
 class _Sent(NamedTuple):
-    """Spans as they were given to the core: the number of the first, and the seconds of the stream up to their end."""
+    """Spans as they were sent to the core: the number of the first, and the seconds of the stream up to their end."""
 
     first: int
     spans: tuple[Span, ...]
@@ -47,9 +48,10 @@ class _Sent(NamedTuple):
 
 
 class PointStream:
-    """Points on their way to the axes of a group, for a ``with`` block; made by ``Group.stream``. Any thread may push.
+    """Points that the axes of a group follow, for a ``with`` block; made by ``Group.stream``. Any thread may push.
 
-    ``handle`` is that of the stream: done when the axes rest at the last point, and ended by whatever else stops them.
+    ``handle`` is that of the stream: done when the axes rest at the last point. If a halt, a stop or an error ends the stream
+    before, the handle ends with it.
     """
 
     handle: Handle
@@ -64,10 +66,10 @@ class PointStream:
         halt: Callable[[], Handle],
         kinematics: Kinematics | UserKinematicsAdapter | None = None,
     ) -> None:
-        """``key``: by what the core knows the group; ``halt`` halts it. ``kinematics``: points are places of its workspace.
+        """``key``: the core's key of the group; ``halt`` halts it. ``kinematics``: points are positions in its workspace.
 
         Raises:
-            StaleError: where an axis stands is not known. ArgumentError, LimitError: what a program's own kinematics raise there.
+            StaleError: the position of an axis is unknown. ArgumentError, LimitError: exceptions of the user's own kinematics.
         """
         self._axes, self._commanding, self._key, self._text = dict(axes), commanding, key, text
         self._options, self._halt = options, halt
@@ -78,9 +80,9 @@ class PointStream:
         self._joining = _joining_of(axes, text, self._solving)
         self._names = _names_of(axes, text, self._solving)
         self._begin: float | None = None  # the time of the first point
-        self._shifts = tuple(0.0 for _ in axes)  # of endless axes: turns before the first point
+        self._shifts = tuple(0.0 for _ in axes)  # for endless axes: whole turns before the first point
         self._sent = self._done = 0  # spans
-        self._parts: deque[_Sent] = deque()  # those whose end the axes have not come to
+        self._parts: deque[_Sent] = deque()  # the parts whose end the axes have not reached
         self._known = self._passed = self._braking = 0.0
         self._ended = False
         self._failure: AxisbusError | None = None
@@ -96,10 +98,10 @@ class PointStream:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """End the stream, and wait until the axes rest at its last point; what has ended the stream before that is raised.
+        """End the stream, and wait until the axes rest at its last point; raise the error if one has ended the stream before.
 
-        After an exception in the block, or where the stream was broken off, halt the axes and wait until they stand. A note on the
-        exception says where the halt fails. Axes that another command has taken over are left to it.
+        After an exception in the block, or if the stream was interrupted, halt the axes and wait until they are at standstill. If
+        the halt fails, the exception gets a note. Axes that another command has taken over are not halted.
         """
         if error is not None:
             self._halt_after(error)
@@ -118,22 +120,23 @@ class PointStream:
                 return
             halted = self._halt()
         end_with(halted, error)
-        self.handle.exception()  # which is looked at: the block's own says more
+        self.handle.exception()  # mark the end as read: the exception of the block says more
 
     # -- points ------------------------------------------------------------------------------------------------------------
 
     def push(self, point: Sequence[float], timeout: float = 10.0) -> None:
-        """Give the next point: a position for each axis in the group's order, after its time (s) where there is no ``period``.
+        """Add the next point: a position for each axis in the group's order, after its time (s) if there is no ``period``.
 
-        Of an endless axis it counts on over the turn; with kinematics it is a place of the workspace, in its units.
+        Positions of an endless axis are not wrapped at the modulo. With kinematics a point is a position in the workspace, in its
+        units.
 
-        The first point is where the axes stand. Blocks while the buffer is full, at most ``timeout`` seconds.
+        The first point is the present position of the axes. Blocks while the buffer is full, at most ``timeout`` seconds.
 
         Raises:
-            LimitError: an axis cannot reach it within its limits; ArgumentError: it is no point, or its time is not later than the
-            last. Nothing of it is taken then, and the stream goes on with the next one.
-            TimeoutError: the buffer is still full; nothing of the point is taken.
-            StateError: the stream has been ended. AxisbusError: what has ended it.
+            LimitError: an axis cannot reach it within its limits. ArgumentError: it is no point, or its time is not later than the
+            last. The point is then discarded, and the stream continues with the next one.
+            TimeoutError: the buffer is still full; the point is discarded.
+            StateError: the stream has been ended. AxisbusError: the error that ended it.
         """
         wait, most = self._commanding.session.waiter.wait, patience(f"{self._text}, push", timeout)
         while not self.try_push(point):
@@ -143,7 +146,7 @@ class PointStream:
                 )
 
     def try_push(self, point: Sequence[float]) -> bool:
-        """As ``push``, but never block: False where the buffer is full, and nothing of the point is taken."""
+        """As ``push``, but never block: return False if the buffer is full; the point is then discarded."""
         with self._lock:
             self._require_open()
             made = self._point(point)
@@ -155,7 +158,7 @@ class PointStream:
             return True
 
     def finish(self) -> Handle:
-        """Let the axes come to rest at the last point; return the stream's handle. Does not block; harmless when repeated."""
+        """Bring the axes to rest at the last point; return the stream's handle. Does not block; harmless when repeated."""
         with self._lock:
             if not self._ended and self.handle.busy:
                 spans = _tuple(self._joining.end())
@@ -164,21 +167,21 @@ class PointStream:
         return self.handle
 
     def resume(self) -> Handle:
-        """Go on along what was pushed before the stream was broken off, from where the axes were braked; return its new handle.
+        """Continue along the pushed points after an interruption, from where the axes have braked; return the new handle.
 
-        After a halt, a stop that was released, an error that was reset, or an underrun. What is pushed meanwhile is refused, and is
-        not gone to; from now on points may be pushed again, from the last one that was taken on. As at the start, the axes begin
-        when as much as ``buffer`` is ahead, or the stream is ended. Every axis must still be where it was left, within
-        ``position_window``, else the handle ends with a StateError and nothing moves. Does not block.
+        After a halt, a stop that was released, an error that was reset, or an underrun. Points pushed during the interruption were
+        refused and are not part of the stream. From now on points may be pushed again, continuing from the last accepted one. As at
+        the start, the axes begin when ``buffer`` is ahead, or when the stream is ended. Every axis must still be at the position of
+        the interruption, within ``position_window``; otherwise the handle ends with a StateError and nothing moves. Does not block.
 
         Raises:
-            StateError: the stream is under way, or has come to its end.
+            StateError: the stream is active, or has reached its end.
         """
         with self._lock:
             if self.handle.busy or self.handle.done:
                 why = "is under way" if self.handle.busy else "has come to its end"
                 raise StateError(f"{self._text}: the stream {why}, so there is nothing to go on with")
-            self.handle.exception()  # which is looked at
+            self.handle.exception()  # mark the end of the old handle as read
             self._failure = None
             command = GroupContinue(tuple(self._axes), self._number)
             self.handle = self._commanding.submit(self._key, command, f"{self._text}, resume")
@@ -189,12 +192,12 @@ class PointStream:
 
     @property
     def buffered_seconds(self) -> float:
-        """Seconds of the stream that are ahead of the axes; what the last point adds is known when the next one is."""
+        """Seconds of the stream that are ahead of the axes. The part of the last point is known only when the next point comes."""
         return max(0.0, self._known - self._passed)
 
     @property
     def count(self) -> int:
-        """How many points were taken."""
+        """The number of accepted points."""
         return self._joining.count
 
     @property
@@ -235,7 +238,7 @@ class PointStream:
         return StreamPoint(t, self._checked(place, call, text))
 
     def _checked(self, place: Place, call: str, text: str) -> Place:
-        """Return a place, of endless axes counted on from where they were; the first must be where the axes stand."""
+        """Return a point, continued from the present turn of endless axes. The first must be the present position of the axes."""
         axes = list(self._axes.values())
         if self._solving is not None:
             for axis in axes:
@@ -268,7 +271,7 @@ class PointStream:
             ) from None
 
     def _time(self, given: float | None, text: str) -> float:
-        """Return the time of a point, from that of the first on."""
+        """Return the time of a point, relative to the first point."""
         last = self._joining.last
         if last is None:
             self._begin = given
@@ -288,14 +291,14 @@ class PointStream:
         return t
 
     def _send(self, spans: tuple[Span, ...]) -> None:
-        """Give spans to the core."""
+        """Send spans to the core."""
         first, self._sent = self._sent, self._sent + len(spans)
         self._known += sum(span.seconds for span in spans)
         self._braking = max([self._braking, *(1.0 / span.ramp for span in spans)])
         self._give(_Sent(first, spans, self._known, self._ended or not self._has_room, self._ended))
 
     def _give(self, sent: _Sent) -> None:
-        """Give spans to the core, maybe once more, and note when the axes have come to their end."""
+        """Send spans to the core, possibly a second time, and note when the axes have reached their end."""
         self._parts.append(sent)
         command = AddPoints(
             tuple(self._axes), self._number, sent.first, sent.spans, begins=sent.begins, ends=sent.ends
@@ -330,7 +333,7 @@ def _joining_of(
 
 
 def _names_of(axes: Mapping[str, Axis], text: str, solving: Solving | None) -> list[str]:
-    """Return what the numbers of a point are; of a program's own kinematics there may be fewer than axes."""
+    """Return the names of a point's numbers. The user's own kinematics may have fewer coordinates than axes."""
     if not isinstance(solving, UserKinematicsAdapter):
         return list(axes)
     try:
@@ -340,7 +343,7 @@ def _names_of(axes: Mapping[str, Axis], text: str, solving: Solving | None) -> l
 
 
 def _led(axes: Mapping[str, Axis]) -> Place:
-    """Return where the axes are led to."""
+    """Return the commanded positions of the axes."""
     return tuple(axis.commanded_position for axis in axes.values())
 
 
@@ -349,7 +352,7 @@ def _tuple(made: Span | tuple[Span, ...] | None) -> tuple[Span, ...]:
 
 
 def _turns(axis: Axis, position: float) -> float:
-    """Return by how many turns an endless axis is farther than a position says, in its unit."""
+    """Return the whole turns, in the axis's unit, by which an endless axis is ahead of ``position``; 0 for other axes."""
     return (
         0.0
         if axis.modulo is None
