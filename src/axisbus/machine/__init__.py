@@ -1,1 +1,1 @@
-"""The machine: cell.toml to frozen values, everything checked before power, boot-up, wiring."""
+"""The machine: the public API of axes, groups, commands, inputs and outputs, and node access."""

@@ -1,4 +1,4 @@
-"""The axes and groups of a machine by name; those of optional nodes may come later."""
+"""The axes and groups of a machine by name. Axes of optional nodes may be added later."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class AxisRegistry:
-    """Holds the axes that are there, and the groups of them that have been asked for or that the cell names."""
+    """Holds the present axes, the groups that the cell names, and the groups that a program has asked for."""
 
     def __init__(
         self,
@@ -32,7 +32,7 @@ class AxisRegistry:
         commanding: CommandDispatcher,
         node: Callable[[int], NodeAccess],
     ) -> None:
-        """Begin with the axes that the core has; ``node`` returns direct access by node ID."""
+        """Begin with the axes of the core; ``node`` returns direct access by node-ID."""
         self._node = node
         self._groups: dict[str, Group] = {}  # of cell.toml
         self._chosen: dict[tuple[str, ...], Group] = {}  # by their axes
@@ -45,7 +45,7 @@ class AxisRegistry:
         self._make_groups()
 
     def __getitem__(self, name: str) -> Axis:
-        """Return an axis; raises StateError where it is not there, with the reason."""
+        """Return an axis; raises StateError with the reason if it is absent."""
         if not isinstance(name, str):
             raise self._cell.no_axis(told(name))
         if name in self.axes:
@@ -55,7 +55,7 @@ class AxisRegistry:
         raise self._cell.no_axis(name)
 
     def group(self, names: tuple[str, ...]) -> Group:
-        """Return the group of this name in cell.toml, or one of the axes named, in this order.
+        """Return the group of this name in cell.toml, or a group of the named axes, in this order.
 
         Raises:
             StateError: there is no such group or axis.
@@ -71,7 +71,7 @@ class AxisRegistry:
                 "a group needs a name or axes", observed=f"groups: {', '.join(self._groups) or 'none'}"
             )
         if len(names) == 1 and names[0] in self._cell.groups:
-            names = tuple(self._cell.groups[names[0]].axes)  # one of them is not there: say which
+            names = tuple(self._cell.groups[names[0]].axes)  # an axis is absent: report which one
         for name in names:
             self[name]
         _require_different(names)
@@ -82,18 +82,18 @@ class AxisRegistry:
         return self._chosen[names]
 
     def join(self, booted: Booted) -> None:
-        """Take in the axes of an optional node that has come later, and that the core has taken in."""
+        """Add the axes of an optional node that came up late, after the core has added them."""
         late = {name: self._make_axis(parameters) for name, parameters in booted.parameters.items()}
         self.axes = {**self.axes, **late}
         self._make_groups()
 
     @property
     def groups(self) -> Mapping[str, Group]:
-        """The groups that the cell names and whose axes are all there, by name."""
+        """The groups of the cell with all of their axes present, by name."""
         return dict(self._groups)
 
     def gantry(self, name: str) -> Gantry:
-        """Return the pair of this name; raises StateError where the cell has none, or an axis of it is not there."""
+        """Return the gantry of this name; raises StateError if the cell has none, or if one of its axes is absent."""
         if isinstance(name, str) and name in self._gantries:
             return self._gantries[name]
         if not isinstance(name, str) or name not in self._cell.gantries:
@@ -115,7 +115,7 @@ class AxisRegistry:
         return self._node(axis.node).measure(what, axis.drive_axis)
 
     def _make_groups(self) -> None:
-        """Make the groups of the cell whose axes are all there."""
+        """Make the groups of the cell that have all of their axes."""
         for name, group in self._cell.groups.items():
             if name not in self._groups and all(axis in self.axes for axis in group.axes):
                 axes = {axis: self.axes[axis] for axis in group.axes}

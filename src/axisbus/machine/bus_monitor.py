@@ -1,4 +1,4 @@
-"""What a bus tells a listener, gathered node by node: NMT states, heartbeats, newest PDOs, and the news since the last look."""
+"""The traffic of a bus, by node: NMT states, heartbeats, newest PDOs, and the events since the last call."""
 
 from __future__ import annotations
 
@@ -23,26 +23,26 @@ from axisbus.trace.decoded import Decoded, FrameKind
 from axisbus.trace.decoder import Decoder
 from axisbus.trace.error_counters import TraceErrorCounters
 
-_INTERVALS = 64  # from how many of the last frames a period is worked out
-_NEWS = 50  # kept between two looks; more are counted
-_OF_A_KIND = 5  # of them of one service and node
-_LASTING = frozenset({FrameKind.TPDO, FrameKind.RPDO, FrameKind.SDO})  # the newest is shown
+_INTERVALS = 64  # number of last frames from which a period is calculated
+_NEWS = 50  # events stored between two calls; further ones are counted
+_OF_A_KIND = 5  # maximum of them for one service and node
+_LASTING = frozenset({FrameKind.TPDO, FrameKind.RPDO, FrameKind.SDO})  # the newest frame is displayed
 _HAPPENING = frozenset(
     {FrameKind.NMT, FrameKind.EMCY, FrameKind.BOOT_UP, FrameKind.LSS, FrameKind.ERROR_FRAME}
 )
-_PDO = re.compile(r"[ ,:]")  # what may follow the name of a PDO in what is said of it
+_PDO = re.compile(r"[ ,:]")  # follows the name of a PDO in its description
 _STATE = 0x7F
 
 
 @dataclass(slots=True)
 class Beat:
-    """Something that comes again and again; holds state: the adapter's times of the last ones, and when we took the newest."""
+    """A recurring frame. State: the adapter's times of the last frames, and the local time at which the newest arrived."""
 
     times: deque[float] = field(default_factory=lambda: deque(maxlen=_INTERVALS + 1))
     taken: float = 0.0
 
     def add(self, time: float, now: float) -> None:
-        """Another one."""
+        """Add the next frame."""
         self.times.append(time)
         self.taken = now
 
@@ -55,7 +55,7 @@ class Beat:
 
 @dataclass(slots=True)
 class Newest:
-    """The newest frame of a kind; holds state: that one, when we took it, and how many there were."""
+    """The newest frame of a kind. State: the frame, the local time of its arrival, and the count of such frames."""
 
     one: Decoded
     taken: float
@@ -64,7 +64,7 @@ class Newest:
 
 @dataclass(slots=True)
 class NodeHeard:
-    """What was heard of one node; holds state. ``state`` is None until it has told one; ``newest`` is by PDO or service."""
+    """The traffic of one node. ``state`` is None until the node has reported one; ``newest`` is by PDO or service."""
 
     node_id: int
     name: str = ""
@@ -75,10 +75,10 @@ class NodeHeard:
 
 
 class BusMonitor:
-    """Takes frames as they come; holds state: everything heard so far, and the news since they were taken."""
+    """Takes the frames of a bus. State: all traffic so far, and the events since the last ``take_news``."""
 
     def __init__(self, cell: CellConfig, files: Mapping[int, Eds]) -> None:
-        """Begin with the nodes of a cell, of which nothing is heard yet."""
+        """Begin with the nodes of a cell, without any traffic."""
         found = context.of_cell(cell, files)
         self.nodes = {node.node_id: NodeHeard(node.node_id, node.name) for node in found.nodes.values()}
         self.nodes |= {node_id: NodeHeard(node_id, name) for node_id, name in found.modules.items()}
@@ -87,14 +87,14 @@ class BusMonitor:
         self.signs = MasterDetector(cast_of(cell, files))
         self.frames = 0
         self.unknown = 0
-        self.missed = 0  # news that were too many to keep
+        self.missed = 0  # events that were too many to store
         self.tally = TraceErrorCounters()
-        self._of_a_kind: Counter[tuple[FrameKind, int | None]] = Counter()  # news since they were taken
+        self._of_a_kind: Counter[tuple[FrameKind, int | None]] = Counter()  # events since the last call
         self._news: deque[Decoded] = deque(maxlen=_NEWS)
         self._decoder = Decoder(found)
 
     def feed(self, frame: CanFrame, now: float) -> None:
-        """Take a frame; ``now`` is when it came by the listener's clock."""
+        """Take a frame; ``now`` is its arrival time by the listener's clock."""
         one = self._decoder.feed(frame)
         self.tally.note(one)
         self.frames += 1
@@ -110,18 +110,18 @@ class BusMonitor:
 
     @property
     def foreign(self) -> ProtocolListener:
-        """Who speaks another protocol than CANopen."""
+        """The nodes that use another protocol than CANopen."""
         return self._decoder.foreign
 
     def take_news(self) -> list[Decoded]:
-        """Return what has happened since the last call: NMT commands, boot-ups, EMCYs, LSS, error frames, whatever is trouble."""
+        """Return the events since the last call: NMT commands, boot-ups, EMCYs, LSS, error frames, and any irregular frame."""
         news = list(self._news)
         self._news.clear()
         self._of_a_kind.clear()
         return news
 
     def _note(self, one: Decoded) -> None:
-        """Keep the news, of a service and node no more than a few: a node that goes mad must not hide what the others say."""
+        """Store an event, but only a few of one service and node: a faulty node must not hide the events of the others."""
         key = one.kind, one.node
         self._of_a_kind[key] += 1
         if self._of_a_kind[key] > _OF_A_KIND:
@@ -151,7 +151,7 @@ class BusMonitor:
 
 
 def _renew(newest: dict[str, Newest], one: Decoded, now: float) -> None:
-    """A PDO is known by its name; requests for a value carry none."""
+    """Replace the newest frame. A PDO is identified by its name; requests for a value contain none."""
     if one.frame.remote or (one.kind is FrameKind.SDO and not one.from_node):
         return
     name = one.kind.value if one.kind is FrameKind.SDO else _PDO.split(one.what)[0]

@@ -1,4 +1,4 @@
-"""A cam: where a slave is to be for each place of its master, as a smooth curve through points."""
+"""A cam: the slave's position for each position of its master, as a smooth curve through points."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ MOST = 1000  # points of one cam
 
 
 class Cam:
-    """A curve through ``points``: rows of the master's and the slave's place in their units, the master's rising; also of numpy.
+    """A curve through ``points``: rows of master position (rising) and slave position in their units, also of numpy.
 
-    Neither its slope nor how that changes jumps. Without ``periodic`` it begins and ends at rest, and the slave stands before and
-    beyond it. A periodic one goes on with its beginning after its end: where the last point is at another place of the slave than
-    the first, each turn takes it farther by the difference.
+    Its slope and its curvature are continuous. A cam that is not ``periodic`` begins and ends at rest, and the slave is at
+    standstill before and after it. A periodic cam repeats. If the slave positions of the first and the last point differ, each turn
+    moves the slave by the difference.
     """
 
     def __init__(self, points: Iterable[Sequence[float]], *, periodic: bool = False) -> None:
         """Compute the curve.
 
         Raises:
-            ArgumentError: fewer than two points or more than 1000, one that is none, places of the master that do not rise, or
-                numbers so large or so near to each other that no curve can be computed.
+            ArgumentError: fewer than two points or more than 1000, an invalid point, master positions that do not rise, or
+                numbers so large or so close together that no curve can be computed.
         """
         self.periodic = periodic
         masters, slaves = _columns(points)
@@ -53,10 +53,10 @@ class Cam:
 
     @classmethod
     def read(cls, file: str | Path, *, periodic: bool = False) -> Cam:
-        """Read the points from a CSV file with two columns; a first line of words is passed over.
+        """Read the points from a CSV file with two columns; a heading in the first line is skipped.
 
         Raises:
-            ArgumentError: it cannot be read, or holds no such points; the line is named.
+            ArgumentError: the file cannot be read, or contains no such points; the error names the line.
         """
         try:
             with Path(file).open(encoding="utf-8-sig", newline="") as text:
@@ -77,15 +77,15 @@ class Cam:
 
     @property
     def lift(self) -> float:
-        """How far the slave is at the end from where it was at the beginning, in its unit."""
+        """Slave position at the end of the cam minus that at its beginning, in the slave's unit."""
         return self._lift
 
     def at(self, master: float) -> float:
-        """Return the place of the slave."""
+        """Return the slave position for a master position."""
         return self._law.at(master).place
 
     def _transfer_function(self, phase: float = 0.0, master_scale: float = 1.0, scale: float = 1.0) -> CamLaw:
-        """Return it for two axes: ``phase`` units of the master ahead, and stretched; no factor is 0, the master's is above."""
+        """Return the cam for two axes, ``phase`` master units ahead and scaled. No factor is 0; ``master_scale`` is above 0."""
         m, s = master_scale, scale
         parts = tuple(
             SplineSegment(p.place * s, p.speed * s / m, p.bend * s / m**2, p.twist * s / m**3, p.length * m)

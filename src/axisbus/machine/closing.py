@@ -1,12 +1,12 @@
-"""The end of a machine, done once: whoever closes it meanwhile waits for that, and is told the same.
+"""The end of a machine, which happens once. Other threads that close it meanwhile wait, and get the same result.
 
 Theory of operation
 -------------------
-Closing blocks until every axis stands. It cannot be done in a thread of axisbus's own, such as the scan's, which runs the callbacks
-of handles and which is what stops the axes: there only the stop is asked for, and a thread of its own closes the machine. In
-virtual time, where there are no threads, that is done after the cycle (``finish``).
+Closing blocks until every axis is at standstill. It cannot run in a thread of axisbus, such as the scan's thread, because that
+thread stops the axes and also runs the callbacks of handles. In such a thread, only the stop is requested, and a thread of its own
+closes the machine. In virtual time there are no threads, so the machine is closed after the cycle (``finish``).
 
-What closing came to is told to everybody who waited for it, else to the first who asks.
+Every caller that waited gets the failures of closing. If no caller waited, the first later caller gets them.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from axisbus.interrupt_guard import in_thread_of_ours
 log = logging.getLogger("axisbus")
 
 _THREAD = "closing an axisbus machine"
-_SLICE = 0.1  # seconds; a wait in slices lets signal handlers run on every platform
+_SLICE = 0.1  # seconds; waiting in slices lets signal handlers run on every platform
 
 
 class Closing:
-    """Holds whether a machine is being closed, the threads that are at it, and what came of it."""
+    """Holds whether a machine is being closed, the threads that close it, and the result."""
 
     def __init__(
         self,
@@ -34,9 +34,9 @@ class Closing:
         ask: Callable[[str], None],
         in_cycle: Callable[[], bool] | None,
     ) -> None:
-        """``work`` closes, blocks, and returns what went wrong; ``ask`` asks for the stop and returns at once.
+        """``work`` closes, blocks, and returns the failures; ``ask`` requests the stop and returns at once.
 
-        ``in_cycle`` tells, in virtual time, whether the caller is within a cycle.
+        ``in_cycle`` returns, in virtual time, whether the caller is within a cycle.
         """
         self._work = work
         self._ask = ask
@@ -50,19 +50,19 @@ class Closing:
 
     @property
     def begun(self) -> bool:
-        """Whether somebody closes, or has closed."""
+        """Whether a thread closes the machine, or has closed it."""
         return self._claim.locked()
 
     @property
     def over(self) -> bool:
-        """Whether it has been done."""
+        """Whether closing is complete."""
         return self._done.is_set()
 
     def run(self, reason: str) -> list[AxisbusError]:
-        """Close, or wait until whoever closes has done it, and return what went wrong; in a thread of ours: begin, and return."""
+        """Close, or wait for the thread that closes, and return the failures. In a thread of axisbus, only begin closing."""
         if (
             self._told or threading.get_ident() in self._within
-        ):  # by a callback, or a handler of the user's, in the midst of it
+        ):  # called by a callback or a user's handler during closing
             return []
         if self._may_not_wait():
             self._begin(reason)
@@ -73,7 +73,7 @@ class Closing:
         return self._failures
 
     def finish(self) -> None:
-        """Do what a callback has begun, in virtual time between two cycles."""
+        """In virtual time, between two cycles, complete the closing that a callback has begun."""
         if self._deferred is not None and not self._may_not_wait():
             self._close_alone()
 
@@ -83,7 +83,7 @@ class Closing:
                 pass
 
     def _close(self, reason: str) -> bool:
-        """Close; return False where somebody else does, or has done it."""
+        """Close; return False if another thread closes the machine, or has closed it."""
         if not self._claim.acquire(blocking=False):
             return False
         with self._being_within():
@@ -98,7 +98,7 @@ class Closing:
 
     @contextmanager
     def _being_within(self) -> Iterator[None]:
-        """A thread that closes, or waits for that, and is called back meanwhile, must not wait for itself."""
+        """Mark this thread as closing or waiting: if it is called back meanwhile, it must not wait for itself."""
         ident = threading.get_ident()
         self._within.add(ident)
         try:
@@ -112,7 +112,7 @@ class Closing:
         return in_thread_of_ours()
 
     def _begin(self, reason: str) -> None:
-        """Ask for the stop, and leave the rest to a thread of its own, or to whoever closes next."""
+        """Request the stop, and leave the rest to a thread of its own, or to the next caller that closes."""
         self._ask(reason)
         if self._deferred is not None or self.begun:
             return
@@ -120,11 +120,11 @@ class Closing:
         if self._in_cycle is None:
             try:
                 threading.Thread(target=self._close_alone, name=_THREAD, daemon=True).start()
-            except RuntimeError:  # the interpreter is ending and makes no more threads: atexit closes
+            except RuntimeError:  # the interpreter is ending and starts no more threads: atexit closes
                 return
 
     def _close_alone(self) -> None:
-        """Close where nobody waits who could be told: what went wrong is logged, and raised to whoever closes later."""
+        """Close without a waiting caller: log the failures. A later call that closes gets them too."""
         if self._close(self._deferred or ""):
             for failure in self._failures:
                 log.error("while the machine was closed, as a callback had asked: %s", failure)

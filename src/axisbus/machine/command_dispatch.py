@@ -1,4 +1,4 @@
-"""Commands on their way from a user to the core, and what the core tells of them on its way back to their handles."""
+"""Sends the user's commands to the core, and passes the core's events to their handles."""
 
 from __future__ import annotations
 
@@ -13,24 +13,26 @@ from axisbus.session import AnyCommand, AxisSession, CommandEvent, Target
 
 
 class CommandDispatcher:
-    """Gives commands to a session; holds the handle of each that is under way, by its number.
+    """Gives commands to a session; holds the handle of each active command, by its number.
 
-    A command may end before ``submit`` has returned. So what has ended is kept, as its last event and not as its handle (which its
-    user may have dropped), until the next command is given.
+    A command may end before ``submit`` has returned. Therefore the last event of an ended command is stored until the next command
+    is given. Its handle is not stored, because the user may have dropped it.
     """
 
     def __init__(self, session: AxisSession) -> None:
         self.session = session
-        self._lock = threading.RLock()  # what collects garbage in here may log, and who logs may stop an axis
+        self._lock = (
+            threading.RLock()
+        )  # re-entrant: logging in here, as by garbage collection, may stop an axis
         self._numbers = itertools.count(1)
         self._given: dict[int, Handle | CommandEvent] = {}
         self._over: deque[int] = deque()
-        self._giving = 0  # how many submissions are under way: more than one where a user's log handler gives one as well
+        self._giving = 0  # number of active submissions: above one if a user's log handler submits as well
         session.listen(self._hear)
 
     @sheltered
     def submit(self, target: Target, command: AnyCommand, name: str) -> Handle:
-        """Give a command, and return its handle: that of the same command where it waits already; does not block.
+        """Submit a command, and return its handle: that of the same command, if one is already queued. Does not block.
 
         Raises:
             StateError: this is a forked child, in which no core runs.
@@ -39,7 +41,7 @@ class CommandDispatcher:
 
     @sheltered
     def give(self, handle: Handle, target: Target, command: AnyCommand) -> Handle:
-        """As ``submit``, with a handle of its own kind."""
+        """As ``submit``, with the caller's handle object."""
         with self._lock:
             if not self._giving:
                 self._forget_ended()
@@ -50,7 +52,7 @@ class CommandDispatcher:
                 self._giving -= 1
 
     def disown(self) -> None:
-        """Be usable in a forked child, where whoever had the lock does not run."""
+        """Make this object usable in a forked child, where the thread that held the lock does not run."""
         self._lock = threading.RLock()
 
     def _submit(self, handle: Handle, target: Target, command: AnyCommand) -> Handle:

@@ -1,4 +1,4 @@
-"""From what a user asks of a slave to the command that couples it to its master, checked at the call."""
+"""Make the command that couples a slave to its master from the arguments of a call, and check them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Coupling:
-    """One call, such as ``y.gear_in(x, 2.0)``, on its way to a ``Couple``; ``text`` names it in messages."""
+    """Makes a ``Couple`` from one call, such as ``y.gear_in(x, 2.0)``; ``text`` names the call in messages."""
 
     def __init__(self, slave: Axis, master: object, text: str, request: AxisCall, by: str) -> None:
         """Check the axes.
@@ -98,7 +98,7 @@ class Coupling:
         )
 
     def _require_room(self, cam: Cam, law: CamLaw, scale: float) -> None:
-        """Hold a cam against the slave's limits; where its turns take the slave farther, only its way there tells."""
+        """Check a cam against the slave's limits. A cam whose turns add up is not checked here: the motion itself is."""
         limits = self._slave.limits.position
         if limits is None or law.lift:
             return

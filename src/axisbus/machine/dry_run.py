@@ -1,10 +1,11 @@
-"""The axes of a cell as its files alone describe them: a command is refused as the call itself would be, and nothing is sent.
+"""The axes of a cell without its drives: a command is refused as the real call would be, and nothing is sent.
 
 Theory of operation
 -------------------
-The axes are those of ``motion``, with their own checks; only what would take their commands is replaced. It knows no drive: an axis
-stands where it was last ``seen``, else at 0, and is homed once it was told to home. What only the drive can tell (its state, where
-homing by a switch ends) is judged by the machine itself, later.
+The axes are the ordinary ``Axis`` objects with their own checks; only the session that takes their commands is replaced. The dry
+run knows no drive. An axis is at the position where it was last ``seen``. Before that, its position reads 0, and a relative move
+is checked as from an unknown position. An axis is homed after a home command. Facts that only the drive has (its state, the end
+position of homing to a switch) are checked later by the machine.
 """
 
 from __future__ import annotations
@@ -40,14 +41,14 @@ _AT_REST = Snapshot(
 )  # fmt: skip
 _UNKNOWN = Capabilities({}, {}, remappable=False, max_age={})
 _ANYWHERE = None
-_Place = int | None  # user increments; None where an axis may be anywhere
+_Place = int | None  # user increments; None if an axis may be anywhere
 
 
 class DryRun:
-    """The axes of a cell without its drives; holds state: which axes were told to home, and where they are seen."""
+    """The axes of a cell without its drives. State: which axes got a home command, and their last seen positions."""
 
     def __init__(self, cell: CellConfig, known: Mapping[str, AxisParameters] | None = None) -> None:
-        """``known``: of each axis what its drive has told, too; without, the EDS files tell, which ``checked`` has read.
+        """``known``: the parameters of each axis, with values read from its drive; without it, those of the EDS files.
 
         Raises:
             EdsError: a file is missing or cannot be read.
@@ -58,7 +59,7 @@ class DryRun:
         self._commanding = CommandDispatcher(self._stage)
 
     def __getitem__(self, name: str) -> Axis:
-        """Return an axis, whose commands raise what speaks against them and are done at once otherwise.
+        """Return an axis. Its commands raise the errors that the checks find; otherwise they are done at once.
 
         Raises:
             StateError: the cell has no such axis.
@@ -68,7 +69,7 @@ class DryRun:
         return Axis(self._parameters[name], self._commanding)
 
     def gantry(self, name: str) -> Gantry:
-        """Return a pair of axes that carry one beam, in the same way.
+        """Return a gantry pair, with the same behaviour.
 
         Raises:
             StateError: the cell has no such axes.
@@ -77,7 +78,7 @@ class DryRun:
         return Gantry(pair, self[pair.first], self[pair.second], self._commanding)
 
     def see(self, name: str, snapshot: Snapshot) -> None:
-        """Take over where an axis really is."""
+        """Use the actual state of an axis from now on."""
         self._stage.see(name, snapshot)
 
 
@@ -93,7 +94,7 @@ def _of_files(cell: CellConfig) -> dict[str, AxisParameters]:
 
 
 class _Stage:
-    """An ``AxisSession`` without a core: it takes commands and only judges them."""
+    """An ``AxisSession`` without a core: it only checks commands."""
 
     dead = silent = leaving_because = None
     ended = failed = False
@@ -109,13 +110,13 @@ class _Stage:
         self._places: dict[str, _Place] = dict.fromkeys(parameters, _ANYWHERE)
 
     def see(self, name: str, snapshot: Snapshot) -> None:
-        """Take over where an axis is; one whose position is not known may be anywhere."""
+        """Use the actual state of an axis. If its position is unknown, the axis may be anywhere."""
         known = snapshot.position is not None
         self.snapshots[name] = snapshot if known else snapshot._replace(position=0)
         self._places[name] = None if snapshot.position is None else snapshot.position - snapshot.origin
 
     def submit(self, number: int, target: Target, command: AnyCommand, name: str) -> int:
-        """Judge a command.
+        """Check a command.
 
         Raises:
             StateError, LimitError: the drive lacks an object for it, or it would end beyond the position limits.
@@ -136,26 +137,26 @@ class _Stage:
         return number
 
     def listen(self, hear: Callable[[CommandEvent], None]) -> None:
-        """Let ``hear`` have the end of every command."""
+        """Call ``hear`` at the end of every command."""
         self._hear = hear
 
     def add_group(self, key: Target, members: Sequence[str]) -> None:
-        """Nothing to do: a group's commands are judged axis by axis."""
+        """Do nothing: the commands of a group are checked axis by axis."""
 
     def hold_to_run(self, seconds: float | None, continuous: float | None = None) -> None:
-        """As ``Session.hold_to_run``: nothing moves here."""
+        """As ``Session.hold_to_run``, without effect: nothing moves here."""
 
     def request_halt(self, reason: str, number: int) -> None:
-        """There is nothing to halt."""
+        """Do nothing: nothing moves."""
 
     def request_stop(self, reason: str, quick: bool = False) -> None:
-        """Nothing moves."""
+        """Do nothing: nothing moves."""
 
     def observe(self, observer: Observer) -> None:
-        """There are no cycles."""
+        """Do nothing: there are no cycles."""
 
     def forget(self, observer: Observer) -> None:
-        """There are no cycles."""
+        """Do nothing: there are no cycles."""
 
     def _home(self, name: str, command: c.Home, ticket: CommandStatus) -> None:
         method = command.job.method
@@ -177,7 +178,7 @@ class _Stage:
             self._require_end(name, command.value, ticket)
 
     def _require_end(self, name: str, distance: int, ticket: CommandStatus) -> None:
-        """Raise LimitError where a way of so many increments would end beyond the limits of an axis."""
+        """Raise LimitError if a move by this number of increments would end beyond the position limits of an axis."""
         parameters, place = self._parameters[name], self._places[name]
         if parameters.homing.required and not self.snapshots[name].homed:
             return
@@ -188,7 +189,7 @@ class _Stage:
 
 
 def _require_room(parameters: AxisParameters, distance: int, ticket: CommandStatus) -> None:
-    """Raise LimitError where a way is longer than the limits are apart: it ends beyond them from wherever it starts."""
+    """Raise LimitError if a move is longer than the distance between the limits: it ends beyond them from any start."""
     limits, scale = parameters.limits.position, parameters.units.position
     way = abs(scale.to_units(distance))
     if limits is not None and way > limits[1] - limits[0]:

@@ -1,4 +1,4 @@
-"""Named inputs and outputs as a user sees them: values that are never passed off as fresh, and commands for outputs."""
+"""The public inputs and outputs: values that are fresh or reported as unknown, and commands for outputs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from axisbus.machine.command_dispatch import CommandDispatcher
     from axisbus.session import MachineSession
 
-_SLICE = 0.005  # seconds between two looks, in real time
+_SLICE = 0.005  # seconds between two checks, in real time
 
 
 class Signal:
@@ -40,7 +40,7 @@ class Signal:
 
     @property
     def unit(self) -> str:
-        """The unit of a number; empty where it has none."""
+        """The unit of a number; empty if it has none."""
         return self._point.unit
 
     @property
@@ -50,30 +50,33 @@ class Signal:
 
     @property
     def safe_value(self) -> Value | None:
-        """What an output becomes when its node, the program or the master is lost, and at the end; None for an input."""
+        """Value of an output after the loss of its node, the program or the master, and at the end; None for an input."""
         return self._point.shown(self._point.safe) if self._point.output else None
 
     @property
     def value(self) -> Value:
-        """An input as it came last, an output as it was sent last; before it was first set, as it was found at boot.
+        """The last received value of an input, or the last sent value of an output; before its first set, the value found at boot.
 
         Raises:
-            StaleError: it is unknown, with the reason: its node is lost, it is too old, the scan has ended.
+            StaleError: it is unknown, with the reason: its node is lost, it is too old, or the scan has ended.
         """
         return self._shown(self._known())
 
     @property
     def age(self) -> float:
-        """How long before the last cycle ``value`` had come or had been sent, in seconds; raises as ``value``."""
+        """Seconds from the reception or sending of ``value`` to the last cycle; raises as ``value``."""
         reading = self._known()
         return max(0.0, reading.now - reading.stamp)
 
     def set(self, value: Value) -> Handle:
-        """Set an output; does not block. The handle is done once the frame with it, and the SYNC at which it acts, have been sent,
-        and its node was heard after that; it fails with NodeError where the node is lost instead.
+        """Set an output. Does not block.
 
-        Where the node has no heartbeat and no inputs, done is sent. Whether what is wired to it follows is seen by an input. It
-        stays so until it is set again, its node is lost (then it is safe, and must be set again), or the machine is left.
+        The handle is done after the frame and the SYNC that makes it effective have been sent, and the node was heard afterwards.
+        If the node is lost before that, the handle fails with a NodeError.
+
+        If the node has no heartbeat and no inputs, done means sent. Only an input can show whether the wired device has reacted.
+        The output keeps the value until it is set again, its node is lost (it is then safe, and must be set again), or the machine
+        is closed.
 
         Raises:
             ArgumentError: it is an input, or cannot have this value.
@@ -81,13 +84,13 @@ class Signal:
         return set_outputs(self._commanding, {self: value})
 
     def wait(self, value: Value | Callable[[Value], bool] = True, timeout: float | None = None) -> Value:
-        """Block until it has ``value``, or until a function of its value says so; return the value.
+        """Block until it has ``value``, or until a function of its value returns true; return the value.
 
-        It is looked at in each cycle at most, in real time every 5 ms; what comes and goes in between is not seen.
+        The value is checked at most once per cycle, in real time every 5 ms; shorter changes are not seen.
 
         Raises:
-            SignalTimeout: it has not after ``timeout`` seconds.
-            StaleError: it is unknown, or becomes so.
+            SignalTimeout: the value has not come within ``timeout`` seconds.
+            StaleError: it is unknown, or becomes unknown.
         """
         if not callable(value) and not isinstance(value, Real):
             raise ArgumentError(
@@ -107,7 +110,7 @@ class Signal:
 
     @property
     def point(self) -> IoPoint:
-        """Where it is, and what its raw value means."""
+        """Location and scaling of its raw value."""
         return self._point
 
     @property
@@ -151,7 +154,7 @@ class InputsOutputs(Mapping[str, Signal]):
         self._commanding = commanding
 
     def __getitem__(self, name: str) -> Signal:
-        """Return an input or output; raises StateError where the cell names none such."""
+        """Return an input or output; raises StateError if the cell has none of this name."""
         if not isinstance(name, str) or name not in self._signals:
             raise UnknownNameError(
                 f"the cell has no input or output {told(name)}",
@@ -170,7 +173,7 @@ class InputsOutputs(Mapping[str, Signal]):
         return len(self._signals)
 
     def set(self, values: Mapping[str, Value]) -> Handle:
-        """Set several outputs at once, in one cycle, all or none of them; else as ``Signal.set``."""
+        """Set several outputs in one cycle, all or none of them; otherwise as ``Signal.set``."""
         if not isinstance(values, Mapping) or not values:
             raise ArgumentError(
                 f"io.set: {told(values)} names no output",
@@ -180,7 +183,7 @@ class InputsOutputs(Mapping[str, Signal]):
 
 
 def set_outputs(commanding: CommandDispatcher, values: Mapping[Signal, Value]) -> Handle:
-    """Give a command that sets outputs; raises ArgumentError where one cannot be set so."""
+    """Submit a command that sets outputs; raises ArgumentError if one of them cannot have its value."""
     given = tuple((signal.name, _raw(signal, value)) for signal, value in values.items())
     name = ", ".join(f"{signal.name} = {value}" for signal, value in values.items())
     return commanding.submit(IO, SetOutputs(given), name)

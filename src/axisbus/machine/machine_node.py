@@ -1,4 +1,4 @@
-"""A node of a machine that runs, by its objects alone (``bus.sdo.access.ByObjects``); what changes it needs the command."""
+"""A node of a running machine, with only its objects (``bus.sdo.access.ByObjects``); writing needs control of the machine."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from axisbus.machine.node_access import NodeAccess
 
 
 class MachineNode:
-    """A node by what the core that has its bus reads and writes for this program."""
+    """A node whose objects the core reads and writes for this program."""
 
     def __init__(self, access: NodeAccess) -> None:
         self.access = access
@@ -22,7 +22,7 @@ class MachineNode:
         self.sdo = MachineSdo(access)
 
     def answers_sdo(self) -> bool:
-        """Try whether its SDO server answers, a refusal included; blocks."""
+        """Return whether its SDO server answers; a refusal counts as an answer. Blocks."""
         try:
             self.sdo.upload(o.DEVICE_TYPE)
         except SdoAbort:
@@ -35,7 +35,7 @@ class MachineNode:
         """Check that the machine does not send the object by PDO.
 
         Raises:
-            StateError: it does: what is written would be overwritten at once.
+            StateError: it does: a written value would be overwritten at once.
         """
         if (entry.index, entry.subindex) in self.access.sdo.cyclic:
             raise StateError(
@@ -54,17 +54,17 @@ class MachineSdo:
         self._objects = access.parts.objects
 
     def upload(self, index: int, subindex: int = 0, *, progress: Progress | None = None) -> bytes:
-        """Read an object's bytes; blocks. ``progress`` is told when all have come."""
+        """Read an object's bytes; blocks. ``progress`` is called when all bytes have arrived."""
         data = self._objects.upload(index, subindex)
         if progress is not None:
             progress(len(data), len(data))
         return data
 
     def download(self, index: int, subindex: int, data: bytes) -> None:
-        """Write an object's bytes; blocks. For who has the command of the machine."""
+        """Write an object's bytes; blocks. Needs control of the machine."""
         self._objects.download(index, subindex, data)
 
     def read(self, key: int | str, subindex: int = 0, *, data_type: DataType | None = None) -> Value:
-        """Read an object as the value that its data type says; blocks."""
+        """Read an object as a value of its data type; blocks."""
         entry = self.dictionary.resolve(key, subindex)
         return decoded(self.upload(entry.index, entry.subindex), data_type or entry.data_type)

@@ -1,4 +1,4 @@
-"""Direct access to one node beside its axes: typed objects by number or name, for users; thread-safe."""
+"""Direct access to one node, in addition to its axes: typed objects by number or name; thread-safe."""
 
 from __future__ import annotations
 
@@ -33,19 +33,19 @@ Key = int | str | tuple[int | str, int]
 class SdoAccess:
     """Objects of a node by SDO, as a mapping: ``sdo[0x6081]``, ``sdo["Profile velocity"]``, ``sdo[0x607D, 1] = -1000``.
 
-    Each look and each assignment is one transfer; it blocks until the node has answered.
+    Each read and each assignment is one transfer; it blocks until the node has answered.
     """
 
     def __init__(
         self, objects: NodeObjects, dictionary: Dictionary, cyclic: frozenset[tuple[int, int]] = frozenset()
     ) -> None:
-        """``cyclic``: what the scan sends in every cycle."""
+        """``cyclic``: the objects that the scan sends in every cycle."""
         self._objects = objects
         self._dictionary = dictionary
         self.cyclic = cyclic
 
     def __getitem__(self, key: Key) -> Value:
-        """Read an object as its data type says.
+        """Read an object as a value of its data type.
 
         Raises:
             ArgumentError: no object of this name.
@@ -59,7 +59,7 @@ class SdoAccess:
 
         Raises:
             StateError: the object is in an RPDO that the scan sends: the value would be overwritten at once.
-            ArgumentError, LimitError: no such object, or a value that it cannot hold.
+            ArgumentError, LimitError: no such object, or a value out of its range.
             SdoAbort, SdoTimeout: the node refuses, or does not answer.
         """
         index, subindex = self._resolve(key)
@@ -78,7 +78,7 @@ class SdoAccess:
 
 
 class NoSdoAccess(SdoAccess):
-    """The objects of a node that speaks CAN Simple, of which there are none: each look and each assignment raises StateError."""
+    """The SDO access of a node that uses CAN Simple, which has no objects: each read and each assignment raises StateError."""
 
     def _resolve(self, key: Key) -> tuple[int, int]:
         name, _ = key if isinstance(key, tuple) else (key, 0)
@@ -87,10 +87,10 @@ class NoSdoAccess(SdoAccess):
 
 
 class NodeAccess:
-    """One node: ``sdo``, its NMT state and commands, its emergency messages, and the PDOs that are in use."""
+    """One node: ``sdo``, its NMT state and commands, its emergency messages, and its active PDOs."""
 
     def __init__(self, parts: NodeParts, await_cycle: Callable[[], None] = lambda: None) -> None:
-        """``parts``: those that its link has of it. ``await_cycle`` waits until the axes are known as of a later time."""
+        """``parts``: the node's parts of its link. ``await_cycle`` waits until the axes have values of a later time."""
         self.parts = parts
         self._await_cycle = await_cycle
         self.node_id = node_id = parts.node_id
@@ -109,11 +109,11 @@ class NodeAccess:
         return f"<NodeAccess {self.node_id}: {product}, {self.nmt.text}>"
 
     def measure(self, what: str, drive_axis: int = 1) -> float:
-        """Read ``temperature`` (°C), ``voltage`` (V) or ``current`` (A) of one of its axes (from 1); blocks for a transfer or two.
+        """Read ``temperature`` (°C), ``voltage`` (V) or ``current`` (A) of an axis (from 1); blocks for one or two transfers.
 
         Raises:
-            StateError: nobody knows by which object the drive tells it, or it has none.
-            SdoAbort, SdoTimeout: it refuses, or does not answer.
+            StateError: the object for it is unknown, or the drive has none.
+            SdoAbort, SdoTimeout: the node refuses, or does not answer.
         """
         if not self.parts.has_objects:
             raise no_objects(self.node_id)
@@ -128,19 +128,19 @@ class NodeAccess:
     def command(self, command: NmtCommand, timeout: float = 2.0) -> None:
         """Send an NMT command and wait until the node confirms it; blocks up to ``timeout`` seconds.
 
-        A node that leaves operational is lost for its axes: they stop and go to ErrorStop. When this returns, the axes know of the
-        new state, so that a reset may follow at once.
+        If a node leaves operational, its axes treat it as lost: they stop and go to ErrorStop. When this method returns, the axes
+        have processed the new state, so that a reset may follow at once.
 
         Raises:
-            StateError: it speaks CAN Simple, which has none.
-            NodeRefused: it is there and reports another state; with what it says of its errors.
-            NodeTimeout: nothing confirms it.
+            StateError: the node uses CAN Simple, which has no NMT.
+            NodeRefused: the node is present and reports another state; the error includes its error state.
+            NodeTimeout: no confirmation.
         """
         before = self._node.nmt.reports
         try:
             self._node.command(command, timeout)
         except NodeTimeout as error:
-            if self._node.nmt.reports > before:  # it is there
+            if self._node.nmt.reports > before:  # the node is present
                 error.observed = f"{error.observed}; {self._errors()}"
             raise
         self._await_cycle()
@@ -158,39 +158,39 @@ class NodeAccess:
 
     @property
     def events(self) -> list[NodeEvent]:
-        """What error control has told of the node since the scan began, oldest first, each with its reaction time.
+        """The events of error control for this node since the scan began, oldest first, each with its reaction time.
 
-        At most the last 256, and of each kind one in a second: that one says how often it happened. Empty for a node that did not
-        come up.
+        At most the last 256, and at most one of each kind per second, which contains the number of occurrences. Empty for a node
+        that did not come up.
         """
         return [] if self._events is None else self._events.events
 
     def on_event(self, call: Callable[[NodeEvent], None]) -> None:
-        """Have ``call`` called with every further event, in the scan's thread: it must not block."""
+        """Register ``call`` for every further event. It runs in the scan's thread and must not block."""
         if self._events is not None:
             self._events.hear(call)
 
     @property
     def incidents(self) -> tuple[Incident, ...]:
-        """The last 32 incidents, oldest first: faults, what came within 0.1 s, and the resets that followed."""
+        """The last 32 incidents, oldest first: faults, the messages within 0.1 s, and the resets that followed."""
         log: EmcyLog = self._node.emcy
         return tuple(log.incidents)
 
     def format_incident(self, incident: Incident) -> list[str]:
-        """Return an incident as lines of text, by CiA 301, CiA 402 and the make's own table."""
+        """Return an incident as lines of text, according to CiA 301, CiA 402 and the drive plug-in's table."""
         return incident_words(incident, self._make, self._clock())
 
     @property
     def pdo_events(self) -> tuple[PdoEvent, ...]:
-        """The last 64 times that a TPDO stopped coming or came again, oldest first.
+        """The last 64 times that a TPDO timed out or returned, oldest first.
 
         Raises:
-            StateError: the node is simulated without a bus, where no PDO can stop coming; values have their ages all the same.
+            StateError: the node is simulated without a bus, where no PDO can time out; the values still have their ages.
         """
         return tuple(self._require_bus().pdo_events)
 
     def error_history(self) -> tuple[ErrorEntry, ...] | None:
-        """Read the node's own list of its errors (1003h), the newest first; None where it has none. Blocks for a few transfers.
+        """Read the node's own list of its errors (1003h), newest first; None if it has none. Blocks for a few transfers.
 
         Raises:
             SdoTimeout, BusError: the node does not answer.
@@ -200,7 +200,7 @@ class NodeAccess:
         return errorfield.read(lambda index, subindex: read_int(self._objects, index, subindex))
 
     def format_error_history(self) -> list[str]:
-        """Return the same as lines of text; blocks and raises as ``error_history``."""
+        """Return the same list as lines of text; blocks and raises as ``error_history``."""
         entries = self.error_history()
         if entries is None:
             return ["the node keeps no list of its errors (no 1003h)"]
@@ -208,12 +208,12 @@ class NodeAccess:
 
     @property
     def canopen(self) -> Any:
-        """The node as ``canopen.RemoteNode``, for programs that know that library; SDO goes through our client.
+        """The node as ``canopen.RemoteNode``, for programs that use that library; its SDO uses the client of axisbus.
 
         The library loads the EDS for it, which may take a second, once per file.
 
         Raises:
-            StateError: there is no bus, or it belongs to another process; or the node speaks CAN Simple.
+            StateError: there is no bus, or it belongs to another process; or the node uses CAN Simple.
         """
         if not self.parts.has_objects:
             raise no_objects(self.node_id, "it is no node of CANopen")
@@ -229,15 +229,15 @@ class NodeAccess:
         return remote_node(node)
 
     def mapped_in(self, index: int, subindex: int = 0) -> PdoLocation | None:
-        """Return where a PDO in use carries an object (the index is the device's own): identifier, PDO, first bit, number of bits.
+        """Return the active PDO that contains an object: identifier, PDO, first bit, number of bits. None if there is none.
 
-        None where none does. Does not block.
+        ``index`` is the device's own. Does not block.
         """
         found = (plan.carrier(index, subindex) for plan in self.parts.plans)
         return next((place for place in found if place is not None), None)
 
     def pdos(self) -> list[str]:
-        """Return the PDOs in use, each as a line of text."""
+        """Return the active PDOs, each as a line of text."""
         from axisbus.bus.pdo.plantext import describe
 
         return [line for plan in self.plans for line in describe(plan).splitlines()]
@@ -252,6 +252,6 @@ class NodeAccess:
 
 
 def _cyclic(plans: tuple[PdoPlan, ...]) -> frozenset[tuple[int, int]]:
-    """The objects that the scan sends by PDO, as index and sub-index."""
+    """Return the objects that the scan sends by PDO, as index and sub-index."""
     sent = [pdo for plan in plans for pdo in plan.active if pdo.receive]
     return frozenset((mapped.index, mapped.subindex) for pdo in sent for mapped in pdo.target.mapping)

@@ -1,13 +1,13 @@
-"""Where a program is given in cells, as in a notebook: an interrupt ends the cell that runs, and not the program.
+"""Interrupts in a program that runs in cells, as in a notebook: Ctrl-C ends the running cell, not the program.
 
 Theory of operation
 -------------------
-IPython's kernel takes the signal for itself before whatever it does for its user, and ignores it in between, when axes may turn
-all the same. So a handler of ours comes before each: it is put in force again when code begins to run, and where the kernel keeps
-the handler that it gives back afterwards. Ours asks for the halt; then it lets the handler that it has replaced do its work: to
-raise ``KeyboardInterrupt``, to cancel the cell that awaits something, or, between two cells, nothing.
+IPython's kernel installs its own SIGINT handler before it runs code for the user, and ignores the signal in between, even if axes
+move. Therefore the handler of axisbus is installed before each of these. It is installed again when code begins to run, and it
+replaces the handler that the kernel has saved to restore afterwards. The handler of axisbus requests the halt. It then calls the
+handler that it has replaced, which raises ``KeyboardInterrupt``, cancels the cell that awaits, or, between two cells, does nothing.
 
-Nothing here imports IPython: where it does not run already, there are no cells.
+This module does not import IPython: if IPython is not already running, there are no cells.
 """
 
 from __future__ import annotations
@@ -22,31 +22,31 @@ from typing import Any
 from axisbus.interrupt_guard import postpone
 
 Heard = Callable[[FrameType | None], bool]
-_BEFORE = "pre_execute"  # whatever is run for the user: a cell, or what a button of its output calls
-_KEPT = "saved_sigint_handler"  # of a kernel: what it puts in force when that is over
+_BEFORE = "pre_execute"  # IPython's event before a cell, or before a callback of a button in its output
+_KEPT = "saved_sigint_handler"  # attribute of a kernel: the handler that it restores afterwards
 
 
 def shell() -> Any | None:
-    """Return the IPython that runs this program, None where none does."""
+    """Return the IPython shell that runs this program, None if there is none."""
     get = getattr(sys.modules.get("IPython"), "get_ipython", None)
     return None if get is None else get()
 
 
 def interactive() -> bool:
-    """Whether somebody types this program as it runs."""
+    """Whether the program is typed interactively."""
     return hasattr(sys, "ps1") or bool(sys.flags.interactive) or shell() is not None
 
 
 class Interrupt:
-    """A handler of SIGINT; holds the one that it has replaced."""
+    """A handler of SIGINT; holds the handler that it has replaced."""
 
     def __init__(self, heard: Heard, before: Any) -> None:
-        """``heard`` does what is ours, and returns whether that is all that is to be done."""
+        """``heard`` does the work of axisbus, and returns whether the replaced handler must not be called."""
         self._heard = heard
         self.before = before
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        """Hear it, then let the handler before us have it: at once, or when what must not be torn apart is done."""
+        """Handle the signal, then call the replaced handler: at once, or after the section that must not be interrupted."""
         if not self._heard(frame) and not postpone(frame, lambda: self._pass_on(number, None)):
             self._pass_on(number, frame)
 
@@ -58,31 +58,31 @@ class Interrupt:
 
 
 class Cells:
-    """The cells of this program, while a machine is open; holds the IPython that runs them."""
+    """The cells of this program while a machine is open; holds the IPython shell that runs them."""
 
     def __init__(self, heard: Heard, begins: Callable[[], None]) -> None:
-        """``heard``: of ``Interrupt``; ``begins`` is called before each cell, in the thread that runs it."""
+        """``heard``: as in ``Interrupt``; ``begins`` is called before each cell, in the thread that runs it."""
         self._heard = heard
         self._begins = begins
         self._shell: Any | None = None
 
     @property
     def there(self) -> bool:
-        """Whether there are any."""
+        """Whether this program runs in cells."""
         return self._shell is not None
 
     def begin(self) -> None:
-        """A machine is there; harmless when repeated. Any thread."""
+        """Register for cells, because a machine is open; harmless when repeated. Any thread."""
         if self._shell is None:
             self._shell = shell()
             if self._shell is not None:
                 self._shell.events.register(_BEFORE, self._begins)
 
     def end(self) -> None:
-        """No machine is there any more, and the signals are to be given back; main thread only."""
+        """Restore the signal handlers, because no machine is open any more; main thread only."""
         if self._shell is None:
             return
-        with suppress(ValueError):  # somebody has taken all of them out
+        with suppress(ValueError):  # other code has removed all of them
             self._shell.events.unregister(_BEFORE, self._begins)
         kernel = self._kernel
         kept = getattr(kernel, _KEPT, None)
@@ -94,7 +94,7 @@ class Cells:
         self._shell = None
 
     def take_over(self) -> None:
-        """Put ours in force, now and between the cells; main thread only."""
+        """Install the handler of axisbus, within and between the cells; main thread only."""
         now = signal.getsignal(signal.SIGINT)
         if not isinstance(now, Interrupt):
             signal.signal(signal.SIGINT, Interrupt(self._heard, now))
@@ -108,5 +108,5 @@ class Cells:
 
 
 def is_ours(handler: object) -> bool:
-    """Whether a handler of signals is one of these."""
+    """Whether a signal handler is an ``Interrupt``."""
     return isinstance(handler, Interrupt)

@@ -1,6 +1,7 @@
-"""Ways to open a cell: in a process of its own, in this one, in virtual time, and only to boot it.
+"""Open a cell: in a process of its own, in this process, in virtual time, or only to boot it.
 
-Each imports what it needs: a program whose core is another process needs no CAN, and goes on while that one imports it.
+Each function imports only the modules that it needs. A program whose core is another process needs no CAN modules, and continues
+while that process imports them.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def opened(path: str | Path, beside: bool, shared: bool) -> tuple[CellConfig, Co
 
 
 def attached(path: str | Path, *, command: bool, take: bool) -> tuple[CellConfig, CoreInterface] | None:
-    """Return a cell and its core, which runs already; as ``Machine.attach``, but None where there is none."""
+    """Return a cell and its running core; as ``Machine.attach``, but None if there is none."""
     cell = reader.load(path)
     if sys.platform != "linux":
         return None
@@ -64,7 +65,7 @@ def attached(path: str | Path, *, command: bool, take: bool) -> tuple[CellConfig
 
 
 def runs(path: str | Path, *, joinable: bool = False) -> bool:
-    """Whether a machine of this cell file is found on this computer, of this user; ``joinable``: that programs can join."""
+    """Whether this user has a running machine of this cell file on this computer; ``joinable``: that programs can join."""
     from axisbus.core.process.listener import is_trusted, machines_of
 
     cell = str(path)
@@ -72,7 +73,7 @@ def runs(path: str | Path, *, joinable: bool = False) -> bool:
 
 
 def out_of_reach(path: str | Path) -> str:
-    """Return which programs that cannot be joined run this cell file or have its channel, for people; empty where none does."""
+    """Return, as text, the programs that run this cell file or hold its channel but cannot be joined; empty if none."""
     if sys.platform != "linux":
         return ""
     from axisbus.bus.link import ownership
@@ -117,11 +118,11 @@ def boot(
     *,
     beside: bool = False,
 ) -> list[NodeReport]:
-    """Boot the nodes of a cell, let them go again, and return what there is to say of each; energises nothing. Blocks.
+    """Boot the nodes of a cell, release them again, and return the report of each; energises nothing. Blocks.
 
-    A node that did not come up has its ``error`` in the report. ``progress`` is called with the number of nodes that are through,
-    and that of all; ``on_program`` with a node's ID, and the bytes of its new program that have arrived and that there are, in the
-    thread of that node. ``beside``: even where another master is heard.
+    A node that did not come up has its ``error`` in the report. ``progress`` is called with the number of finished nodes and that
+    of all nodes. ``on_program`` is called in the thread of a node with its ID, and the received and the total bytes of its new
+    program. ``beside``: boot even if another master is heard.
 
     Raises:
         ConfigError, EdsError, AdapterError, SecondMasterError: as ``Machine.open``.
@@ -136,7 +137,7 @@ def boot(
 
     def told(_: Booted) -> None:
         if progress is not None:
-            with lock:  # the nodes are booted in parallel
+            with lock:  # nodes boot in parallel
                 progress(next(through), len(cell.nodes))
 
     link = CanLink(cell, load_dictionaries(cell), on_program)
@@ -173,7 +174,7 @@ def _here(cell: CellConfig) -> Core:
     from axisbus.core.runtime import Runtime
 
     dictionaries = load_dictionaries(cell)
-    gc.collect()  # now: from the boot-up on, drives and master expect each other's heartbeats
+    gc.collect()  # now, because after boot-up the drives and the master monitor each other's heartbeats
     link = CanLink(cell, dictionaries)
     return _core(cell, Runtime(link, sorted(cell.nodes), link.stand_ins), realtime=True)
 

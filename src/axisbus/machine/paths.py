@@ -1,4 +1,4 @@
-"""From what a user asks of a group to a way: points in the axes' units, checked, as pieces with their speeds."""
+"""Make a path from the arguments of a group's call: points in the axes' units, checked, as segments with velocities."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from axisbus.motion.sampled_path.segment import SampledSegment
 from axisbus.wording import counted
 
 T = TypeVar("T")
-MOST = 1000  # points of one path: they cross to the core at once, within a millisecond of its time
+MOST = 1000  # points of one path: they are sent to the core at once, which takes a millisecond of its time
 
 
 def one_each(axes: Collection[str], text: str, values: Sequence[float]) -> Sequence[float]:
-    """Return ``values``, of which there must be one for each axis (ArgumentError); ``text`` is how the message begins."""
+    """Return ``values``; raises ArgumentError unless there is one for each axis. ``text`` begins the message."""
     found = items_of(text.removesuffix(":"), "positions", values)
     if len(found) != len(axes):
         raise ArgumentError(
@@ -40,10 +40,10 @@ def one_each(axes: Collection[str], text: str, values: Sequence[float]) -> Seque
 
 
 def blend_of(text: str, blend: float, mode: BufferMode | None = None, axes: int = 2) -> float:
-    """Return the distance within which corners are cut; a motion that takes over by ``mode`` without a stop needs one.
+    """Return the corner distance; it must be above 0 for a motion of ``mode`` that blends.
 
     Raises:
-        ArgumentError: it is none; ``text`` says what was asked for. One axis alone (of ``axes``) has no corners.
+        ArgumentError: not a distance; ``text`` names the call. A single axis (``axes`` is 1) has no corners.
     """
     wide = number(blend)
     if wide is None or wide < 0.0:
@@ -61,7 +61,7 @@ def blend_of(text: str, blend: float, mode: BufferMode | None = None, axes: int 
 
 
 class PathRequest:
-    """One call, such as ``xy.move_path(...)``, on its way to a ``MovePath``. ``text`` names it in messages."""
+    """Makes a ``MovePath`` from one call, such as ``xy.move_path(...)``. ``text`` names the call in messages."""
 
     def __init__(
         self,
@@ -79,15 +79,15 @@ class PathRequest:
         extends: bool = False,
         kinematics: Kinematics | UserKinematicsAdapter | None = None,
     ) -> None:
-        """``velocity``, ``acceleration`` and ``jerk`` are checked already; ``call`` is the name of the method.
+        """``velocity``, ``acceleration`` and ``jerk`` are already checked; ``call`` is the name of the method.
 
-        ``after``: where what it waits for ends; None: it begins where the axes stand. ``buffer``: how it takes over, with
-        which ``blend``; it ``extends`` what is under way, or leaves room for ``more``. Points are places of the axes, with
-        ``kinematics`` of the workspace.
+        ``after``: the end of the motion that it waits for; None: it begins at the axes' commanded positions. ``buffer``: PLCopen's
+        BufferMode, with ``blend``. ``extends``: it extends the active path. ``more``: it reserves room for further points. Points
+        are positions of the axes; with ``kinematics``, positions in the workspace.
 
         Raises:
             ArgumentError: an axis is endless.
-            StaleError: where an axis stands is not known.
+            StaleError: the position of an axis is unknown.
         """
         self._axes = axes
         self._text, self._call = text, call
@@ -115,7 +115,7 @@ class PathRequest:
         """Return the path through ``points``; corners are cut by at most ``blend``.
 
         Raises:
-            LimitError, ArgumentError: a point is none, there are none or too many, or ``blend`` is no distance.
+            LimitError, ArgumentError: a point is invalid, there are none or too many, or ``blend`` is no distance.
         """
         if not 0 < len(points) <= MOST:
             raise ArgumentError(
@@ -128,10 +128,10 @@ class PathRequest:
         return self._path(pieces, stops)
 
     def through(self, via: Sequence[float], end: Sequence[float]) -> MovePath:
-        """Return the arc by ``via`` to ``end``.
+        """Return the arc through ``via`` to ``end``.
 
         Raises:
-            LimitError, ArgumentError: a point is none, or they make no circle.
+            LimitError, ArgumentError: a point is invalid, or they make no circle.
         """
         by, to = self.point("via", via), self.point("end", end)
         return self._arc(lambda: arc_through(self._start, by, to))
@@ -140,7 +140,7 @@ class PathRequest:
         """Return the arc about ``centre`` to ``end``.
 
         Raises:
-            LimitError, ArgumentError: a point is none, they make no circle, or the axes are not two.
+            LimitError, ArgumentError: a point is invalid, they make no circle, or there are not two axes.
         """
         if len(self._start) != 2:
             raise ArgumentError(
@@ -152,7 +152,7 @@ class PathRequest:
         return self._arc(lambda: arc_about(self._start, middle, to, clockwise=clockwise))
 
     def point(self, what: str, values: Sequence[float]) -> Place:
-        """Return the place that ``values`` are, each checked as an absolute move is; of a workspace its way there is checked."""
+        """Return the position of ``values``, checked as an absolute move. A point in a workspace is checked with its path."""
         if self._kinematics is not None:
             for axis in self._axes.values():
                 axis._require_homed(self._call)
@@ -201,7 +201,7 @@ class PathRequest:
                 )
 
     def _bent(self, pieces: Sequence[Piece], kinematics: Kinematics) -> list[KinematicSegment]:
-        """Return the pieces as the axes go along them, each within reach and limits."""
+        """Return the segments as paths of the axes, each checked for reach and limits."""
         found = [KinematicSegment(piece, kinematics) for piece in pieces]
         for piece in found:
             self._reached(lambda piece=piece: survey(piece))  # type: ignore[misc]
@@ -211,13 +211,13 @@ class PathRequest:
     def _sampled(
         self, pieces: Sequence[Piece], stops: Collection[int], own: UserKinematicsAdapter
     ) -> list[SampledSegment]:
-        """Return the pieces as the axes go along them by a program's own kinematics, each within reach and limits."""
+        """Return the segments as paths of the axes, by the user's own kinematics, each checked for reach and limits."""
         return Sampling(own, pieces, stops, self._joints, self._text).tables()
 
     def _reached(self, make: Callable[[], T]) -> T:
         try:
             return make()
-        except AxisbusError as error:  # of kinematics of the program's own
+        except AxisbusError as error:  # raised by the user's own kinematics
             raise said(self._text, error) from error
         except ValueError as error:
             raise LimitError(
@@ -248,7 +248,7 @@ class PathRequest:
         return MovePath(tuple(self._axes), way, self._velocity, cycles, waits, self._takeover)
 
     def _require_no_corner(self, pieces: Sequence[Piece]) -> None:
-        """Raise ArgumentError for corners by kinematics of a program's own: of their samples nothing tells how they bend."""
+        """Raise ArgumentError for corners by the user's own kinematics: the curvature between their samples is unknown."""
         if isinstance(self._kinematics, UserKinematicsAdapter) and any(
             isinstance(piece, Corner) for piece in pieces
         ):

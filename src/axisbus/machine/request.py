@@ -1,4 +1,4 @@
-"""From what a call asks for, in units, to increments: checked against the axis's limits and what the objects hold."""
+"""Convert the arguments of a call from units to increments, checked against the axis's limits and the objects' ranges."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from axisbus.motion.position_limits import widened
 from axisbus.motion.trajectory import Trajectory
 from axisbus.units import Scale, toward_zero, whole_above, whole_below
 
-_COUNTABLE = 2.0**63  # increments: no object holds as many
-_HOLDS = 0.05, 60.0  # seconds: the shortest is a few cycles, and longer is no hold
+_COUNTABLE = 2.0**63  # increments: no object can hold more
+_HOLDS = 0.05, 60.0  # seconds: the shortest is a few cycles; a longer time protects nothing
 _ROUNDING = 1.000001  # relative tolerance for a computed velocity, acceleration or torque
 
 
 def shown(value: object) -> str:
-    """Return a number as a call would show it; what is no number, as Python does."""
+    """Return a number as a call would show it; any other value as Python does."""
     if not isinstance(value, Real) or isinstance(value, bool):
         return told(value)
     try:
@@ -38,7 +38,7 @@ def shown(value: object) -> str:
 
 
 def flag_of(call: str, what: str, value: object) -> bool:
-    """Return a yes or no; raises ArgumentError for anything else. ``call`` says in its text what was asked for."""
+    """Return a bool; raises ArgumentError for anything else. ``call`` names the call in the message."""
     found = flag(value)
     if found is None:
         raise ArgumentError(
@@ -48,7 +48,7 @@ def flag_of(call: str, what: str, value: object) -> bool:
 
 
 def items_of(call: str, what: str, values: object) -> tuple[Any, ...]:
-    """Return what a sequence is made of; raises ArgumentError for anything else. ``call`` says in its text what was asked for."""
+    """Return the items of a sequence; raises ArgumentError for anything else. ``call`` names the call in the message."""
     found = items(values)
     if found is None:
         raise ArgumentError(
@@ -58,10 +58,10 @@ def items_of(call: str, what: str, values: object) -> tuple[Any, ...]:
 
 
 def override_of(call: str, factor: float) -> float:
-    """Return an override, 0 to 1.5; ``call`` says in the text of the error what was asked for.
+    """Return an override, 0 to 1.5; ``call`` names the call in the message.
 
     Raises:
-        ArgumentError: it is none.
+        ArgumentError: it is out of range, or no number.
     """
     found = number(factor)
     if found is None or not 0.0 <= found <= FASTER:
@@ -73,10 +73,10 @@ def override_of(call: str, factor: float) -> float:
 
 
 def hold_of(call: str, seconds: float) -> float:
-    """Return for how long a program may be silent, 0.05 to 60 s; ``call`` says in the text of the error what was asked for.
+    """Return the time that a program may be silent, 0.05 to 60 s; ``call`` names the call in the message.
 
     Raises:
-        ArgumentError: it is no such time.
+        ArgumentError: it is out of range, or no number.
     """
     found = number(seconds)
     if found is None or not _HOLDS[0] <= found <= _HOLDS[1]:
@@ -88,10 +88,10 @@ def hold_of(call: str, seconds: float) -> float:
 
 
 def buffering_of(call: str, buffer: bool | str) -> BufferMode | None:
-    """Return how a motion takes over from the one before it; None: it replaces that (PLCopen's BufferMode *Aborting*).
+    """Return PLCopen's BufferMode of a motion; None is *Aborting*: it replaces the previous motion.
 
     Raises:
-        ArgumentError: ``buffer`` is none of them; ``call`` says in the text what was asked for.
+        ArgumentError: ``buffer`` is none of the modes; ``call`` names the call in the message.
     """
     if isinstance(buffer, bool):
         return BufferMode.BUFFERED if buffer else None
@@ -106,9 +106,10 @@ def buffering_of(call: str, buffer: bool | str) -> BufferMode | None:
 
 
 class AxisCall:
-    """One call, such as ``x.move_absolute(90 deg)``, on its way from units to increments.
+    """Converts one call, such as ``x.move_absolute(90 deg)``, from units to increments.
 
-    All methods raise ArgumentError for what is no number or missing, and LimitError for what is too much; the text names the call.
+    All methods raise ArgumentError for a missing or non-numeric value, and LimitError for a value beyond a limit. The text of the
+    error names the call.
     """
 
     def __init__(self, parameters: AxisParameters, name: str) -> None:
@@ -139,7 +140,7 @@ class AxisCall:
         return magnitude
 
     def timeout(self, value: float | None) -> float | None:
-        """Return a time in seconds, which may be left out."""
+        """Return a time in seconds; None if it is left out."""
         return None if value is None else self.positive("timeout", value, "s")
 
     def target(self, position: float) -> int:
@@ -153,13 +154,13 @@ class AxisCall:
             )
         self._countable(position * scale.factor, DataType.INTEGER32, "607Ah")
         raw = scale.to_increments(position)
-        if limits is not None:  # the nearest one may lie beyond
+        if limits is not None:  # rounding may leave the limits
             low, high = sorted(edge * scale.factor for edge in limits)
             raw = min(max(raw, whole_above(low)), whole_below(high))
         return self._fits(raw, DataType.INTEGER32, "607Ah")
 
     def place(self, position: float) -> int:
-        """Return what the actual position is to be called, in increments."""
+        """Return the value for the actual position (``set_position``), in increments."""
         value = self.finite("position", position) * self._parameters.units.position.factor
         return self._fits(
             round(self._countable(value, DataType.INTEGER32, "6064h")), DataType.INTEGER32, "6064h"
@@ -184,7 +185,7 @@ class AxisCall:
         )
 
     def torque_offset(self, torque: float) -> int:
-        """Return the constant torque of feed-forward in 0.1 % of rated torque; the cell file must ask for 60B2h."""
+        """Return the constant torque of feed-forward in 0.1 % of rated torque; the cell file must configure 60B2h."""
         given = self._parameters.feed_forward
         if given is None or not given.by_torque:
             name = self._parameters.name
@@ -196,9 +197,9 @@ class AxisCall:
         return self.torque(torque, "60B2h")
 
     def torque_slope(self, slope: float | None) -> int | None:
-        """Return a slope (N·m/s) in 0.1 % of rated torque per second, None where neither call nor defaults give one.
+        """Return a slope (N·m/s) in 0.1 % of rated torque per second; None if neither the call nor the defaults give one.
 
-        The drive's own is good enough then, unless it is 0: by that some drives never build up any torque, others all at once.
+        The drive's own slope then applies, unless it is 0: with 0 some drives never build up torque, others at once.
         """
         slope = slope if slope is not None else self._parameters.defaults.torque_slope
         if slope is None:
@@ -209,9 +210,9 @@ class AxisCall:
         return self._fits(round(raw), DataType.UNSIGNED32, "6087h")
 
     def cyclic_slope(self, slope: float | None) -> int:
-        """Return the slope (N·m/s) that is made here, in 0.1 % of rated torque per second, above 0.
+        """Return the slope (N·m/s) that the master makes, in 0.1 % of rated torque per second, above 0.
 
-        What neither call nor defaults give is the drive's own (6087h), where that is not 0.
+        If neither the call nor the defaults give one, it is the drive's own (6087h), if that is not 0.
         """
         raw = self.torque_slope(slope)
         own = self._parameters.torque_slope if raw is None else raw
@@ -280,13 +281,13 @@ class AxisCall:
         timeout: float | None = None,
         jerk: float | None = None,
     ) -> MoveProfile:
-        """Return the profile of a move to a position; what is left out comes from the defaults. An infinite jerk is no limit."""
+        """Return the profile of a move to a position; missing values are those of the defaults. An infinite jerk is no limit."""
         speed = self._speed(velocity)
         raw = self._raw(self._parameters.units.velocity, speed, "6081h")
         return self._softened(self._with_ramps(raw, speed, acceleration, deceleration, timeout), jerk)
 
     def _softened(self, profile: MoveProfile, jerk: float | None) -> MoveProfile:
-        """Return the profile with a limit of jerk; where its drive limits it, 60A4h counts as its accelerations do, per second."""
+        """Return the profile with a jerk limit. If the drive limits it, 60A4h is in acceleration increments per second."""
         jerk = self._parameters.defaults.jerk if jerk is None else jerk
         if jerk is None or (isinstance(jerk, float) and jerk == math.inf):
             return profile
@@ -310,7 +311,7 @@ class AxisCall:
         return self._softened(self._with_ramps(raw, abs(velocity), acceleration, deceleration, timeout), jerk)
 
     def _turn(self, velocity: float) -> int:
-        """Return a signed velocity in increments of 60FFh, no more than was asked for."""
+        """Return a signed velocity in increments of 60FFh, rounded towards 0."""
         raw = velocity * self._parameters.units.velocity.factor
         self._countable(raw, DataType.INTEGER32, "60FFh")
         return self._fits(toward_zero(raw), DataType.INTEGER32, "60FFh")
@@ -318,7 +319,7 @@ class AxisCall:
     def cyclic_velocity(
         self, velocity: float, acceleration: float | None, deceleration: float | None
     ) -> CyclicVelocity:
-        """Return a signed velocity and its ramps, which are made here: how velocities count must be known."""
+        """Return a signed velocity and its ramps. The master makes the ramps, so the velocity scale must be known."""
         velocity = self._velocity(self.finite("velocity", velocity, f"{self._unit}/s"))
         up, down = self._magnitudes(acceleration, deceleration)
         scale = self._parameters.units.velocity
@@ -330,19 +331,19 @@ class AxisCall:
     def superimposed(
         self, distance: float, velocity: float | None, acceleration: float | None, deceleration: float | None
     ) -> MoveSuperimposed:
-        """Return a distance that is to be laid over a motion, and how; what is left out comes from the defaults."""
-        self.distance(distance)  # no more than a position can hold
+        """Return a distance to be added to a motion, with its velocity and ramps; missing values are those of the defaults."""
+        self.distance(distance)  # checks the range of the position object
         speed = self._speed(velocity)
         return MoveSuperimposed(float(distance), speed, *self._magnitudes(acceleration, deceleration))
 
     def _speed(self, value: float | None) -> float:
-        """Return a speed in unit/s, by default the axis's, which is within the limit but for rounding."""
+        """Return a speed in unit/s, by default the axis's, within the limit (with a tolerance for rounding)."""
         return self._velocity(
             self.positive("velocity", self._or_default("velocity", value), f"{self._unit}/s")
         )
 
     def _velocity(self, value: float) -> float:
-        """Return a signed velocity in unit/s, which is within the limit but for rounding."""
+        """Return a signed velocity in unit/s, within the limit (with a tolerance for rounding)."""
         return self._within(
             "velocity", value, f"{self._unit}/s", "max_velocity", self._parameters.limits.velocity
         )
@@ -396,7 +397,7 @@ class AxisCall:
         return self._acceleration(found)
 
     def _acceleration(self, value: float) -> float:
-        """Return an acceleration in unit/s², which is within the limit but for rounding."""
+        """Return an acceleration in unit/s², within the limit (with a tolerance for rounding)."""
         limit = self._parameters.limits.acceleration
         return self._within("acceleration", value, f"{self._unit}/s²", "max_acceleration", limit)
 
@@ -411,7 +412,7 @@ class AxisCall:
     # -- trajectories ------------------------------------------------------------------------------------------------
 
     def trajectory(self, trajectory: Trajectory) -> None:
-        """Check how long a trajectory takes, and how far and how fast it goes where that is known in advance."""
+        """Check the duration of a trajectory, and its range and velocity if they are known in advance."""
         self.finite("the trajectory's duration", trajectory.duration, "s")
         limits = self._parameters.limits
         self._check_pace(trajectory)
@@ -424,10 +425,10 @@ class AxisCall:
             raise self.missing("acceleration", what, "defaults", in_call=False)
 
     def streamed(self) -> None:
-        """Check that an axis can be braked along a stream of points, and that a jump of one could be told.
+        """Check that an axis can be braked along a stream of points, and that a jump of a point could be detected.
 
         Raises:
-            ArgumentError: nobody says how hard, or how fast it may be.
+            ArgumentError: its braking deceleration or its maximum velocity is unknown.
         """
         if self._parameters.path_deceleration is None:
             what = "the acceleration with which it is braked where no point comes in time"
@@ -435,17 +436,17 @@ class AxisCall:
         self._check_pace(STILL)
 
     def led(self) -> None:
-        """Check that an axis which another one leads can be braked by itself.
+        """Check that a slave can be braked without its master.
 
         Raises:
-            ArgumentError: nobody says how hard.
+            ArgumentError: its braking deceleration is unknown.
         """
         if self._parameters.path_deceleration is None:
             what = "the acceleration with which it is braked when its master is lost"
             raise self.missing("acceleration", what, "defaults", in_call=False)
 
     def _check_pace(self, trajectory: Trajectory) -> None:
-        """Hold the acceleration against the limit where it is known in advance; where nothing would tell a jump, refuse."""
+        """Check the acceleration against the limit if it is known in advance. Refuse if no limit would detect a jump."""
         if isinstance(trajectory, Ramped):
             self._acceleration(trajectory.top_acceleration)
         pace = pace_of(self._parameters, trajectory)
@@ -454,7 +455,7 @@ class AxisCall:
             raise self.missing("max_velocity", what, in_call=False)
 
     def _check_span(self, span: tuple[float, float], start: float, limits: tuple[float, float]) -> None:
-        """Hold all of a trajectory against the limits; one that starts outside may come back."""
+        """Check the range of a trajectory against the limits; a trajectory that starts outside may return."""
         margin = abs(self._parameters.units.position.to_units(1))
         low, high = widened(limits, start, margin)
         if low <= span[0] and span[1] <= high:
@@ -468,7 +469,7 @@ class AxisCall:
     # -- helpers -----------------------------------------------------------------------------------------------------
 
     def _raw(self, scale: Scale, value: float, what: str) -> int:
-        """Return a magnitude in increments, no more than was asked for, that fits UNSIGNED32."""
+        """Return a magnitude in increments, rounded towards 0, that fits UNSIGNED32."""
         raw = toward_zero(abs(self._countable(value * scale.factor, DataType.UNSIGNED32, what)))
         if not raw:
             raise LimitError(
@@ -479,7 +480,7 @@ class AxisCall:
         return self._fits(raw, DataType.UNSIGNED32, what)
 
     def _countable(self, increments: float, data_type: DataType, what: str) -> float:
-        """Return increments, as computed, that are worth their digits; any more fit no object."""
+        """Return computed increments; raises LimitError for values with more digits than a float has, which fit no object."""
         if abs(increments) < _COUNTABLE:
             return increments
         low, high = data_type.range
@@ -493,7 +494,7 @@ class AxisCall:
         return check_range(value, data_type, f"{self.text}: {what}")
 
     def missing(self, key: str, what: str, table: str = "", *, in_call: bool = True) -> ArgumentError:
-        """Return the error of a value that nobody gives; ``in_call``: whether the call could."""
+        """Return the error of a missing value; ``in_call``: whether the call has an argument for it."""
         name = self._parameters.name
         where = f"[axes.{name}.{table}]" if table else f"[axes.{name}]"
         return ArgumentError(

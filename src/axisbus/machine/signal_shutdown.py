@@ -2,31 +2,33 @@
 
 Theory of operation
 -------------------
-There is one owner of the signals (``EXIT``), however many machines are open and in whatever order they are closed: the handlers are
-installed with the first, and given back when the last is closed (only the main thread can do either). A signal stops every machine.
+There is one owner of the signals (``EXIT``), however many machines are open and in whatever order they are closed. The handlers are
+installed with the first machine, and restored when the last is closed (only the main thread can do either). A signal stops every
+machine.
 
-The scans do the stopping, in their own threads, whatever the main thread does meanwhile. A listening thread (``wakeup``) asks for
-it the moment that the signal comes; the handler, which Python runs in the main thread only, asks too where it is first, and raises
-``KeyboardInterrupt`` (``SystemExit`` 143 for SIGTERM) in the main thread, so that ``time.sleep``, ``handle.wait`` or an event loop
-end and the ``with`` block is left. While the main thread leaves a machine it is kept until everything stands: leaving is what is
-being done already. A second signal makes the stop a quick stop.
+The scans do the stopping in their own threads, whatever the main thread does meanwhile. A listening thread (``wakeup``) requests
+the stop as soon as the signal arrives. Python runs the handler only in the main thread. If the handler runs first, it requests the
+stop as well. It then raises ``KeyboardInterrupt`` (``SystemExit`` 143 for SIGTERM) in the main thread, so that ``time.sleep``,
+``handle.wait`` or an event loop ends and the ``with`` block is left. While the main thread is closing a machine, the exception is
+held back until all axes are at standstill, because the machine is already being closed. A second signal makes the stop a quick
+stop.
 
-Leaving begins with the *call* of what leaves: of two signals that come together the second is handled on the first instruction of
-``__exit__``, before any of its lines could say so, or on the first of the first one's own handler, which must not be thrown off its
-way by it. The interrupted frames tell it.
+Closing begins with the *call* of the closing function. If two signals come together, the second may be handled on the first
+instruction of ``__exit__``, before any of its lines could set a flag, or on the first instruction of the first signal's handler,
+which must not be interrupted by it. Therefore the handler examines the interrupted frames.
 
-Where the program is given in cells, as in a notebook, Ctrl-C is none of its ways out: it ends a cell, and the program goes on.
-Then it is a halt, and the machines stay open (``interrupts``). A second one while something moves still is a quick stop; one that
-comes while a machine is left does as everywhere.
+If the program runs in cells, as in a notebook, Ctrl-C does not close the machines: it ends a cell, and the program continues. It is
+then a halt, and the machines stay open (``interrupts``). A second Ctrl-C while an axis still moves is a quick stop. If it comes
+while a machine is being closed, it has the same effect as in any other program.
 
-SIGHUP (the terminal is closed) and SIGQUIT would end the program at once. Where the core has a process of its own, that sees the
-end and stops the axes. Else these signals are taken over as well, unless the program handles or ignores them (``nohup``).
+SIGHUP (the terminal is closed) and SIGQUIT would end the program at once. If the core has a process of its own, the core detects
+this and stops the axes. Otherwise these signals are handled here as well, unless the program handles or ignores them (``nohup``).
 
-A program may ignore a signal of these, or handle it itself: then it is the program's. The system throws an ignored signal away, so
-nobody hears it; the listening thread says so once.
+A program may ignore one of these signals, or handle it itself: then the signal belongs to the program. The system discards an
+ignored signal, so it cannot be noticed; the listening thread logs this once.
 
-A forked child has its parent's handlers and, in the operating system's eyes, its ends of the sockets: it gives all of them up, and
-a signal that comes in between waits until it has.
+A forked child has its parent's handlers and, from the operating system's point of view, its ends of the sockets. The child gives up
+all of them, and a signal that arrives before that is blocked until then.
 """
 
 from __future__ import annotations
@@ -52,17 +54,17 @@ from axisbus.machine.signal_thread import Wakeup
 from axisbus.session import AxisSession
 
 log = logging.getLogger("axisbus")
-# What ends a program without a handler, and is taken over where nobody else would stop the axes.
+# Signals that end a program without a handler; handled here if nothing else would stop the axes.
 _ENDING: dict[int, str] = {
     getattr(signal, name): name for name in ("SIGHUP", "SIGQUIT") if hasattr(signal, name)
 }
 _NAMES = {**STOPPING, **_ENDING}
-_MOMENT = 2.0  # seconds in which what was halted may still move
+_MOMENT = 2.0  # seconds in which a halted axis may still move
 
 
 @dataclass(frozen=True, slots=True)
 class ShutdownRequest:
-    """The way out has begun: every axis is stopped because of ``reason``; ``stamp`` in seconds of the monotonic clock."""
+    """The machine is being closed: every axis is stopped because of ``reason``; ``stamp`` in seconds of the monotonic clock."""
 
     stamp: float
     reason: str
@@ -72,39 +74,38 @@ class ShutdownRequest:
 
 
 class ExitSignals:
-    """Holds the ways to the cores to be stopped, how many signals have come, and the handlers that were there before.
+    """Holds the sessions to be stopped, the numbers of signals, and the handlers that were installed before.
 
-    ``pending`` is the exception to be raised when everything stands, for a signal that came while a machine was being left.
+    ``pending`` is the exception to be raised when all axes are at standstill, for a signal that came while a machine was being
+    closed.
     """
 
     def __init__(self) -> None:
         self._keeps: frozenset[CodeType] = frozenset({ExitSignals._handle.__code__})
-        self._lock = threading.Lock()  # never taken by a handler
-        self._sessions: dict[
-            AxisSession, int
-        ] = {}  # with the number of signals that had come before it was there
+        self._lock = threading.Lock()  # never acquired by a handler
+        self._sessions: dict[AxisSession, int] = {}  # with the number of signals that came before the session
         self._halted: dict[
             AxisSession, tuple[int, float]
-        ] = {}  # the last signal that was a halt: its number, and when
+        ] = {}  # the last signal that was a halt: its number and time
         self._before: dict[signal.Signals, Any] = {}
         self._cells = Cells(self._interrupted, self._cell_begins)
         self._wakeup: Wakeup | None = None
-        self._listens = False  # whether it is to be there
-        self._alone = False  # whether a core of ours ends with this process
-        self._ignored: set[int] = set()  # signals that the program has been told of
+        self._listens = False  # whether the listening thread is needed
+        self._alone = False  # whether a core of this program ends with this process
+        self._ignored: set[int] = set()  # ignored signals that were already logged
         self._ends: tuple[OwnSocket, OwnSocket] | None = None
         self._heard = 0
         self._handled = 0
         self.pending: BaseException | None = None
 
     def keep_within(self, *leaving: Callable[..., object]) -> None:
-        """Raise nothing while one of these functions runs in the main thread: by them a machine is left."""
+        """Raise nothing while one of these functions runs in the main thread: they close a machine."""
         self._keeps |= {function.__code__ for function in leaving}
 
     def join(self, session: AxisSession, *, listen: bool, alone: bool = False) -> None:
-        """Let signals stop ``session``; they are taken over where this is the main thread.
+        """Let signals stop ``session``. In the main thread, also install the handlers.
 
-        ``listen``: hear them in a thread too; in virtual time nothing would go on meanwhile. ``alone``: its core ends with this
+        ``listen``: listen in a thread too; in virtual time nothing would continue meanwhile. ``alone``: its core ends with this
         process.
         """
         with self._lock:
@@ -118,19 +119,19 @@ class ExitSignals:
         self._listen()
 
     def part(self, session: AxisSession) -> None:
-        """Let signals no longer stop ``session``; harmless when repeated. Without any left, the signals are given back."""
+        """Let signals no longer stop ``session``; harmless when repeated. After the last session, restore the handlers."""
         with self._lock:
             self._sessions = {other: came for other, came in self._sessions.items() if other is not session}
             self._halted.pop(session, None)
         self._settle()
 
     def take(self) -> BaseException | None:
-        """Return what a signal has left to be raised, once."""
+        """Return the exception that a signal has left to be raised, once."""
         pending, self.pending = self.pending, None
         return pending
 
     def disown(self) -> None:
-        """Let a forked child have its signals to itself."""
+        """Give up all signals, in a forked child."""
         self._lock = threading.Lock()
         self._sessions = {}
         self._cells.end()
@@ -144,25 +145,25 @@ class ExitSignals:
 
     @property
     def ends(self) -> tuple[OwnSocket, OwnSocket]:
-        """Out of which signals are read, and into which they are written; the same as long as this process lives and keeps them."""
+        """The sockets from which signals are read and to which they are written; unchanged while this process has both."""
         if self._ends is None or any(end.lost for end in self._ends):
             self._ends = own_pair()
         return self._ends
 
     def close_ends(self) -> None:
-        """Let go of them: the process ends, or is another one now."""
+        """Close the sockets: the process ends, or is a forked child."""
         for end in self._ends or ():
             end.close()
         self._ends = None
 
     @property
     def in_cells(self) -> bool:
-        """Whether this program is given in cells, so that Ctrl-C ends one of them and not it."""
+        """Whether this program runs in cells, so that Ctrl-C ends a cell and not the program."""
         return self._cells.there or shell() is not None
 
     @property
     def listens(self) -> bool:
-        """Whether signals are heard in a thread."""
+        """Whether a thread listens for signals."""
         return self._wakeup is not None
 
     @property
@@ -184,7 +185,7 @@ class ExitSignals:
                 signal.signal(number, self._handle)
 
     def _look(self) -> None:
-        """Say once that a signal is ignored by which somebody may want to stop the axes; in the listening thread."""
+        """Log once that a signal is ignored, because a user may want to stop the axes with it; in the listening thread."""
         for number, name in STOPPING.items():
             ignored = self._sessions and signal.getsignal(number) is signal.SIG_IGN
             if ignored and number not in self._ignored:
@@ -196,7 +197,7 @@ class ExitSignals:
                 )
 
     def _listen(self) -> None:
-        """Let the thread hear; main thread only."""
+        """Start or renew the listening thread; main thread only."""
         if self._wakeup is not None:
             self._wakeup.renew()
         elif self._listens:
@@ -207,7 +208,7 @@ class ExitSignals:
             self._wakeup.start()
 
     def _settle(self) -> None:
-        """Give the signals back where nobody is left to be stopped; done by the main thread when it comes to it."""
+        """Restore the handlers if no session is left; only the main thread does it."""
         if self._sessions or threading.current_thread() is not threading.main_thread():
             return
         if self._wakeup is not None:
@@ -217,7 +218,7 @@ class ExitSignals:
         self._give_back()
 
     def _cell_begins(self) -> None:
-        """Be heard in it as well: by whoever runs the cells, our handler and our thread are put out of force in between."""
+        """Install the handlers for this cell: the program that runs the cells disables them in between."""
         if threading.current_thread() is not threading.main_thread():
             return
         if self._sessions:
@@ -229,7 +230,7 @@ class ExitSignals:
     def _give_back(self) -> None:
         self._cells.end()
         for number, handler in self._before.items():
-            if signal.getsignal(number) == self._handle:  # else somebody has taken it since, and keeps it
+            if signal.getsignal(number) == self._handle:  # otherwise a newer handler stays
                 signal.signal(number, handler if handler is not None else signal.SIG_DFL)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
@@ -237,7 +238,7 @@ class ExitSignals:
             self._pass_on(number, frame)
             return
         self._handled += 1
-        if self._handled > self._heard:  # the listening thread is not there, or later than we are
+        if self._handled > self._heard:  # the listening thread is absent, or later than this handler
             self._ask(number, self._handled)
         error: BaseException = KeyboardInterrupt() if number == signal.SIGINT else SystemExit(128 + number)
         if self._interrupts_us(frame):
@@ -246,9 +247,9 @@ class ExitSignals:
             raise error
 
     def _interrupted(self, frame: FrameType | None) -> bool:
-        """An interrupt of a cell, in the main thread; return whether it is only to be remembered, until a machine has been left.
+        """Handle an interrupt of a cell, in the main thread; return whether it is only stored until a machine is closed.
 
-        The halt is asked for once more where the listening thread has done so: a command may have come in between.
+        The halt is requested again even if the listening thread has requested it: a command may have come in between.
         """
         if not self._sessions:
             return False
@@ -260,7 +261,7 @@ class ExitSignals:
         return leaving
 
     def _pass_on(self, number: int, frame: FrameType | None) -> None:
-        """Let whoever had the signal before us have it: no machine is there."""
+        """Call the previous handler of the signal: no machine is open."""
         self._settle()
         before = self._before.get(signal.Signals(number))
         if callable(before):
@@ -270,7 +271,7 @@ class ExitSignals:
             signal.raise_signal(number)
 
     def _interrupts_us(self, frame: FrameType | None) -> bool:
-        """Whether the signal came while a machine was being left, or within the handler of another signal."""
+        """Whether the signal came while a machine was being closed, or within the handler of another signal."""
         while frame is not None:
             if frame.f_code in self._keeps:
                 return True
@@ -278,13 +279,13 @@ class ExitSignals:
         return False
 
     def _hear(self, number: int) -> None:
-        """Ask for the stop (the listening thread calls this); a second request for the same signal does no harm."""
+        """Request the stop (called by the listening thread); a second request for the same signal is harmless."""
         handler = signal.getsignal(number)
         ours = handler == self._handle or is_ours(handler)
         if not self._sessions or not (ours or self._is_halt(number)):
-            return  # nobody is left to be stopped, or the program has taken the signal for itself
+            return  # no session is left, or the program handles the signal itself
         self._heard += 1
-        if not ours:  # whoever has it now need not be woken by us
+        if not ours:  # the other handler's owner need not be woken
             self._handled = self._heard
         self._ask(number, self._heard)
 
@@ -301,15 +302,13 @@ class ExitSignals:
                 session.request_stop(_NAMES[number], quick=count - since > 1)
 
     def _counted_from(self, session: AxisSession) -> int:
-        """Which signal was the last one that has nothing to do with the way out: a halt, if it was not a moment ago."""
+        """Return the number of the last signal that does not count for the shutdown: a halt, unless it was a moment ago."""
         number, stamp = self._halted.get(session, (0, -math.inf))
         return number if time.monotonic() - stamp > _MOMENT else number - 1
 
 
 EXIT = ExitSignals()
-atexit.register(
-    EXIT.close_ends
-)  # before any machine is there, so that it is called after they have been closed
+atexit.register(EXIT.close_ends)  # registered before any machine, so that it is called after they are closed
 disown_in_children(EXIT)
 
 
@@ -323,7 +322,7 @@ _held = _Held()
 
 
 def _before_fork() -> None:
-    """Hold the signals back: one that reached the child before it has disowned us would be heard by us."""
+    """Block the signals: the child would otherwise handle a signal as its parent before it has given up the handlers."""
     if EXIT.listens:
         _held.mask = signal.pthread_sigmask(signal.SIG_BLOCK, _NAMES)
 

@@ -1,11 +1,9 @@
-"""Hearing signals in a thread of their own: Python runs handlers in the main thread only, which may be busy in a long call.
+"""Listening for signals in a thread: Python runs handlers only in the main thread, which may be in a long call.
 
-Theory of operation
--------------------
-Python writes the number of each signal to a file descriptor the moment that it comes (``signal.set_wakeup_fd``), whatever thread
-the operating system chose for it. A thread reads it and calls ``heard`` at once. If the handler has not run a moment later, the
-main thread may be asleep while the signal went to another thread: it is sent the signal once more, by name. That one is an echo
-and not counted again.
+Theory of operation ------------------- Python writes the number of each signal to a file descriptor as soon as it arrives
+(``signal.set_wakeup_fd``), whichever thread the operating system has chosen for it. A thread reads the number and calls ``heard``
+at once. If the handler has not run a moment later, the main thread may be asleep while the signal went to another thread. In that
+case this thread sends the signal again, to the main thread. That second signal is an echo and is not counted again.
 """
 
 from __future__ import annotations
@@ -27,7 +25,7 @@ _END = b"\0"
 
 
 class Wakeup:
-    """A thread that calls ``heard(number)`` for each signal of ``numbers``; holds the descriptor that was there before."""
+    """A thread that calls ``heard(number)`` for each signal of ``numbers``; holds the previous wakeup descriptor."""
 
     def __init__(
         self,
@@ -37,9 +35,9 @@ class Wakeup:
         ends: tuple[OwnSocket, OwnSocket],
         look: Callable[[], None] = lambda: None,
     ) -> None:
-        """``handled`` tells whether the handler has run for all that was heard; both are called in the thread.
+        """``handled`` returns whether the handler has run for all signals so far; both functions are called in the thread.
 
-        ``ends``: out of which it reads, and into which signals are written; the caller's. ``look`` is called now and then.
+        ``ends``: the sockets for reading and for writing, owned by the caller. ``look`` is called periodically.
         """
         self._look = look
         self._numbers = numbers
@@ -56,24 +54,24 @@ class Wakeup:
         self._thread.start()
 
     def renew(self) -> None:
-        """Have the descriptor again where somebody has taken it, or given it back to nobody; main thread only."""
+        """Install the descriptor again if other code has replaced or removed it; main thread only."""
         before = signal.set_wakeup_fd(self._outside.fileno(), warn_on_full_buffer=False)
         if before != self._outside.fileno():
             self._before = before
 
     def stop(self) -> None:
-        """Give the descriptor back and end the thread; main thread only."""
+        """Restore the previous descriptor and end the thread; main thread only."""
         ours = signal.set_wakeup_fd(self._before, warn_on_full_buffer=False)
         if ours not in (self._outside.fileno(), _NOBODY):
             signal.set_wakeup_fd(
                 ours, warn_on_full_buffer=False
-            )  # somebody, such as an event loop, has taken it since
+            )  # other code, such as an event loop, has replaced it
         with suppress(OSError):
             self._outside.send(_END)
         self._thread.join(1.0)
 
     def drop(self) -> None:
-        """Let go of what a forked child has inherited: it would hear, and answer for, its parent."""
+        """Remove the inherited descriptor in a forked child, which would otherwise listen and act for its parent."""
         signal.set_wakeup_fd(_NOBODY)
 
     def _run(self) -> None:
@@ -81,9 +79,9 @@ class Wakeup:
             self._hear(number[0])
 
     def _next(self) -> bytes:
-        """Wait for a signal, and take it only when this thread runs again: until then it can be seen that nobody has.
+        """Wait for a signal, and read it only when this thread runs; until then others can see that it is unread.
 
-        Nothing comes any more where the program has lost a descriptor of ours; the handler is then all that there is.
+        If the program has closed a descriptor of axisbus, nothing arrives any more; only the handler remains.
         """
         with suppress(OSError), selectors.DefaultSelector() as selector:
             selector.register(self._inside, selectors.EVENT_READ)

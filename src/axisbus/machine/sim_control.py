@@ -1,4 +1,4 @@
-"""The plant behind simulated drives that another process serves (``axisbus sim --control``), for tests."""
+"""The plant of simulated drives that another process serves (``axisbus sim --control``), for tests."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 
 class SimulationControl:
-    """Simulated drives in another process, looked at and turned past their bus; for a ``with`` block. Any thread may use it."""
+    """Access to simulated drives in another process, not through their bus; for a ``with`` block. Any thread may use it."""
 
     def __init__(self, path: str | Path) -> None:
-        """Join the drives that ``axisbus sim CELL --control PATH`` serves; blocks for a moment.
+        """Connect to the drives that ``axisbus sim CELL --control PATH`` serves; blocks for a moment.
 
         Raises:
-            AdapterError: nobody serves drives there.
+            AdapterError: no process serves drives there.
         """
         line = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
@@ -50,7 +50,9 @@ class SimulationControl:
         return tuple(self._stand_ins)
 
     def simulated_node(self, node_id: int) -> SimulatedNode:
-        """Return the stand-in of a node: its plant, its dials, and faults on demand. What it is asked crosses each time.
+        """Return the simulated drive of a node: its plant, its fault settings, and faults on demand.
+
+        Each access to it is a request to the other process.
 
         Raises:
             StateError: there is no such node.
@@ -63,5 +65,5 @@ class SimulationControl:
         return self._stand_ins[node_id]
 
     def close(self) -> None:
-        """Let go of the drives, which go on; blocks for at most 2 s. Harmless when repeated."""
+        """Disconnect from the drives, which keep running; blocks for at most 2 s. Harmless when repeated."""
         self._control.end()

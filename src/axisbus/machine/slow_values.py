@@ -1,4 +1,4 @@
-"""What a drive tells beside its cyclic values: temperature, voltage, current, by the standard's objects or the make's own."""
+"""Values of a drive that are not cyclic: temperature, voltage, current, by standard objects or those of the drive plug-in."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def measure(what: str, objects: NodeObjects, eds: Eds, make: Make, drive_axis: i
     """Read ``what`` (``temperature`` in °C, ``voltage`` in V, ``current`` in A) of a drive's axis (from 1); blocks.
 
     Raises:
-        StateError: nobody knows by which object the drive tells it, or the drive has none.
+        StateError: the object for it is unknown, or the drive does not have it.
         SdoAbort, SdoTimeout: the drive refuses, or does not answer.
     """
     found = make.measured.get(what) or STANDARD_MEASURED.get(what)

@@ -1,14 +1,14 @@
-"""Stopping a cell by its machine, else its drives beside whoever else is on the bus: no boot, no reset, only a stop that lasts.
+"""Stop a cell through its machine, otherwise its drives on the bus next to any master: no boot, no reset, a lasting stop.
 
 Theory of operation
 -------------------
-Every machine that runs the cell file is asked, and so is whoever has the CAN channel (``core.process.listener``). What such a
-machine has seen to stand has stopped. All other axes are stopped on the bus itself, from beside. Simulated drives exist only within
-their machine: if no machine is reached, no drive is, and the result says so. Nothing is reported as stopped that nobody has looked
-at.
+Every machine that runs the cell file is asked to stop, and so is the holder of the CAN channel (``core.process.listener``). An axis
+that such a machine has seen at standstill has stopped. All other axes are stopped on the bus itself, next to the master. Simulated
+drives exist only within their machine: if no machine is reached, no drive is reached, and the result says so. An axis is reported
+as stopped only if its standstill was observed.
 
-From beside, a node is stopped (NMT) only when all of its axes stand or are off; a live master has to take that as a fault. A module
-that speaks CAN Simple has no such state: it is left without power, or holds its place where its quick stop does.
+On the bus, a node gets NMT stop only when all of its axes are at standstill or off; a live master has to treat that as a fault. A
+module that uses CAN Simple has no such state. It is left without power, or holds its position if its quick stop does so.
 """
 
 from __future__ import annotations
@@ -44,17 +44,17 @@ from axisbus.core.process.listener import (
 from axisbus.errors import BusError, ScanError, one_line
 from axisbus.link import StopResult
 
-_SOON = 1.0  # seconds that a machine may take to answer where its drives can be stopped from beside
-_PATIENCE = 5.0  # seconds where they cannot
+_SOON = 1.0  # seconds for the answer of a machine if its drives can be stopped on the bus
+_PATIENCE = 5.0  # seconds if they cannot
 _NOWHERE = (
     "NOT REACHED: no machine of this cell was found here, and simulated drives exist only in their machine"
 )
 
 
 def stop_cell(cell: CellConfig, tell: Callable[[str], None]) -> tuple[list[StopResult], bool]:
-    """Stop every axis of a cell; return how each was left, and whether drives were stopped from beside. Blocks as ``stop_beside``.
+    """Stop every axis of a cell; return the result of each axis, and whether drives were stopped on the bus. Blocks.
 
-    ``tell`` is called with what was found and not reached, for people. Raises as ``stop_beside``.
+    ``tell`` is called with texts about machines that were found and not reached. Blocks and raises as ``stop_beside``.
     """
     simulated = cell.bus.interface == SIMULATED
     asked = _ask(cell.file, found_of(cell), StopRequest(), _PATIENCE if simulated else _SOON, tell)
@@ -78,10 +78,10 @@ def stop_cell(cell: CellConfig, tell: Callable[[str], None]) -> tuple[list[StopR
 def stop_in_machine(
     file: str, names: Sequence[str], tell: Callable[[str], None], *, quick: bool
 ) -> list[StopResult]:
-    """Halt or quick-stop axes in the machine of a cell file that runs; return how each was left. Blocks.
+    """Halt or quick-stop axes in the running machine of a cell file; return the result of each axis. Blocks.
 
-    All axes, where none is named; none is returned where no machine was reached. What the file says now does not matter.
-    ``tell`` is called with what was not reached, for people.
+    If ``names`` is empty, all axes are stopped. If no machine was reached, the result is empty. The present text of the file is not
+    checked. ``tell`` is called with texts about machines that were not reached.
     """
     asked = _ask(file, machines_of(file), StopRequest(tuple(names), quick), _PATIENCE, tell)
     return _answers(names, asked) if any(answer for _, answer in asked) else []
@@ -94,7 +94,10 @@ def _ask(
     patience: float,
     tell: Callable[[str], None],
 ) -> list[tuple[ChannelClaim, StopAnswer | None]]:
-    """Ask machines to stop axes; return what each has answered, None where it was not reached. Another user's are only told of."""
+    """Ask machines to stop axes; return the answer of each, None if it was not reached.
+
+    Machines of another user are only reported.
+    """
     asked: list[tuple[ChannelClaim, StopAnswer | None]] = []
     for claim in found:
         why, answer = why_not(claim, file), None
@@ -113,7 +116,7 @@ def _ask(
 def _answers(
     names: Iterable[str], asked: Sequence[tuple[ChannelClaim, StopAnswer | None]]
 ) -> list[StopResult]:
-    """Return how the machines that were asked have left axes; those of one that was not reached are so, too."""
+    """Return the results of all machines that were asked. The axes of a machine that was not reached count as not stopped."""
     results = list[StopResult]()
     for claim, answer in asked:
         text = f"NOT REACHED in the machine that {described(claim.process)} runs"
@@ -122,12 +125,12 @@ def _answers(
 
 
 def _is_of(cell: CellConfig, claim: ChannelClaim, answer: StopAnswer) -> bool:
-    """Whether a machine runs this cell, by the text that its file has now."""
+    """Whether a machine runs this cell, with the present text of its file."""
     return claim.cell.match(CellFileId.of(cell.file)) and answer.text == text_of(cell.file)
 
 
 def stop_beside(cell: CellConfig, names: Collection[str] | None = None) -> list[StopResult]:
-    """Stop every axis of a cell on its bus, or those of ``names``; blocks until all stand, at most about 10 s.
+    """Stop every axis of a cell on its bus, or those of ``names``; blocks until all are at standstill, at most about 10 s.
 
     Energises and configures nothing.
 

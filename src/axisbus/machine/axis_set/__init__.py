@@ -1,1 +1,1 @@
-"""Axes that take one command for all."""
+"""Axes that receive one command together."""

@@ -1,1 +1,1 @@
-"""What people look at: a machine in a notebook, and its page in the browser."""
+"""Displays for users: a machine in a notebook, and its page in the browser."""

@@ -1,4 +1,4 @@
-"""What a notebook shows of a machine, an axis and a command: values of the last cycle in units; nothing is asked of a drive."""
+"""The display of machines, axes and commands in a notebook: values of the last cycle in units; no request to a drive."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _HEADS = ("axis", "state", "position", "velocity", "torque", "homed")
 
 
 def machine_html(machine: Machine) -> str:
-    """Return a machine as HTML: a row for each axis, and beneath it why one is in ErrorStop."""
+    """Return a machine as HTML: a row for each axis, and below it the errors of axes in ErrorStop."""
     return guarded("Machine", lambda: _machine(machine))
 
 

@@ -1,4 +1,4 @@
-"""The page in the browser for a machine that a program has: ``axisbus web`` in a process of its own, which joins it."""
+"""The web page of a running machine: ``axisbus web`` in a process of its own, which joins the machine."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import IO
 from axisbus.errors import StateError
 from axisbus.optional_dependencies import require
 
-_STARTS = 30.0  # seconds that a page may take to be served
+_STARTS = 30.0  # seconds until a page must be served
 _ENDS = 5.0  # seconds that it may take to end, before it is killed
 _LINK = "http"
 
@@ -22,8 +22,8 @@ _LINK = "http"
 class WebPage:
     """Holds the process that serves a page, until ``close``; usable as a context manager.
 
-    ``link`` opens one browser, once; an operator's page makes links for those who look on. Where the page ends by itself, or is
-    killed, the machine goes on; what the page had set moving halts.
+    ``link`` opens one browser, once; an operator's page makes links for viewers. If the page ends or is killed, the machine keeps
+    running; axes that the page had set in motion halt.
     """
 
     def __init__(self, file: str, port: int, *, command: bool) -> None:
@@ -48,7 +48,7 @@ class WebPage:
         return self._process.poll() is None
 
     def close(self) -> None:
-        """End the page; what it had set moving halts. Blocks for at most 5 s; harmless when repeated."""
+        """End the page; axes that it had set in motion halt. Blocks for at most 5 s; harmless when repeated."""
         if self.runs:
             self._process.terminate()
             try:
@@ -76,7 +76,7 @@ class WebPage:
         return self._process.stdout
 
     def _told(self) -> str:
-        """Return the link that the process prints, once it serves."""
+        """Return the link that the process prints when it serves the page."""
         until, told = time.monotonic() + _STARTS, b""
         while (left := until - time.monotonic()) > 0.0:
             if not select.select([self._stdout], [], [], left)[0]:
@@ -102,10 +102,10 @@ class WebPage:
 
 
 def require_nicegui() -> None:
-    """Check that what the page is made with is installed.
+    """Check that the packages for the page are installed.
 
     Raises:
-        StateError: it is not.
+        StateError: they are not.
     """
     require("nicegui", "the page needs nicegui", "web")
 

@@ -1,1 +1,1 @@
-"""A pair of axes that carry one beam, as its user sees it."""
+"""A pair of axes that carry one beam: the public gantry."""

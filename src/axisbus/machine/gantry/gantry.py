@@ -1,4 +1,4 @@
-"""A pair of axes that carry one beam, as its user sees it: one thing to enable, home, move and stop."""
+"""The public pair of axes that carry one beam: enabled, homed, moved and stopped together."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _keys = itertools.count(1)
 
 
 class Gantry(AxisSet):
-    """Two axes that carry one beam; the place of the beam is that of the first. Each command returns one ``Handle`` for both.
+    """Two axes that carry one beam; the beam's position is that of the first axis. Each command returns one ``Handle`` for both.
 
-    Both are led by one set-point in csp, within the smaller of their limits, and how far the beam is out of square is watched in
-    every cycle: beyond ``max_skew`` both are stopped, on their way. They cannot be moved one by one, but by ``square``. ``reset``
-    is refused while a beam that is driven is out of square: disable it first. In ``quick_stop`` each drive goes down its own ramp
-    (605Ah, 6085h): make these the same.
+    The master commands both axes with one set-point in csp, within the lower of their limits. It monitors the skew of the beam in
+    every cycle: beyond ``max_skew`` both axes are stopped along their path. The axes cannot be moved individually, except by
+    ``square``. ``reset`` is refused while an enabled beam is out of square: disable it first. In ``quick_stop`` each drive uses its
+    own ramp (605Ah, 6085h): configure the same ramp in both.
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class Gantry(AxisSet):
         self._pair = parameters
         self._first, self._second = first, second
 
-    # -- where it is ---------------------------------------------------------------------------------------------------
+    # -- position ------------------------------------------------------------------------------------------------------
 
     @property
     def unit(self) -> str:
@@ -45,20 +45,20 @@ class Gantry(AxisSet):
 
     @property
     def position(self) -> float:
-        """Where the beam is: the actual position of its first axis, in its unit; raises StaleError when it is unknown."""
+        """Position of the beam: the actual position of its first axis, in its unit; raises StaleError if it is unknown."""
         return self._first.position
 
     @property
     def max_skew(self) -> float:
-        """How far out of square the beam may be, in units."""
+        """The largest allowed skew of the beam, in units."""
         return self._pair.max_skew
 
     @property
     def skew(self) -> float:
-        """How far out of square the beam is, in units: how much farther the second axis is than the first, less the offset.
+        """Skew of the beam in units: position of the second axis minus that of the first, minus the offset.
 
         Raises:
-            StateError: the axes are not homed, so that nobody knows.
+            StateError: the axes are not homed, so the skew is unknown.
             StaleError: a position is unknown.
         """
         if not self.homed:
@@ -71,21 +71,21 @@ class Gantry(AxisSet):
 
     @property
     def homed(self) -> bool:
-        """Whether the places of both axes are confirmed: homed, set, or of absolute encoders (``required = false``)."""
+        """Whether the positions of both axes are confirmed: homed, set, or of absolute encoders (``required = false``)."""
         facts = self._commanding.session.axes
         return all(axis.homed or not facts[axis.name].parameters.homing.required for axis in self)
 
     # -- power and stopping --------------------------------------------------------------------------------------------
 
     def enable(self, *, skew: float | None = None) -> Handle:
-        """Switch both power stages on in one SYNC (MC_Power); neither jumps, also where they hold against each other.
+        """Switch both power stages on in one SYNC (MC_Power). Neither axis jumps, even if they push against each other.
 
-        Refused where the beam is out of square by more than ``max_skew``: the handle ends with a SkewError that has the figures.
-        ``skew`` (units, above ``max_skew``) lets it be enabled all the same, watched at that bound, to be made square: until
-        ``square`` has done so, nothing else moves it. Does not block.
+        If the skew is larger than ``max_skew``, the command is refused: the handle ends with a SkewError that contains the figures.
+        ``skew`` (units, above ``max_skew``) allows enabling up to this skew, which is then monitored, so that the beam can be made
+        square. Until ``square`` has done so, no other command moves it. Does not block.
 
         Raises:
-            ArgumentError: ``skew`` is no number above ``max_skew``.
+            ArgumentError: ``skew`` is not a number above ``max_skew``.
         """
         if skew is None:
             return self._submit("enable()", g.GantryEnable(self._pair.axes))
@@ -109,14 +109,14 @@ class Gantry(AxisSet):
         jerk: float | None = None,
         buffer: bool = False,
     ) -> Handle:
-        """Move the beam to ``position`` (MC_MoveAbsolute), from rest, and square: the second axis goes to that plus the offset.
+        """Move the beam to ``position`` (MC_MoveAbsolute), from rest, and square: the second axis moves to that plus the offset.
 
-        What is left out is the smaller of the axes' defaults; ``jerk`` as ``Group.move_linear``. Does not block. With ``buffer`` it
-        begins when what the pair does has ended well.
+        Missing values are the smaller of the axes' defaults; ``jerk`` as ``Group.move_linear``. Does not block. With ``buffer`` the
+        move begins when the pair's present command has ended well.
 
         Raises:
             LimitError: beyond the limits of either axis.
-            ArgumentError: not finite, not positive, a default is missing, or the pair is not homed where it must be.
+            ArgumentError: not finite, not positive, a default is missing, or the pair must be homed and is not.
         """
         name = f"move_absolute({shown(position)} {self.unit})"
         request = self._request(name)
@@ -134,9 +134,9 @@ class Gantry(AxisSet):
         jerk: float | None = None,
         buffer: bool = False,
     ) -> Handle:
-        """Move the beam by ``distance`` from where it is when it starts (MC_MoveRelative); raises as ``move_absolute``.
+        """Move the beam by ``distance`` from its position at the start (MC_MoveRelative); raises as ``move_absolute``.
 
-        It needs no homing. A limit that it would break ends its handle.
+        No homing is needed. If the move would exceed a limit, its handle ends with the error.
         """
         name = f"move_relative({shown(distance)} {self.unit})"
         request = self._request(name)
@@ -154,7 +154,7 @@ class Gantry(AxisSet):
         jerk: float | None = None,
         buffer: bool = False,
     ) -> Handle:
-        """Move the beam by ``distance`` from where it was told to go last (MC_MoveAdditive); as ``move_relative``."""
+        """Move the beam by ``distance`` from its last commanded position (MC_MoveAdditive); as ``move_relative``."""
         name = f"move_additive({shown(distance)} {self.unit})"
         request = self._request(name)
         way = request.distance(distance)
@@ -163,10 +163,11 @@ class Gantry(AxisSet):
         )
 
     def move_velocity(self, velocity: float, *, acceleration: float | None = None) -> Handle:
-        """Move the beam at ``velocity`` (signed, unit/s) until something else is wanted (MC_MoveVelocity). Does not block.
+        """Move the beam at ``velocity`` (signed, unit/s) until another command ends the motion (MC_MoveVelocity). Does not block.
 
-        The handle is done when the velocity is reached. It comes to rest at the nearer position limit, if there is one. Asked for
-        again in the same direction, it goes on with the other velocity, by the acceleration that it began with.
+        The handle is done when the velocity is reached. The beam comes to rest at the nearer position limit, if there is one. If
+        the command is called again in the same direction, the beam changes to the new velocity with the acceleration of the first
+        call.
 
         Raises:
             LimitError: beyond ``max_velocity`` or ``max_acceleration`` of either axis, or 0.
@@ -180,16 +181,16 @@ class Gantry(AxisSet):
         return self._submit(name, command)
 
     def resume(self) -> Handle:
-        """Go on with the last move, from where it was left, to its end (MC_GroupContinue); as ``Group.resume``."""
+        """Continue the last interrupted move to its end (MC_GroupContinue); as ``Group.resume``."""
         return self._submit("resume()", GroupContinue(self._pair.axes))
 
-    # -- where it is said to be ----------------------------------------------------------------------------------------
+    # -- homing --------------------------------------------------------------------------------------------------------
 
     def home(self) -> Handle:
-        """Lead both together until each has seen its switch, count from there, and make the beam square (MC_Home).
+        """Move both axes until each has reached its switch, count positions from there, and make the beam square (MC_Home).
 
-        By ``[gantries.NAME.homing]``; with the smaller of the axes' default accelerations. Ends at rest, beyond the switches. Does
-        not block.
+        Configured by ``[gantries.NAME.homing]``, with the smaller of the axes' default accelerations. The beam ends at rest, beyond
+        the switches. Does not block.
 
         Raises:
             ArgumentError: there is no such table, or a default acceleration is missing.
@@ -201,12 +202,12 @@ class Gantry(AxisSet):
         return self._submit("home()", command)
 
     def set_position(self, position: float, *, square: bool = False) -> Handle:
-        """Call where the beam is ``position`` from now on (MC_SetPosition); both axes are homed by it. Nothing moves.
+        """Define the beam's present position as ``position`` (MC_SetPosition); both axes are then homed. Nothing moves.
 
-        How far it is out of square stays as it is known; with ``square`` it is taken to be square as it stands: measure it first.
+        The known skew does not change. With ``square`` the present beam is defined as square: measure it first.
 
         Raises:
-            ArgumentError: not finite. LimitError: more than the drives can count.
+            ArgumentError: not finite. LimitError: out of the range of the drives.
         """
         name = f"set_position({shown(position)} {self.unit})"
         place = self._request(name).named(position)
@@ -225,14 +226,14 @@ class Gantry(AxisSet):
         velocity: float,
         acceleration: float | None = None,
     ) -> Handle:
-        """Move one axis alone, while the other holds: the way out of a beam that is out of square. Slowly; does not block.
+        """Move one axis alone, slowly, while the other holds, to make a beam square again. Does not block.
 
-        ``axis`` is the second one by default. It goes until the beam is square, or by ``distance`` units, on the line that both are
-        led by, watched at the bound of ``enable(skew=...)``. When the beam is square, ``max_skew`` holds again.
+        ``axis`` is the second one by default. It moves until the beam is square, or by ``distance`` units, with the set-points of
+        both axes still coupled, monitored at the skew of ``enable(skew=...)``. When the beam is square, ``max_skew`` applies again.
 
         Raises:
             LimitError: beyond the limits of the axis.
-            ArgumentError: no axis of this pair, or a value is missing or not finite.
+            ArgumentError: not an axis of this pair, or a value is missing or not finite.
         """
         name = axis.name if isinstance(axis, Axis) else axis
         name = self._pair.second if name is None else name

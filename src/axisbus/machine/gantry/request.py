@@ -1,4 +1,4 @@
-"""From what a call asks of a beam to checked values in the axes' unit: what neither axis may do, the beam may not."""
+"""Check the arguments of a gantry's call, in the axes' unit: the limits of both axes apply to the beam."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from axisbus.motion.parameters import AxisLimits, AxisParameters, Defaults
 
 
 class BeamRequest:
-    """One call, such as ``y.move_absolute(90 mm)``; raises ArgumentError for what is missing, LimitError for what is too much."""
+    """One call, such as ``y.move_absolute(90 mm)``; raises ArgumentError for a missing value, LimitError beyond a limit."""
 
     def __init__(
         self,
@@ -38,21 +38,21 @@ class BeamRequest:
         return AxisCall(self._parameters[0], self._call).positive(what, value)
 
     def place(self, position: float) -> float:
-        """Return a place of the beam that both axes can go to."""
+        """Return a position of the beam that both axes can reach."""
         place = self.finite("position", position)
         for axis, at in zip(self._axes, (place, place + self._pair.offset), strict=True):
             axis._absolute_increments(self._call, at)
         return place
 
     def named(self, position: float) -> float:
-        """Return what the place of the beam is to be called, which both drives can count."""
+        """Return the value for the beam's present position (``set_position``), which must be in the range of both drives."""
         place = self.finite("position", position)
         for parameters, at in zip(self._parameters, (place, place + self._pair.offset), strict=True):
             AxisCall(parameters, self._call).place(at)
         return place
 
     def distance(self, distance: float) -> float:
-        """Return a distance that both drives can count."""
+        """Return a distance that is in the range of both drives."""
         for parameters in self._parameters:
             AxisCall(parameters, self._call).distance(distance)
         return float(distance)
@@ -70,14 +70,14 @@ class BeamRequest:
         )
 
     def jerk(self, value: float | None) -> float | None:
-        """Return a limit of jerk (unit/s³); None where neither the call nor an axis's default gives one."""
+        """Return a jerk limit (unit/s³); None if neither the call nor an axis's default gives one."""
         if value is None:
             known = [one for each in self._parameters if (one := each.defaults.jerk) is not None]
             return min(known, default=None)
         return None if isinstance(value, float) and value == float("inf") else self.positive("jerk", value)
 
     def homing(self) -> None:
-        """Raise ArgumentError where nothing says how the pair is homed, StateError where a drive has no touch probe."""
+        """Raise ArgumentError if no homing is configured, StateError if a drive has no touch probe."""
         plan, name = self._pair.homing, self._pair.name
         if plan is None:
             raise ArgumentError(

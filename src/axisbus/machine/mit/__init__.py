@@ -1,1 +1,1 @@
-"""MIT control of one module for a program's own loop: what a user holds."""
+"""MIT control of one module by the user's own loop: the public objects."""

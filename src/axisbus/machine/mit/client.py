@@ -1,9 +1,9 @@
-"""``MitControl``: one GIM6010-8 under MIT control, led by a program's own loop over CAN Simple.
+"""``MitControl``: one GIM6010-8 under MIT control, commanded by the user's own loop over CAN Simple.
 
-Theory of operation. A thread of ours does what the leader (``drives.gim6010.mit_control``) decides: it sends a frame in each period
-and takes what comes. The program gives commands and is given answers. Whatever way the program leaves the ``with`` block, and where
-it gives no command in time, the same way out is run: damping, idle, ESTOP. A process that is killed, or does not let Python run,
-sends nothing any more: only ``break_timeout`` in the module notices that, where it is armed.
+Theory of operation. A thread of axisbus executes the decisions of the controller (``drives.gim6010.mit_control``): it sends a frame
+in each period and takes the received frames. The program gives commands and gets answers. When the program leaves the ``with``
+block, for any reason, or gives no command in time, the same stop sequence runs: damping, idle, ESTOP. A process that is killed, or
+that does not let Python run, sends nothing any more: only ``break_timeout`` in the module detects that, if it is armed.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ from axisbus.drives.gim6010.mit_control.settings import MitSettings
 from axisbus.errors import ArgumentError, AxisbusError, NodeError, StateError
 from axisbus.machine.mit.signals import MitSignalHandlers
 
-_TICKS = 4  # looks in a period
-_SHORTEST = 0.0005  # s between two
-_LONGEST = 15.0  # s that its way in or out may take
-_ANSWER = 2.0  # s for an answer; the leader gives up long before
+_TICKS = 4  # steps of the thread in a period
+_SHORTEST = 0.0005  # s between two of them
+_LONGEST = 15.0  # s for enabling or for the stop sequence
+_ANSWER = 2.0  # s for an answer; the controller gives up long before
 _PARTINGS = 3
-_KEPT = 1000  # frames that wait to be taken: more are of a thread that does not run
+_KEPT = 1000  # queued frames: more means that the thread does not run
 
 
 class MitControl:
-    """A module under MIT control; use it in a ``with`` block, whose end stops it. Its methods are for one thread at a time."""
+    """A module under MIT control; use it in a ``with`` block, whose end stops it. Only one thread at a time may use its methods."""
 
     def __init__(self, channel: Channel, settings: MitSettings) -> None:
-        """Prepare on a channel that is open; nothing is sent before ``enable``. ``open`` opens a channel of its own."""
+        """Use a channel that is already open; nothing is sent before ``enable``. ``open`` opens a channel of its own."""
         self.settings = settings
         self._channel = channel
         self._heard: deque[CanFrame] = deque(maxlen=_KEPT)
@@ -62,7 +62,7 @@ class MitControl:
         bitrate: int | None = None,
         **options: object,
     ) -> MitControl:
-        """Open a CAN channel by python-can for one module; ``bitrate`` in bit/s where the adapter sets it. Sends nothing.
+        """Open a CAN channel by python-can for one module; ``bitrate`` in bit/s if the adapter sets it. Sends nothing.
 
         Raises:
             SecondMasterError: another program of axisbus has the channel. AdapterError: it cannot be opened.
@@ -96,24 +96,24 @@ class MitControl:
             self._signals.end()
             self._stack.close()
 
-    # What a program does.
+    # Public commands.
 
     def enable(self) -> MitFeedback:
-        """Bring the module into closed loop under MIT control and return where it is; nothing jumps. Blocks some 2 s.
+        """Bring the module into closed loop under MIT control and return its position; nothing jumps. Blocks about 2 s.
 
-        It has kp 0, torque 0 and the damping of the settings until the first command: a load that pulls sinks.
+        Until the first command, kp is 0, torque is 0 and damping is that of the settings: a load sinks if gravity pulls it.
 
         Raises:
-            StateError: outside the ``with`` block, or it is led already.
-            NodeError: it is not heard, not idle, has errors, does not answer, or does not go into closed loop; it is left idle.
+            StateError: outside the ``with`` block, or it is already enabled.
+            NodeError: it is not heard, not idle, has errors, does not answer, or does not enter closed loop; it is left idle.
         """
         if not self._entered:
             raise StateError("MIT control is used in a with block, whose end stops the module")
         if self._leader is not None and self._leader.over and self._thread is not None:
-            self._thread.join(_ANSWER)  # it has ended, but for a moment
+            self._thread.join(_ANSWER)  # it has practically ended
         if self._thread is not None and self._thread.is_alive():
             raise StateError(f"module {self.settings.node} is led already")
-        self._heard.clear()  # what was heard before says nothing of now
+        self._heard.clear()  # frames received before say nothing about the present
         leader = self._leader = MitLeader(self.settings)
         self._thread = threading.Thread(
             target=self._run, args=(leader,), name="axisbus MIT control", daemon=True
@@ -125,10 +125,10 @@ class MitControl:
     def command(self, command: MitCommand) -> MitCycle:
         """Send a command in each period from now on, and return it with the module's next answer. Blocks about one period.
 
-        Values beyond their range are brought to it and told (``clipped``). Has to be called again within ``patience``.
+        Values beyond their range are limited and reported (``clipped``). The program must call this again within ``patience``.
 
         Raises:
-            ArgumentError: it is none. StateError: it is not enabled. NodeError: it is on its way out, with the reason.
+            ArgumentError: not a command. StateError: it is not enabled. NodeError: it is being stopped, with the reason.
         """
         if not isinstance(command, MitCommand):
             raise ArgumentError(f"{command!r} is no command of MIT control", remedy="give a MitCommand")
@@ -143,12 +143,12 @@ class MitControl:
         return leader.answered
 
     def stop(self) -> str:
-        """Take it out of MIT control: damping until it stands, then idle. Return how it was left; blocks, 9 s at the most.
+        """End MIT control: damping until standstill, then idle. Return a text about the final state; blocks, at most 9 s.
 
-        Harmless when it is not led.
+        Harmless if the module is not enabled.
 
         Raises:
-            NodeError: it was not seen to be idle.
+            NodeError: the module was not seen to be idle.
         """
         leader = self._leader
         if leader is None:
@@ -166,7 +166,7 @@ class MitControl:
 
     @property
     def is_active(self) -> bool:
-        """Whether it takes commands."""
+        """Whether the module accepts commands."""
         return self._leader is not None and self._leader.phase is MitPhase.RUNNING
 
     @property
@@ -213,7 +213,7 @@ class MitControl:
             leader.leave(f"the bus: {error.message}")
 
     def _give_up(self, leader: MitLeader) -> None:
-        """What decides has failed itself: damping and idle go out unasked."""
+        """Send damping and idle, because the controller itself has failed."""
         for _ in range(_PARTINGS):
             for frame in leader.parting:
                 with suppress(AxisbusError):
@@ -225,10 +225,10 @@ class MitControl:
     def _hear(self, can_id: int, data: bytes, stamp: float) -> None:
         self._heard.append(CanFrame(stamp, can_id, bytes(data)))
 
-    # Ways out.
+    # Stopping.
 
     def _part(self, error: BaseException | None) -> None:
-        """Stop it; what it was left as is told with the error that is under way."""
+        """Stop the module; if an error ends the block, add the final state to it as a note."""
         try:
             left = self.stop()
         except NodeError as lost:
@@ -244,7 +244,7 @@ class MitControl:
             self.stop()
 
     def _hear_signal(self, what: str) -> bool:
-        """Take a signal; return whether it is to be raised in the program: only while that is in its ``with`` block."""
+        """Handle a signal; return whether to raise it in the program: only while the program is in its ``with`` block."""
         leader = self._leader
         if leader is None:
             return self._entered
@@ -256,7 +256,7 @@ class MitControl:
     # Helpers.
 
     def _wait(self, there: Callable[[], bool], seconds: float) -> None:
-        """Wait for the thread, in slices in which signals are heard."""
+        """Wait for the thread, in slices in which signal handlers run."""
         end = time.monotonic() + seconds
         thread = self._thread
         while not there() and time.monotonic() < end and thread is not None and thread.is_alive():

@@ -26,14 +26,14 @@ def read_mit_ranges(
     bitrate: int | None = None,
     **options: object,
 ) -> MitRanges:
-    """Return the ranges that the module with this node ID (0 to 63) has. Blocks some 2 s; commands nothing.
+    """Return the ranges of the module with this node-ID (0 to 63). Blocks about 2 s; commands nothing.
 
-    ``endpoints`` is the maker's list for its very firmware, ``made_for`` the version that it is for, as "0.6.0".
+    ``endpoints`` is the vendor's list for exactly its firmware, ``made_for`` the firmware version of the list, as "0.6.0".
 
     Raises:
-        UserError: the list cannot be read. ArgumentError: it is none, or does not fit the module.
+        UserError: the list cannot be read. ArgumentError: it is not such a list, or does not fit the module.
         SecondMasterError: another program of axisbus has the channel. AdapterError: it cannot be opened.
-        NodeError: the module answers no endpoint, or there are several of this node ID.
+        NodeError: the module answers no endpoint, or several have this node-ID.
     """
     try:
         text = Path(endpoints).read_bytes()

@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and SIGHUP while a module is led: it takes its way out at once, and the program leaves its block."""
+"""Ctrl-C, SIGTERM and SIGHUP under MIT control: the module is stopped at once, and the program leaves its block."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ _SIGNALS = {"SIGINT": "Ctrl-C", "SIGTERM": "SIGTERM", "SIGHUP": "SIGHUP"}  # not
 
 
 class MitSignalHandlers:
-    """Holds the handlers that were in force before; in the main thread alone, where Python delivers signals."""
+    """Holds the previous handlers. Only in the main thread, where Python runs signal handlers."""
 
     def __init__(self, hear: Callable[[str], bool]) -> None:
-        """``hear`` is told which came, and returns whether it is to be raised: as KeyboardInterrupt, or SystemExit."""
+        """``hear`` gets the signal's name, and returns whether to raise it: as KeyboardInterrupt, or SystemExit."""
         self._hear = hear
         self._before: dict[int, Any] = {}
 
     def begin(self) -> None:
-        """Take them over."""
+        """Install the handlers."""
         if threading.current_thread() is threading.main_thread():
             for name in _SIGNALS:
                 number = getattr(signal, name, None)
@@ -28,7 +28,7 @@ class MitSignalHandlers:
                     self._before[number] = signal.signal(number, self._take)
 
     def end(self) -> None:
-        """Give them back."""
+        """Restore the previous handlers."""
         for number, handler in self._before.items():
             signal.signal(number, handler if handler is not None else signal.SIG_DFL)
         self._before.clear()

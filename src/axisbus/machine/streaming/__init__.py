@@ -1,1 +1,1 @@
-"""What a program feeds its axes with while they move: streams of points, and the answers of its own loops."""
+"""Set-points from a program while its axes move: streams of points, and the answers of its own control loops."""

@@ -1,11 +1,11 @@
-"""A loop of the program's own: it is given the values of each cycle, and its answer leads an axis in the next.
+"""A control loop of the user's program: it gets the values of each cycle, and its answer is the set-point of the next.
 
 Theory of operation
 -------------------
-Nothing of it runs in the core. A thread of the program looks for the image of the next cycle when that is due, calls the function,
-and sends what it returns as a command of its own. The core holds the answers against its cycles
-(``motion.cyclic.user_controller``): it stops the axis where one is missing, whatever keeps the program from giving it. In virtual
-time, where nothing runs beside the one who lets it pass, the function is called after each cycle.
+Nothing of it runs in the core. A thread of the program waits for the values of the next cycle, calls the function, and sends its
+result as a command. The core checks the answers against its cycles (``motion.cyclic.user_controller``): if one is missing, it stops
+the axis, whatever prevents the program from answering. In virtual time, where no other thread runs, the function is called after
+each cycle.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from axisbus.motion.parameters import Units
 from axisbus.motion.snapshot import Snapshot
 from axisbus.session import LatenessReport
 
-_LOOKS = 40  # for the next image in a scan period
-_LEAST, _MOST = 0.00005, 0.0005  # seconds between two looks
+_LOOKS = 40  # checks for the next values in a scan period
+_LEAST, _MOST = 0.00005, 0.0005  # seconds between two checks
 
 
 @dataclass(frozen=True, slots=True)
 class AxisFeedback:
-    """What a loop is given: ``time`` of the cycle (s, monotonic), ``dt`` since the one before that it was given (s).
+    """The input of a control loop: ``time`` of the cycle (s, monotonic), ``dt`` since the previous one that it got (s).
 
-    ``position``, ``velocity`` and ``torque`` as those of the axis, of one cycle; None where unknown.
+    ``position``, ``velocity`` and ``torque`` as those of the axis, of one cycle; None if unknown.
     """
 
     time: float
@@ -48,11 +48,11 @@ Function = Callable[[AxisFeedback], float]
 
 
 class Controller:
-    """A loop under way; made by ``Axis.controller``, for a ``with`` block or until ``stop()``.
+    """A running control loop; made by ``Axis.controller``, for a ``with`` block or until ``stop()``.
 
-    ``handle`` is that of the loop: it ends by whatever takes the axis over or stops it, with an error where the function raised or
-    answered too late. ``error`` is what the function has raised. ``saturated_count`` counts the answers that were held to the
-    limit.
+    ``handle`` is that of the loop: it ends when another command takes the axis over or stops it, and with an error if the function
+    raised or answered too late. ``error`` is the exception of the function. ``saturated_count`` counts the answers that were
+    limited.
     """
 
     handle: Handle
@@ -93,9 +93,9 @@ class Controller:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Halt the axis, and wait until it stands; what has ended the loop before that is raised.
+        """Halt the axis, and wait until it is at standstill; raise the error if one has ended the loop before.
 
-        After an exception in the block it waits as well, and adds a note to it where the halt fails.
+        After an exception in the block the method waits as well. If the halt then fails, the exception gets a note.
         """
         failure = self.handle.exception()
         end_with(self.stop(), failure if error is None else error)
@@ -104,7 +104,7 @@ class Controller:
 
     @property
     def lateness(self) -> LatenessReport:
-        """How many answers were given, and how long after the beginning of their cycle: within a scan period is in time."""
+        """The number of answers, and their delay from the beginning of the cycle: an answer within a scan period is in time."""
         return self._took.report()
 
     def stop(self) -> Handle:
@@ -120,7 +120,7 @@ class Controller:
                 self._answer(snapshot)
 
     def _next(self) -> Snapshot | None:
-        """Wait for the image of the next cycle; None where it does not come within some of them."""
+        """Wait for the values of the next cycle; None if they do not come in time."""
         look = min(max(self._period / _LOOKS, _LEAST), _MOST)
         time.sleep(max(0.0, self._last + self._period - time.monotonic()))
         for _ in range(_LOOKS):
@@ -137,7 +137,7 @@ class Controller:
             self._session.forget(self._observe)
 
     def _answer(self, snapshot: Snapshot) -> None:
-        """Call the function, once the drive is in the mode, and send what it returns."""
+        """If the drive is in the mode, call the function and send its result."""
         dt, self._last = snapshot.now - self._last, snapshot.now
         if snapshot.mode != self._answering.mode or self.error is not None:
             return
@@ -150,7 +150,7 @@ class Controller:
             self.error = error
             answer = ControllerOutput(number, snapshot.now, 0, f"{type(error).__name__}: {error}")
         given = self._commanding.submit(self._name, answer, f"{self._text}, an answer")
-        look_at_end(given)  # why one is not taken is what has ended the loop
+        look_at_end(given)  # an answer is refused only if the loop has already ended with an error
         if self._session.waiter.realtime:
             self._took.note(time.monotonic() - snapshot.now)
 

@@ -1,4 +1,4 @@
-"""What a controller is asked for, checked: what it answers with, its ramps, and how late it may be."""
+"""The checked options of a controller: its output, its ramps, and the number of cycles that an answer may be missing."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _WAYS = ("velocity", "torque")
 
 
 class Answering(NamedTuple):
-    """How answers are led to in ``mode``; ``limit`` of their magnitude (None: none), and ``raw``, which checks one."""
+    """How answers are applied in ``mode``; ``limit`` of their magnitude (None: none); ``raw`` converts and checks one."""
 
     command: ControllerCommand
     mode: ModeOfOperation
@@ -27,7 +27,7 @@ class Answering(NamedTuple):
 
 
 class ControllerRamps(NamedTuple):
-    """What the call gives: unit/s² or N·m/s, None: the defaults of the axis."""
+    """The ramps of the call: unit/s² or N·m/s; None: the defaults of the axis."""
 
     acceleration: float | None
     deceleration: float | None
@@ -35,10 +35,10 @@ class ControllerRamps(NamedTuple):
 
 
 def answering_of(parameters: AxisParameters, by: object, ramps: ControllerRamps, late: object) -> Answering:
-    """Return how an axis is led by a controller.
+    """Return how a controller's answers are applied to an axis.
 
     Raises:
-        ArgumentError, LimitError: a value is none that a controller can have, or one is missing.
+        ArgumentError, LimitError: a value that a controller cannot have, or a missing value.
     """
     request = AxisCall(parameters, "controller")
     if not isinstance(by, str) or by not in _WAYS:

@@ -1,4 +1,4 @@
-"""What a stream is asked for, checked: its axes, times, and what an underrun does."""
+"""The checked options of a stream: its axes, times, and the reaction to an underrun."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from axisbus.motion.numbers import number, told
 from axisbus.motion.point_stream.commands import OnUnderrun
 
 _LEAST, _MOST = 0.0001, 60.0  # seconds
-_IN_A_CYCLE = 8  # points that a cycle goes by at most: each takes some of its time
+_IN_A_CYCLE = 8  # points in one cycle: each takes some of its time
 _READ = duration("100us", "60s")
 
 
 class StreamWords(TypedDict, total=False):
-    """What ``Group.stream`` may be given."""
+    """The options of ``Group.stream``."""
 
     period: float | str | None
     on_underrun: str
@@ -25,7 +25,7 @@ class StreamWords(TypedDict, total=False):
 
 
 class StreamOptions(NamedTuple):
-    """Seconds between two points (None: each comes with its time), what an underrun does, seconds that are buffered."""
+    """Seconds between two points (None: each has its time), the reaction to an underrun, seconds that are buffered."""
 
     period: float | None
     on_underrun: OnUnderrun
@@ -44,7 +44,7 @@ def options_of(
     """Return the options of a stream; ``text`` names the call in messages. ``places``: its points are of a workspace.
 
     Raises:
-        ArgumentError: a value is none that a stream can have, or an axis cannot be in one.
+        ArgumentError: a value that a stream cannot have, or an axis that cannot be in a stream.
     """
     for name, axis in axes.items():
         _require_able(name, axis, text, places=places)
@@ -63,7 +63,7 @@ def options_of(
 
 
 def require_apart(seconds: float, scan: float, text: str, what: str, longest: float | None = _MOST) -> None:
-    """Raise ArgumentError where two points are too near in time for a cycle to go by, or farther than a stream takes."""
+    """Raise ArgumentError if two points are closer in time than a cycle can process, or further apart than a stream allows."""
     least = scan / _IN_A_CYCLE
     if seconds < least or (longest is not None and seconds > longest):
         allowed = f"{least:.6g} s or more" if longest is None else f"from {least:.6g} to {longest:g} s"

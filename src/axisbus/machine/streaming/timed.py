@@ -1,4 +1,4 @@
-"""Points in time that a group follows as a whole: checked before anything moves, and then known to the core up to their end."""
+"""Timed points that a group follows as a whole: checked before anything moves, then completely known to the core."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from axisbus.motion.point_stream.timed import TrajectoryPoint, way_of
 from axisbus.session import Target
 from axisbus.wording import counted
 
-_AT_ONCE = 8  # spans in a command, of which a cycle takes 32: about a millisecond of six axes
+_AT_ONCE = 8  # spans per command; a cycle takes 32 commands: about a millisecond for six axes
 
 
 def follow_points(
@@ -26,7 +26,7 @@ def follow_points(
     name: str,
     points: Sequence[TrajectoryPoint],
 ) -> Handle:
-    """Follow points; as ``Group.follow``. ``key``: by what the core knows the group, which is called ``name``."""
+    """Follow points; as ``Group.follow``. ``key``: the core's key of the group, ``name``: its name."""
     points = items_of(f"{name}.follow", "points", points)
     text = f"{name}.follow({counted(len(points), 'point')})"
     spans = _checked(axes, text, points)
@@ -46,7 +46,7 @@ def _in_parts(spans: Sequence[Span]) -> list[tuple[Span, ...]]:
 
 
 def _checked(axes: Mapping[str, Axis], text: str, points: Sequence[TrajectoryPoint]) -> list[Span]:
-    """Return what goes to the core."""
+    """Return the checked spans for the core."""
     for axis in axes.values():
         axis._require_stream_limits(text)
     here = tuple(axis.commanded_position for axis in axes.values())
@@ -73,6 +73,6 @@ def _require_places(axes: Mapping[str, Axis], point: TrajectoryPoint, call: str)
 
 
 def _span(joining: CurveFit, count: int, between: Between) -> Span:
-    """Return a span; where it is too much, ``count`` points before the one that it leads to are said to be there."""
+    """Return a checked span. Error messages about it name the point after ``count``."""
     joining.count = max(count, 0)
     return joining.checked(between)

@@ -1,1 +1,1 @@
-"""Kinematics of a program's own: called in the program alone, and sampled before anything moves."""
+"""The user's own kinematics: called only in the program, and sampled before anything moves."""

@@ -1,4 +1,4 @@
-"""Kinematics of a program's own, as its author writes them, and as they are called: whatever they do is told in clear words."""
+"""The user's own kinematics, as their author writes them, and the calls to them with clear errors."""
 
 from __future__ import annotations
 
@@ -14,32 +14,35 @@ from axisbus.motion.group.segments import Place
 from axisbus.motion.numbers import number, told
 from axisbus.wording import counted
 
-_OURS = (CoreXY, Scara, Delta)  # which the core knows itself
+_OURS = (CoreXY, Scara, Delta)  # known to the core
 
 
 @runtime_checkable
 class UserKinematics(Protocol):
-    """How the axes of a group make a place of its workspace; called in the program alone, before anything moves.
+    """The relation between a group's axes and its workspace; called only in the program, before anything moves.
 
-    Both may be of any number of coordinates, which need not be that of the axes, and must be smooth where the tool is to go.
+    A workspace may have any number of coordinates, also other than the number of axes. Both functions must be smooth where the tool
+    moves.
     """
 
     def forward(self, joints: Sequence[float], /) -> Sequence[float]:
         """Return the coordinates for the axes' positions, in their units and in the group's order."""
 
     def inverse(self, coordinates: Sequence[float], near: Sequence[float], /) -> Sequence[float]:
-        """Return the axes' positions for a place: of several solutions the one that goes on from ``near``, the axes' positions
-        just before on the way. Raise ValueError where it is out of reach.
+        """Return the axes' positions for a position in the workspace.
+
+        Of several solutions, return the one that continues from ``near``, the axes' positions just before on the path. Raise
+        ValueError if the position is out of reach.
         """
 
 
 def kinematics_for(
     text: str, kinematics: Kinematics | UserKinematics, axes: Mapping[str, Axis], accuracy: float | None
 ) -> Kinematics | UserKinematicsAdapter:
-    """Return kinematics as a group calls them; ``text`` is how messages begin.
+    """Return kinematics as a group calls them; ``text`` is the beginning of messages.
 
     Raises:
-        ArgumentError: they have no forward and inverse, or ``accuracy`` is no distance, or given for kinematics of the core.
+        ArgumentError: they have no forward and inverse, ``accuracy`` is no distance, or it is given for kinematics of the core.
     """
     if type(kinematics) in _OURS:
         if accuracy is not None:
@@ -63,10 +66,10 @@ def kinematics_for(
 
 
 class UserKinematicsAdapter:
-    """A program's kinematics of a group; holds nothing of where anything is."""
+    """The user's kinematics for a group; stores no positions."""
 
     def __init__(self, kinematics: UserKinematics, axes: Mapping[str, Axis], accuracy: float | None) -> None:
-        """``accuracy``: by how much the tool may leave its way (units of the workspace); None: by what an increment comes to."""
+        """``accuracy``: allowed deviation of the tool from its path (workspace units); None: its movement by one increment."""
         self._kinematics = kinematics
         self._axes = dict(axes)
         self._accuracy = accuracy
@@ -78,7 +81,7 @@ class UserKinematicsAdapter:
         return tuple(self._axes)
 
     def limits(self, start: Place) -> tuple[tuple[str, str, tuple[float, float] | None], ...]:
-        """Return of each axis its name, unit, and the limits of position of a way from ``start``."""
+        """Return for each axis its name, its unit, and the position limits of a path from ``start``."""
         return tuple(
             (name, axis.unit, axis.room_from(place))
             for (name, axis), place in zip(self._axes.items(), start, strict=True)
@@ -86,19 +89,19 @@ class UserKinematicsAdapter:
 
     @property
     def name(self) -> str:
-        """Of its class."""
+        """The name of its class."""
         return type(self._kinematics).__name__
 
     def forward(self, joints: Place) -> Place:
-        """Return the place for the axes' positions; raises as ``inverse``."""
+        """Return the coordinates for the axes' positions; raises as ``inverse``."""
         return self._called("forward", lambda: self._kinematics.forward(joints), f"at {listed(joints)}")
 
     def inverse(self, place: Place, near: Place) -> Place:
-        """Return the axes' positions for a place.
+        """Return the axes' positions for a position in the workspace.
 
         Raises:
-            LimitError: it raised ValueError: the place is out of reach.
-            ArgumentError: it raised something else, or returned what are no positions.
+            LimitError: the user's function raised ValueError: the position is out of reach.
+            ArgumentError: it raised another exception, or did not return positions.
         """
         found = self._called(
             "inverse", lambda: self._kinematics.inverse(place, near), f"for the place {listed(place)}"
@@ -112,15 +115,16 @@ class UserKinematicsAdapter:
         return found
 
     def allowed(self, joints: Place, place: Place) -> float:
-        """Return by how much the tool may leave its way near ``joints``, which make ``place``: the accuracy that was asked for, or
-        how far one increment of one axis moves it.
+        """Return the allowed deviation of the tool near ``joints``, which correspond to ``place``.
+
+        It is the requested accuracy, otherwise the distance by which one increment of one axis moves the tool.
         """
         if self._accuracy is not None:
             return self._accuracy
         return moved_by(self.forward, joints, place, self._increments)
 
     def require_fit(self, place: Place, joints: Place) -> None:
-        """Raise ArgumentError where ``forward`` does not lead back to the place that ``inverse`` gave ``joints`` for."""
+        """Raise ArgumentError if ``forward`` of ``joints`` is not ``place``, for which ``inverse`` returned them."""
         back = self.forward(joints)
         if len(back) != len(place):
             raise ArgumentError(
@@ -138,14 +142,14 @@ class UserKinematicsAdapter:
             )
 
     def is_same(self, joints: Place, there: Place) -> str:
-        """Return which axis would have to go from ``there`` to ``joints``, as they are farther apart than rest is; "" if none."""
+        """Return a text about the axis that is not at ``joints`` within its start tolerance; "" if all axes are."""
         for (name, axis), a, b in zip(self._axes.items(), joints, there, strict=True):
             if abs(a - b) > axis.start_tolerance:
                 return f"{name} stands at {b:.6g} {axis.unit}, and would have to be at {a:.6g}"
         return ""
 
     def _called(self, method: str, call: Callable[[], Sequence[float]], where: str) -> Place:
-        """Return what a method of the program returns."""
+        """Return the result of a function of the user."""
         try:
             given = call()
             values = [number(value) for value in given]
@@ -169,10 +173,10 @@ class UserKinematicsAdapter:
 
 
 def said(text: str, error: AxisbusError) -> AxisbusError:
-    """Return an error with what was asked for in front."""
+    """Return an error with ``text``, the name of the call, in front."""
     return type(error)(f"{text}: {error.message}", observed=error.observed, remedy=error.remedy)
 
 
 def listed(place: Sequence[float]) -> str:
-    """Return numbers for people."""
+    """Return numbers as text for messages."""
     return f"({', '.join(f'{value:.6g}' for value in place)})"

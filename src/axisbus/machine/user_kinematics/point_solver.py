@@ -1,14 +1,13 @@
-"""From points of a workspace, which come one by one, to spans of what the axes do.
+"""Convert points of a workspace, which arrive one by one, to spans of the axes' motion.
 
-Theory of operation
--------------------
-The curve is that through the points, in the workspace: what goes on between two of them is known there. It is divided in the time
-until, in the middle of each part, the axes' own curve leads the tool no farther off than an increment of one of them does. What
-the axes do at the ends of a part follows from the place, the speed and the acceleration of the tool there and from nothing else:
-it is the same from both sides, so that neither speed nor acceleration of an axis jumps. Each part is checked as a span of axes is.
+Theory of operation ------------------- The curve through the points is computed in the workspace, so the tool's position between
+two points is defined there. Its time is divided until, in the middle of each part, the axes' own curve deviates by no more than one
+increment of an axis moves the tool. The motion of the axes at the ends of a part follows only from position, velocity and
+acceleration of the tool there. It is the same from both sides, so that neither velocity nor acceleration of an axis jumps. Each
+part is checked as a span of axes is.
 
-A program's own kinematics are asked for places that lie near to each other, each time near what they answered before: from where
-the axes are at a point, on to the end of the span.
+The user's own kinematics are asked for positions close to each other, each time near their previous answer: from the axes' position
+at a point to the end of the span.
 """
 
 from __future__ import annotations
@@ -28,28 +27,28 @@ from axisbus.motion.point_stream.quintic import Coefficients, Motion, at, coeffi
 
 _FINEST = 256  # parts between two points
 _APART, _MOST_APART = 0.1, 0.005  # of the time between two points; seconds
-_KEPT = 8  # points of which it is known what the axes do there
+_KEPT = 8  # number of points whose axis motion is stored
 Row = tuple[Motion, ...]
 
 
 class Solving(Protocol):
-    """Kinematics as places are solved by them: ``UserKinematicsAdapter``, and those of the core as ``UserKinematicsSolver``."""
+    """The interface to kinematics for solving: ``UserKinematicsAdapter``, and those of the core as ``UserKinematicsSolver``."""
 
     def forward(self, joints: Place, /) -> Place:
-        """Return the place for the axes' positions."""
+        """Return the workspace position for the axes' positions."""
 
     def inverse(self, place: Place, near: Place, /) -> Place:
-        """Return the axes' positions for a place, of several the nearest to ``near``; ValueError, LimitError: out of reach."""
+        """Return the axes' positions for a workspace position, the nearest to ``near``; ValueError, LimitError: out of reach."""
 
     def allowed(self, joints: Place, place: Place, /) -> float:
-        """Return by how much the tool may be off near ``joints``, which make ``place``."""
+        """Return the allowed deviation of the tool near ``joints``, which correspond to ``place``."""
 
     def require_fit(self, place: Place, joints: Place, /) -> None:
-        """Raise where ``joints`` do not make ``place``."""
+        """Raise an error if ``joints`` do not correspond to ``place``."""
 
 
 class UserKinematicsSolver:
-    """Kinematics of the core: exact, and with one answer for each place."""
+    """Kinematics of the core: exact, and with one solution for each position."""
 
     def __init__(self, kinematics: Kinematics, increments: Sequence[float]) -> None:
         """``increments`` of the axes in their units."""
@@ -57,19 +56,19 @@ class UserKinematicsSolver:
         self.forward = kinematics.forward
 
     def inverse(self, place: Place, _near: Place) -> Place:
-        """Return the axes' positions for a place; ValueError where it is out of reach."""
+        """Return the axes' positions for a workspace position; raises ValueError if it is out of reach."""
         return self._kinematics.inverse(place)
 
     def allowed(self, joints: Place, place: Place) -> float:
-        """Return how far one increment of one axis moves the tool there."""
+        """Return the distance by which one increment of one axis moves the tool there."""
         return moved_by(self.forward, joints, place, self._increments)
 
     def require_fit(self, place: Place, joints: Place) -> None:
-        """They do."""
+        """Accept any position: kinematics of the core are exact."""
 
 
 def of_point(text: str, error: AxisbusError) -> AxisbusError:
-    """Return what a program's own kinematics said, for the point of a stream that ``text`` names."""
+    """Return an error of the user's own kinematics, for the point of a stream that ``text`` names."""
     return type(error)(
         f"{text}: {error.message}",
         observed=error.observed,
@@ -78,12 +77,12 @@ def of_point(text: str, error: AxisbusError) -> AxisbusError:
 
 
 class PlaceJoining(PointAccepted[tuple[Span, ...]]):
-    """Makes spans of points of a workspace; holds what the axes do at the last points."""
+    """Makes spans from points of a workspace; stores the axes' motion at the last points."""
 
     def __init__(
         self, solving: Solving, axes: Mapping[str, Allowed], start: Callable[[], Place], text: str
     ) -> None:
-        """``start`` returns where the axes stand before the first point; ``text``: what messages begin with."""
+        """``start`` returns the axes' positions before the first point; ``text``: the beginning of messages."""
         super().__init__()
         self._solving = solving
         self._start = start
@@ -92,7 +91,7 @@ class PlaceJoining(PointAccepted[tuple[Span, ...]]):
         self._known: dict[Row, Row] = {}
 
     def take(self, point: StreamPoint) -> tuple[Span, ...] | None:
-        """As ``PointAccepted.take``; of a point that is refused nothing is kept."""
+        """As ``PointAccepted.take``; nothing of a refused point is stored."""
         before = dict(self._known)
         try:
             return super().take(point)
@@ -101,7 +100,7 @@ class PlaceJoining(PointAccepted[tuple[Span, ...]]):
             raise
 
     def _made(self, between: Between) -> tuple[Span, ...]:
-        self._spans.count = self.count  # which messages tell
+        self._spans.count = self.count  # for messages
         try:
             rows = self._divided(between)
         except AxisbusError as error:
@@ -112,7 +111,7 @@ class PlaceJoining(PointAccepted[tuple[Span, ...]]):
         return tuple(self._spans.checked(part) for part in _parts(between, rows))
 
     def _divided(self, between: Between) -> list[Row]:
-        """Return what the axes do at the ends of as many parts as are needed; raise ValueError where none are enough."""
+        """Return the axes' motion at the ends of as many parts as needed; raise ValueError if no number is enough."""
         curves = [coefficients(a, b, between.seconds) for a, b in zip(between.from_, between.to, strict=True)]
         count = 1
         while count <= _FINEST:
@@ -125,7 +124,7 @@ class PlaceJoining(PointAccepted[tuple[Span, ...]]):
         )
 
     def _rows(self, between: Between, curves: Sequence[Coefficients], count: int) -> list[Row]:
-        """Return what the axes do at the ends of so many parts."""
+        """Return the axes' motion at the ends of ``count`` parts."""
         seconds = between.seconds
         apart = min(_APART * seconds, _MOST_APART)
         inner = [tuple(_motion(curve, seconds * n / count) for curve in curves) for n in range(1, count)]
@@ -135,7 +134,7 @@ class PlaceJoining(PointAccepted[tuple[Span, ...]]):
         return rows
 
     def _begin(self, tool: Row, apart: float) -> Row:
-        """Return what the axes do at a point: the same as at the end of the span before."""
+        """Return the axes' motion at a point: the same as at the end of the previous span."""
         if tool not in self._known:  # only the first point
             self._keep(tool, self._axes_at(tool, apart, self._start()))
         return self._known[tool]
@@ -147,7 +146,7 @@ class PlaceJoining(PointAccepted[tuple[Span, ...]]):
         self._known[tool] = axes
 
     def _axes_at(self, tool: Row, apart: float, near: Place) -> Row:
-        """Return what the axes do where the tool moves so: by where they are ``apart`` seconds before and behind."""
+        """Return the axes' motion for a motion of the tool, by differences: positions ``apart`` seconds before and after."""
         here = self._joints(tool, 0.0, near)
         self._solving.require_fit(_places(tool), here)
         before, behind = (self._joints(tool, sign * apart, here) for sign in (-1.0, 1.0))
@@ -160,7 +159,7 @@ class PlaceJoining(PointAccepted[tuple[Span, ...]]):
         return self._solving.inverse(place, near)
 
     def _is_near(self, curves: Sequence[Coefficients], rows: Sequence[Row], seconds: float) -> bool:
-        """Whether the axes' own curves have the tool where it is to be, in the middle of each part."""
+        """Whether the axes' own curves keep the tool at its position, in the middle of each part."""
         for n, (begin, end) in enumerate(pairwise(rows)):
             joints = tuple(
                 at(coefficients(a, b, seconds), 0.5 * seconds) for a, b in zip(begin, end, strict=True)
@@ -180,7 +179,7 @@ class PlaceJoining(PointAccepted[tuple[Span, ...]]):
 
 
 def _parts(between: Between, rows: Sequence[Row]) -> list[Between]:
-    """Return the parts of a span, as those of the axes."""
+    """Return the parts of a span, as spans of the axes."""
     count = len(rows) - 1
     begin, seconds = between.begin.t, between.seconds
     points = [StreamPoint(begin + seconds * n / count, _places(row)) for n, row in enumerate(rows)]
@@ -201,7 +200,7 @@ def _motion(curve: Coefficients, t: float) -> Motion:
 
 
 def _differences(values: Sequence[float], apart: float) -> Motion:
-    """Return place, speed and acceleration in the middle of five values."""
+    """Return position, velocity and acceleration in the middle of five values."""
     a, b, here, d, e = values
     speed = (8.0 * (d - b) - (e - a)) / (12.0 * apart)
     return Motion(here, speed, (16.0 * (b + d) - a - e - 30.0 * here) / (12.0 * apart**2))

@@ -1,4 +1,4 @@
-"""How finely a workspace is divided by the increments of its axes."""
+"""The resolution of a workspace, by the increments of its axes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def moved_by(
     place: Sequence[float],
     increments: Sequence[float],
 ) -> float:
-    """Return how far one increment of one axis moves the tool, at most, where ``joints`` make ``place``."""
+    """Return the largest distance by which one increment of one axis moves the tool, if ``joints`` correspond to ``place``."""
     moved = (
         tuple(value + (step if n == axis else 0.0) for n, value in enumerate(joints))
         for axis, step in enumerate(increments)

@@ -1,12 +1,11 @@
-"""From pieces of a path in a workspace to the axes' positions along it, by a program's own kinematics.
+"""Convert segments of a path in a workspace to the axes' positions along it, with the user's own kinematics.
 
-Theory of operation
--------------------
-Along each piece the inverse is asked at equal distances and in the middle between, each time near what it answered before. From
-five neighbours follow the slope and the bend of every axis at a sample; where two pieces join without a stop both have the mean of
-what either finds. Then the polynomials between the samples are held against the path: at a quarter, the middle and three quarters
-of each interval, the place that ``forward`` makes of them must lie within what is allowed of where the path is. A piece that does
-not is sampled twice as finely. What no fineness mends is a leap: to another solution, or where an axis has to turn too fast.
+Theory of operation ------------------- Along each segment the inverse is called at equal distances and in the middle between, each
+time near its previous answer. Five neighbours give slope and curvature of every axis at a sample. If two segments join without a
+stop, both get the mean of their values there. Then the polynomials between the samples are checked against the path: at a quarter,
+the middle and three quarters of each interval, ``forward`` of the axes' positions must be within the allowed deviation from the
+path. If not, the segment is sampled twice as finely. If no resolution is enough, the inverse jumps: to another solution, or where
+an axis has to turn too fast.
 """
 
 from __future__ import annotations
@@ -23,11 +22,11 @@ from axisbus.motion.sampled_path.segment import Row, SampledSegment, tabled
 from axisbus.wording import counted
 
 _LINE, _CORNER, _ROUND = 2, 8, 32  # intervals to begin with: of a line, of a corner, of a whole circle
-_FINEST = 1024  # intervals of a piece
-_MOST = 16_384  # of a way: it crosses to the core at once
+_FINEST = 1024  # intervals of a segment
+_MOST = 16_384  # of a path: it is sent to the core at once
 _CHECKED = (0.25, 0.5, 0.75)
-# By five values, equally far apart: the slope and the bend at the first, the second, and the middle one (times the distance, and
-# its square); at the last ones they are those of the first ones, seen from the other side.
+# Weights for five values at equal distances: slope and curvature at the first, the second, and the middle value (times the
+# distance, and its square). At the last two values the weights are those of the first two, reversed.
 _SLOPES = (
     (-25.0 / 12.0, 4.0, -3.0, 4.0 / 3.0, -0.25),
     (-0.25, -5.0 / 6.0, 1.5, -0.5, 1.0 / 12.0),
@@ -41,7 +40,7 @@ _BENDS = (
 
 
 class _Worst(NamedTuple):
-    """Where a piece is farthest from its path, as a part of what is allowed there."""
+    """The largest deviation of a segment from its path, as a fraction of the allowed deviation there."""
 
     share: float
     interval: int
@@ -49,7 +48,7 @@ class _Worst(NamedTuple):
 
 
 class Sampling:
-    """A path in a workspace on its way to what its axes are to do; holds the samples of each piece."""
+    """Converts a path in a workspace to the axes' motion; holds the samples of each segment."""
 
     def __init__(
         self,
@@ -59,22 +58,22 @@ class Sampling:
         start: Place,
         text: str,
     ) -> None:
-        """``start``: where the axes are, in their units; ``stops``: after which pieces the path stands; ``text``: for messages."""
+        """``start``: the axes' positions in their units; ``stops``: segments with a stop after them; ``text``: for messages."""
         self._own = own
         self._pieces = tuple(pieces)
         self._stops = stops
         self._text = text
         self._start = start
         self._counts = [_intervals(piece) for piece in pieces]
-        self._found: list[list[Row]] = [[] for _ in pieces]  # as the inverse gives them
-        self._rows: list[list[Row]] = []  # as they join
-        self._old = set(range(len(self._pieces)))  # pieces to be sampled anew
+        self._found: list[list[Row]] = [[] for _ in pieces]  # results of the inverse
+        self._rows: list[list[Row]] = []  # the same after smoothing at the transitions
+        self._old = set(range(len(self._pieces)))  # segments to be sampled again
 
     def tables(self) -> list[SampledSegment]:
-        """Return the pieces as the axes go along them.
+        """Return the segments as paths of the axes.
 
         Raises:
-            LimitError: a place is out of reach, or an axis would leave its position limits or would have to leap.
+            LimitError: a position is out of reach, or an axis would leave its position limits or would have to jump.
             ArgumentError: the kinematics failed, or forward and inverse do not belong together.
         """
         try:
@@ -98,7 +97,7 @@ class Sampling:
         self._require_room()
 
     def _require_begin(self) -> None:
-        """Where the path begins, the inverse must find the axes where they stand."""
+        """Check that at the beginning of the path the inverse returns the axes' present positions."""
         place = self._pieces[0].at(0.0)
         off = self._own.is_same(self._own.inverse(place, self._start), self._start)
         if off:
@@ -109,7 +108,7 @@ class Sampling:
             )
 
     def _sampled(self, number: int) -> list[Row]:
-        """Return the samples of a piece, each near to the one before, from the end of the piece before on."""
+        """Return the samples of a segment, each near the previous one, beginning at the end of the previous segment."""
         piece, count = self._pieces[number], 2 * self._counts[number]
         near = self._start if number == 0 else _places(self._found[number - 1][-1])
         found = []
@@ -122,7 +121,7 @@ class Sampling:
         return [_motion(found, n, piece.length / count) for n in range(0, count + 1, 2)]
 
     def _smooth(self) -> None:
-        """Where two pieces join without a stop, both have the same motion there."""
+        """Make the motion of two segments equal at a transition without a stop."""
         self._rows = [list(rows) for rows in self._found]
         for number in range(len(self._pieces) - 1):
             if (
@@ -135,7 +134,7 @@ class Sampling:
             before[-1] = behind[0] = tuple(map(_mean, before[-1], behind[0]))
 
     def _is_rough(self, number: int) -> bool:
-        """Return whether a piece must be sampled more finely, and then double its intervals; raise where that leads nowhere."""
+        """Whether a segment must be sampled more finely; doubles its intervals then. Raise if that cannot help."""
         worst = self._worst(number)
         if worst.share <= 1.0:
             return False
@@ -145,7 +144,7 @@ class Sampling:
         return True
 
     def _require_few(self) -> None:
-        """Raise LimitError where so many samples are needed that they would keep the core from its cycles."""
+        """Raise LimitError if so many samples are needed that they would delay the core's cycles."""
         if sum(self._counts) > _MOST:
             raise LimitError(
                 f"the way needs more than {_MOST} samples",
@@ -197,7 +196,7 @@ class Sampling:
         end: Row,
         step: float,
     ) -> None:
-        """Raise LimitError where an axis leaves its position limits between two samples."""
+        """Raise LimitError if an axis leaves its position limits between two samples."""
         for (name, unit, allowed), a, b in zip(limits, begin, end, strict=True):
             line = controls(a, b, step) if step else (a.place, b.place)
             if allowed is None or allowed[0] <= min(line) <= max(line) <= allowed[1]:
@@ -213,19 +212,19 @@ class Sampling:
 
 
 def _intervals(piece: Piece) -> int:
-    """Return how many intervals a piece is sampled with at first."""
+    """Return the initial number of intervals of a segment."""
     if isinstance(piece, Straight):
         return _LINE
     return _CORNER if isinstance(piece, Corner) else max(_LINE, math.ceil(_ROUND * piece.angle / math.tau))
 
 
 def _motion(places: Sequence[Place], n: int, apart: float) -> Row:
-    """Return how the axes move at one of ``places``, which are ``apart`` on the way: five of them at least."""
+    """Return the axes' motion at one of ``places``, at least five, which are ``apart`` from each other on the path."""
     last = len(places) - 1
     if not apart:
         return tuple(Motion(value, 0.0, 0.0) for value in places[n])
     behind = n if n < 2 else (last - n if last - n < 2 else 2)
-    turned = n > last - 2  # seen from the end
+    turned = n > last - 2  # reversed, from the end
     first = last - 4 if turned else max(n - 2, 0)
     near = places[first : first + 5][::-1] if turned else places[first : first + 5]
     sign = -1.0 if turned else 1.0
