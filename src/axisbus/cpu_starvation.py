@@ -1,11 +1,9 @@
-"""How much of the last seconds this program, or its simulated drives, did not run: named before a drive or a cable is blamed.
+"""The time in which this program, or its simulated drives, did not run: checked before a drive or a cable is blamed.
 
-Theory of operation
--------------------
-Whoever is due at known times tells how late it came (``note``). A computer that is busy, another thread that holds the interpreter,
-a suspended process: all look the same from inside, as time that is missing. While it was missing nothing was received, no heartbeat
-and no SYNC went out, and every time-out ran on. So what is seen just after says little of the machine. Drives that are simulated
-need the same computer: while they are given no time, they look like drives that are gone.
+Theory of operation ------------------- Code that is due at known times reports its lateness (``note``). A busy computer, another
+thread that holds the interpreter, and a suspended process all look the same from inside: as missing time. During missing time
+nothing is received, no heartbeat and no SYNC is sent, and every time-out continues. Therefore observations right afterwards say
+little about the machine. Simulated drives need the same computer: while they get no time, they look like lost drives.
 """
 
 from __future__ import annotations
@@ -13,10 +11,8 @@ from __future__ import annotations
 import math
 from collections import deque
 
-WINDOW = (
-    2.0  # seconds that are looked back upon: a drive's watch over our heartbeat may take about one to tell
-)
-LEAST = 0.1  # seconds missing within the window that are worth a word; less is a busy computer's
+WINDOW = 2.0  # seconds of history: a drive may take about one to report our missing heartbeat
+LEAST = 0.1  # seconds missing within the window that are reported; less is normal on a busy computer
 REMEDY = (
     "give this program its time: do not suspend it (SIGSTOP, a debugger, a laptop's sleep), and put long calls that hold the "
     "interpreter (json or pickle of big data, regular expressions) into a process of their own"
@@ -24,12 +20,12 @@ REMEDY = (
 
 
 PROGRAM, DRIVES = "this program", "the simulated drives"
-# Of drives whole periods alone are counted, and only until they count as silent.
+# Simulated drives count only whole periods, and only until they count as silent.
 _LEAST = {PROGRAM: LEAST, DRIVES: LEAST / 2}
 
 
 class Starvation:
-    """The times that were missing lately, and to whom; holds state."""
+    """The missing times of the recent past, and the part that did not run; holds state."""
 
     __slots__ = ("_lost",)
 
@@ -37,21 +33,21 @@ class Starvation:
         self._lost: deque[tuple[float, float, str]] = deque(maxlen=256)
 
     def note(self, now: float, late: float, who: str = PROGRAM) -> None:
-        """Something that was due has come ``late`` seconds after its time; infinite, because it is the first, is no delay."""
+        """Record that ``who`` was ``late`` seconds behind its time; infinite marks a first call, which is no delay."""
         if 0.0 < late < math.inf:
             self._lost.append((now, late, who))
 
     def missing(self, now: float) -> float:
-        """Return the seconds within the last two that somebody did not run; 0 where they are too few to matter."""
+        """Return the seconds within the last two in which a part did not run; 0 if they are too few to matter."""
         return self._worst(now)[0]
 
     def text(self, now: float) -> str:
-        """Say so, for a person; empty where it ran."""
+        """Return this as text; empty if all ran."""
         missing, who = self._worst(now)
         return f"{who} did not run for {missing:.2g} s of the last {WINDOW:g} s" if missing else ""
 
     def _worst(self, now: float) -> tuple[float, str]:
-        """Return how long the one who has missed most has missed, and who that is."""
+        """Return the longest missing time, and the part with it."""
         begin = now - WINDOW
         lost = dict.fromkeys((PROGRAM, DRIVES), 0.0)
         for stamp, late, who in self._lost:

@@ -3,55 +3,55 @@
 ::
 
     AxisbusError
-    ├── UserError                    what was written or asked cannot be; nothing was sent
+    ├── UserError                    impossible configuration or request; nothing was sent
     │   ├── ArgumentError            a value of a call: NaN, infinity, wrong type, missing default (also ValueError)
     │   │   └── LimitError           a value beyond a limit of the axis or beyond the object's type
-    │   ├── StateError               not possible in the state that the axis or machine is in
-    │   │   ├── OwnershipError       another program has the command of the machine
+    │   ├── StateError               not possible in the present state of the axis or machine
+    │   │   ├── OwnershipError       another program has control of the machine
     │   │   ├── NodeStateError       the axis's node is lost, has restarted, or is not operational
     │   │   └── UnknownNameError     the cell has no axis, group, pair, node, input or output of this name
     │   ├── ConfigError              cell.toml, with file and line
-    │   └── EdsError                 an EDS or DCF that cannot serve, with file and line
+    │   └── EdsError                 an EDS or DCF that cannot be used, with file and line
     ├── BusError                     the adapter, the wire or a node's communication
     │   ├── AdapterError             the CAN adapter cannot be opened, refuses to send, or stopped receiving
     │   │   ├── BusOff               its controller has left the bus; it may come back
-    │   │   └── TransmitQueueFull    it takes no frames for now
+    │   │   └── TransmitQueueFull    it accepts no frames at present
     │   ├── SecondMasterError        another master, or a tool that acts as one, was heard before our first frame
     │   ├── NodeError                a node: no answer, lost, rebooted
     │   │   ├── DuplicateNodeError   ... two devices have its node-ID
     │   │   └── NodeTimeout          (also TimeoutError)
-    │   │       └── NodeRefused      it is there, and does not take the NMT state that it was told to take
+    │   │       └── NodeRefused      it is present, and does not enter the commanded NMT state
     │   ├── SdoError                 an SDO transfer that failed
-    │   │   ├── SdoAbort             the drive refused it and said why
+    │   │   ├── SdoAbort             the drive refused it and gave the reason
     │   │   └── SdoTimeout           no answer (also TimeoutError)
-    │   ├── LssError                 a layer setting service (CiA 305) that failed, or several slaves answered where one was meant
-    │   │   ├── LssRefused           the slave refused it and said why
+    │   ├── LssError                 a layer setting service (CiA 305) that failed, or several slaves answered instead of one
+    │   │   ├── LssRefused           the slave refused it and gave the reason
     │   │   └── LssTimeout           no answer (also TimeoutError)
     │   ├── BootError                a node that could not be brought up, with step and object
-    │   ├── SyncError                the SYNC of another producer is missing, or comes at another pace
+    │   ├── SyncError                the SYNC of another producer is missing, or has another period
     │   └── ScanError                the cyclic scan ended
-    ├── DriveError                   the drive answers, but not as asked
+    ├── DriveError                   the drive answers, but not as requested
     │   ├── DriveFault               it reports a fault (CiA 402 state Fault)
     │   ├── TransitionError          it does not follow the controlword (also TimeoutError)
-    │   ├── ModeError                it does not take the mode of operation
-    │   ├── SetPointError            it does not take the set-point
+    │   ├── ModeError                it does not enter the mode of operation
+    │   ├── SetPointError            it does not accept the set-point
     │   ├── MotionTimeout            it does not arrive in time (also TimeoutError)
-    │   ├── FollowingError           the axis is too far from where it is led
-    │   ├── SkewError                the axes of a gantry pair are too far from where their beam is square
+    │   ├── FollowingError           the axis is too far from its commanded position
+    │   ├── SkewError                the skew of a gantry pair is too large
     │   ├── UncommandedMotion        it moves, or is pulled, while no command runs
     │   ├── HomingError              homing failed
-    │   ├── ProbeError               a touch probe does not do what it was armed for, or saw no edge where one was looked for
+    │   ├── ProbeError               a touch probe is not armed as requested, or a move until an edge has seen none
     │   └── StaleError               a value that the command needs is too old or was never received
-    ├── SignalTimeout                an input or output did not take the value that was waited for (also TimeoutError)
-    ├── CommandError                 a command broke off in its own work: by an exception (__cause__), or for want of what it needs
-    └── Interrupted                  the command ended because something else was wanted
+    ├── SignalTimeout                an input or output did not get the expected value in time (also TimeoutError)
+    ├── CommandError                 a command failed internally: by an exception (__cause__), or without the data that it needs
+    └── Interrupted                  the command ended because of another one
         ├── Replaced                 a newer command on the same axis took over
-        └── Stopped                  a stop took over: asked for, by policy, or on the way out
+        └── Stopped                  a stop took over: requested, by the fault policy, or at the end of the program
 
-Every error has three plain texts: ``message`` (what was asked and what happened, naming the object), ``observed`` (what was
-seen) and ``remedy`` (what to do first). Printing one shows all three, and below them its notes: what else went wrong, such as a
-stop that could not be confirmed. A traceback and the command line also name the ``page`` of its symptom. Where an error becomes
-part of another text, ``alarm_of`` keeps its warning that an axis may move.
+Every error has three plain texts: ``message`` (the request and the result, naming the object), ``observed`` (the observation) and
+``remedy`` (the first thing to do). Printing an error shows all three, and below them its notes: further failures, such as a stop
+that could not be confirmed. A traceback and the command line also name the ``page`` of its symptom. If an error becomes part of
+another text, ``alarm_of`` keeps its warning that an axis may move.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ _ALARM = re.compile(r"TREAT [^\n;]* AS [A-Z]{2,}[^\n;]*")
 
 
 class AxisbusError(Exception):
-    """Base of all; ``message``, ``observed`` and ``remedy`` are plain texts, empty where there is nothing to say."""
+    """Base of all; ``message``, ``observed`` and ``remedy`` are plain texts, empty if there is nothing to say."""
 
     def __init__(self, message: str, *, observed: str = "", remedy: str = "") -> None:
         super().__init__(message)
@@ -123,7 +123,7 @@ class AxisbusError(Exception):
 
     @property
     def page(self) -> str:
-        """The name of the page of its symptom, which ``axisbus explain`` prints: by its class, and by its code where it has one."""
+        """The name of its symptom's page, which ``axisbus explain`` prints: by its class, and by its code if it has one."""
         return page_of(self)
 
     def __str__(self) -> str:
@@ -136,11 +136,11 @@ class AxisbusError(Exception):
 
     @property
     def __notes__(self) -> list[str]:  # type: ignore[override]  # never kept: it is made for each traceback, by the codes of then
-        """What a traceback prints below the text of the error: the line that names the page."""
+        """The lines that a traceback prints below the text of the error: the line that names the page."""
         return [help_line(self)]
 
     def add_note(self, note: str, /) -> None:
-        """Add a line that is printed below the texts; ``added_notes`` returns them."""
+        """Add a line that is printed below the texts; ``added_notes`` returns these lines."""
         self.__dict__["__notes__"] = [*added_notes(self), note]
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -154,7 +154,7 @@ def _rebuild(cls: type[AxisbusError], fields: dict[str, object]) -> AxisbusError
 
 
 class UserError(AxisbusError):
-    """What was written or asked for cannot be; nothing was sent."""
+    """An impossible configuration or request; nothing was sent."""
 
 
 class ArgumentError(UserError, ValueError):
@@ -162,27 +162,27 @@ class ArgumentError(UserError, ValueError):
 
 
 class LimitError(ArgumentError):
-    """A value lies beyond a limit of the axis, or beyond what the object's data type holds."""
+    """A value is beyond a limit of the axis, or out of the range of the object's data type."""
 
 
 class StateError(UserError):
-    """The axis or machine is in a state that does not allow what was asked."""
+    """The state of the axis or machine does not allow the request."""
 
 
 class OwnershipError(StateError):
-    """Another program has the command of the machine; this one may look, and stop it."""
+    """Another program has control of the machine; this one may read values, and stop it."""
 
 
 class NodeStateError(StateError):
-    """The node of the axis is lost, has restarted, or is not operational; the remedy says how it is brought back."""
+    """The node of the axis is lost, has restarted, or is not operational; the remedy says how to bring it back."""
 
 
 class UnknownNameError(StateError):
-    """The cell has no axis, group, gantry, node, input or output of this name; ``observed`` lists those that it has."""
+    """The cell has no axis, group, gantry, node, input or output of this name; ``observed`` lists the existing ones."""
 
 
 class ConfigError(UserError):
-    """A cell file is wrong; ``file`` and ``line`` (counted from 1, 0 if unknown) say where."""
+    """A cell file is wrong; ``file`` and ``line`` (from 1, 0 if unknown) are the location."""
 
     def __init__(
         self, message: str, *, file: str = "", line: int = 0, observed: str = "", remedy: str = ""
@@ -194,7 +194,7 @@ class ConfigError(UserError):
 
 
 class EdsError(ConfigError):
-    """An EDS or DCF file cannot serve; ``file`` and ``line`` say where."""
+    """An EDS or DCF file cannot be used; ``file`` and ``line`` are the location."""
 
 
 class BusError(AxisbusError):
@@ -210,13 +210,14 @@ class BusOff(AdapterError):
 
 
 class TransmitQueueFull(AdapterError):
-    """The CAN adapter takes no frames for now: its transmit queue is full, or its driver refuses them for another reason."""
+    """The CAN adapter accepts no frames at present: its transmit queue is full, or its driver refuses them for another reason."""
 
 
 class SecondMasterError(BusError):
-    """Another master, or a tool that acts as one, is on the bus. ``heard`` says in words what gave it away.
+    """Another master, or a tool that acts as one, is on the bus. ``heard`` lists the signs of it, as text.
 
-    Before the first frame of a machine nothing was sent; later the axes that the other one commands were stopped.
+    If the error came before the first frame of a machine, nothing was sent. Later, the axes that the other master commands were
+    stopped.
     """
 
     def __init__(
@@ -227,7 +228,7 @@ class SecondMasterError(BusError):
 
 
 class NodeError(BusError):
-    """A node is silent, lost or restarted; ``node`` is its node ID (1 to 127)."""
+    """A node is silent, lost or restarted; ``node`` is its node-ID (1 to 127)."""
 
     def __init__(self, message: str, *, node: int, observed: str = "", remedy: str = "") -> None:
         super().__init__(message, observed=observed, remedy=remedy)
@@ -239,7 +240,7 @@ class NodeTimeout(NodeError, TimeoutError):
 
 
 class NodeRefused(NodeTimeout):
-    """A node is there and reports another NMT state than it was told to take; asking it again is of no use."""
+    """A node is present and reports another NMT state than the commanded one; repeating the command is of no use."""
 
 
 class DuplicateNodeError(NodeError):
@@ -281,7 +282,7 @@ class SdoTimeout(SdoError, TimeoutError):
 
 
 class LssError(BusError):
-    """A layer setting service (CiA 305) failed; ``service`` is the standard's name of it, ``slave`` says whom it was for."""
+    """A layer setting service (CiA 305) failed; ``service`` is its name in the standard, ``slave`` the addressed slave."""
 
     def __init__(
         self, message: str, *, service: str, slave: str = "", observed: str = "", remedy: str = ""
@@ -292,7 +293,7 @@ class LssError(BusError):
 
 
 class LssRefused(LssError):
-    """The slave refused; ``code`` is the service's error code (255: its maker's own, then in ``specific``)."""
+    """The slave refused; ``code`` is the service's error code (255: vendor-specific, then in ``specific``)."""
 
     def __init__(
         self,
@@ -315,10 +316,10 @@ class LssTimeout(LssError, TimeoutError):
 
 
 class BootError(BusError):
-    """A node could not be brought up; the fields name the step and, where there is one, the object.
+    """A node could not be brought up; the fields name the step and, if there is one, the object.
 
-    ``letter`` is that of CiA 302-2 (A to O, empty where the standard has none), ``abort`` the SDO abort code; ``tries`` were made
-    of the last request, ``elapsed`` seconds had passed since the boot-up began.
+    ``letter`` is that of CiA 302-2 (A to O, empty if the standard has none), ``abort`` the SDO abort code; ``tries`` is the number
+    of attempts of the last request, ``elapsed`` the seconds since the boot-up began.
     """
 
     def __init__(
@@ -344,15 +345,15 @@ class BootError(BusError):
 
 
 class SyncError(BusError):
-    """SYNC, which another device sends, is missing, or comes at another period than the scan's."""
+    """The SYNC of another device is missing, or has another period than the scan."""
 
 
 class ScanError(BusError):
-    """The cyclic scan of a bus ended; nothing moves under its control any more."""
+    """The cyclic scan of a bus ended; it no longer controls any motion."""
 
 
 class DriveError(AxisbusError):
-    """The drive answers, but does not do what was asked; ``axis`` is the axis's name."""
+    """The drive answers, but does not do what was requested; ``axis`` is the axis's name."""
 
     def __init__(self, message: str, *, axis: str = "", observed: str = "", remedy: str = "") -> None:
         super().__init__(message, observed=observed, remedy=remedy)
@@ -360,7 +361,7 @@ class DriveError(AxisbusError):
 
 
 class DriveFault(DriveError):
-    """The drive reports a fault; ``code`` is its error code (object 603Fh), None where it was not read."""
+    """The drive reports a fault; ``code`` is its error code (object 603Fh), None if it was not read."""
 
     def __init__(
         self, message: str, *, axis: str = "", code: int | None = None, observed: str = "", remedy: str = ""
@@ -374,11 +375,11 @@ class TransitionError(DriveError, TimeoutError):
 
 
 class ModeError(DriveError):
-    """The drive does not take the mode of operation (6061h does not follow 6060h)."""
+    """The drive does not enter the mode of operation (6061h does not follow 6060h)."""
 
 
 class SetPointError(DriveError):
-    """The drive does not take the set-point (handshake of CiA 402 profile position mode)."""
+    """The drive does not accept the set-point (handshake of CiA 402 profile position mode)."""
 
 
 class MotionTimeout(DriveError, TimeoutError):
@@ -386,15 +387,15 @@ class MotionTimeout(DriveError, TimeoutError):
 
 
 class FollowingError(DriveError):
-    """The axis is farther from where it is being led than a lag explains."""
+    """The axis is further from its commanded position than a lag explains."""
 
 
 class SkewError(DriveError):
-    """The axes of a gantry pair are farther from where their beam is square than ``max_skew``, or nobody knows how far."""
+    """The skew of a gantry pair is larger than ``max_skew``, or is unknown."""
 
 
 class UncommandedMotion(DriveError):
-    """The axis is enabled and moves, or is pulled elsewhere, while no command runs."""
+    """The axis is enabled and moves, or is pulled away, while no command runs."""
 
 
 class HomingError(DriveError):
@@ -402,7 +403,7 @@ class HomingError(DriveError):
 
 
 class ProbeError(DriveError):
-    """A touch probe is not armed as asked, or a move until an edge has found none."""
+    """A touch probe is not armed as requested, or a move until an edge has found none."""
 
 
 class StaleError(DriveError):
@@ -410,7 +411,7 @@ class StaleError(DriveError):
 
 
 class SignalTimeout(AxisbusError, TimeoutError):
-    """An input or output did not take the value that was waited for in time; ``signal`` is its name in the cell file."""
+    """An input or output did not get the expected value in time; ``signal`` is its name in the cell file."""
 
     def __init__(self, message: str, *, signal: str = "", observed: str = "", remedy: str = "") -> None:
         super().__init__(message, observed=observed, remedy=remedy)
@@ -418,14 +419,14 @@ class SignalTimeout(AxisbusError, TimeoutError):
 
 
 class CommandError(AxisbusError):
-    """A command broke off in its own work: by an exception, of which ``__cause__`` has the traceback.
+    """A command failed internally: by an exception, with its traceback in ``__cause__``.
 
-    Or its program did not send what it needs, such as the next piece of a trajectory, in time.
+    Or its program did not send the data that it needs, such as the next part of a trajectory, in time.
     """
 
 
 class Interrupted(AxisbusError):
-    """The command ended because something else took over."""
+    """The command ended because another one took over."""
 
 
 class Replaced(Interrupted):
@@ -433,21 +434,21 @@ class Replaced(Interrupted):
 
 
 class Stopped(Interrupted):
-    """A stop took over: asked for, ordered by the fault policy, or on the way out of the program."""
+    """A stop took over: requested, ordered by the fault policy, or at the end of the program."""
 
 
 def help_line(error: AxisbusError) -> str:
-    """Return the line that names the page of an error's symptom, to stand below its texts."""
+    """Return the line that names the page of an error's symptom, to be printed below its texts."""
     return page_reference(error.page)
 
 
 def page_reference(page: str) -> str:
-    """Return the line that names a page, to stand below the texts that it explains."""
+    """Return the line that names a page, to be printed below the texts that it explains."""
     return f"  more:     axisbus explain {page}"
 
 
 def added_notes(error: BaseException) -> list[str]:
-    """Return what was added to an error by ``add_note``, such as what else went wrong while its machine was being stopped."""
+    """Return the lines added to an error by ``add_note``, such as further failures while its machine was being stopped."""
     return list(vars(error).get("__notes__", ()))
 
 
@@ -459,26 +460,26 @@ def alarm_of(error: BaseException) -> str:
 
 
 def with_alarm(text: str, *errors: BaseException) -> str:
-    """Return ``text``, which leaves out the remedies of ``errors``, and behind it the warnings in them that it does not have."""
+    """Return ``text``, which omits the remedies of ``errors``, followed by those of their warnings that it lacks."""
     alarms = dict.fromkeys(alarm for alarm in map(alarm_of, errors) if alarm and alarm not in text)
     return "; ".join([text, *alarms])
 
 
 def said_of(error: AxisbusError, *, alarm: bool = True) -> str:
-    """Return an error in one line, without its kind: its message, what was seen in brackets, and its warnings (``alarm``)."""
+    """Return an error in one line, without its kind: its message, the observation in brackets, and its warnings (``alarm``)."""
     seen = f" ({error.observed})" if error.observed else ""
     return with_alarm(f"{error.message}{seen}", *([error] if alarm else []))
 
 
 def one_line(error: BaseException, *, alarm: bool = True) -> str:
-    """Return an error as a part of what another one observed: its kind, and what ``said_of`` says.
+    """Return an error as part of another error's observation: its kind, and the text of ``said_of``.
 
-    ``alarm`` False: the other error takes over its remedy, which has the warnings.
+    ``alarm`` False: the other error takes over its remedy, which contains the warnings.
     """
     said = said_of(error, alarm=alarm) if isinstance(error, AxisbusError) else with_alarm(str(error), error)
     return f"{type(error).__name__}: {said}"
 
 
 def seen_of(error: AxisbusError) -> str:
-    """Return what was observed, with the notes, a line each: for whoever shows the texts of an error one by one."""
+    """Return the observation and the notes, a line each: for code that shows the texts of an error one by one."""
     return "\n".join(filter(None, [error.observed, *added_notes(error)]))

@@ -1,11 +1,10 @@
-"""Whose an exception or a thread is, and what an interrupt must not tear apart where the program goes on after it.
+"""Tell whether an exception or a thread belongs to axisbus, and protect functions from interrupts if the program continues.
 
-Theory of operation
--------------------
-In a notebook an interrupt ends a cell, and the machine goes on (``machine.notebook_interrupts``). So it must not be raised where a
-lock is held that a thread of axisbus takes as well, or in the midst of a cycle in virtual time. Such functions are ``sheltered``:
-what comes within one is postponed until it has returned. They are short, or wait in slices. One that does not return, because code
-of the program's own that it calls does not, is torn apart by the next interrupt nevertheless.
+Theory of operation ------------------- In a notebook an interrupt ends a cell, and the machine keeps running
+(``machine.notebook_interrupts``). Therefore the interrupt must not be raised while a lock is held that a thread of axisbus also
+takes, or during a cycle in virtual time. Such functions are ``sheltered``: an interrupt within one is postponed until the function
+has returned. These functions are short, or wait in slices. If one does not return, because user code that it calls does not return,
+the next interrupt is raised within it nevertheless.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from typing import ParamSpec, TypeVar
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
 _LONG = 1.0  # seconds
-_OURS = "axisbus "  # how the names of all threads begin that may not wait for a machine, or for a disk
+_OURS = "axisbus "  # start of the names of all threads that must not wait for a machine or a disk
 
 
 def in_thread_of_ours() -> bool:
@@ -33,10 +32,11 @@ def in_thread_of_ours() -> bool:
 
 
 def is_own(error: BaseException) -> bool:
-    """Whether a program's own code has raised it, and not Ctrl-C or SIGTERM.
+    """Whether the program's own code has raised the exception, and not Ctrl-C or SIGTERM.
 
-    Their handlers run in the main thread alone, so in any other it is the program's own. In the main thread, where a scan in
-    virtual time runs, the handler's frame tells. Python's own handler leaves none: what may be Ctrl-C then counts as that.
+    The handlers of these run only in the main thread, so in any other thread it is the program's own. In the main thread, in which
+    a scan in virtual time runs, the handler's frame in the traceback decides. Python's own handler leaves no frame: an exception
+    that may be Ctrl-C then counts as Ctrl-C.
     """
     if isinstance(error, Exception) or threading.current_thread() is not threading.main_thread():
         return True
@@ -48,12 +48,12 @@ def is_own(error: BaseException) -> bool:
 
 
 def _code_of(handler: object) -> object:
-    """Return what runs where a handler of signals is called."""
+    """Return the code that runs when a signal handler is called."""
     return getattr(handler, "__code__", None) or getattr(type(handler).__call__, "__code__", None)
 
 
 class _Shelters:
-    """Holds the functions that are not to be interrupted, and what is to be done when the present one has returned."""
+    """Holds the functions that must not be interrupted, and the action to do when the present one has returned."""
 
     def __init__(self) -> None:
         self.codes: set[CodeType] = set()
@@ -65,7 +65,7 @@ _shelters = _Shelters()
 
 
 def sheltered(function: Callable[Given, Result]) -> Callable[Given, Result]:
-    """Let a function be interrupted only after it has returned."""
+    """Postpone interrupts of a function until it has returned."""
 
     @wraps(function)
     def guarded(*args: Given.args, **kwargs: Given.kwargs) -> Result:
@@ -80,9 +80,9 @@ def sheltered(function: Callable[Given, Result]) -> Callable[Given, Result]:
 
 
 def postpone(frame: FrameType | None, do: Callable[[], object]) -> bool:
-    """Let ``do``, which may raise, follow the sheltered function in which ``frame`` is.
+    """Do ``do``, which may raise, after the sheltered function that contains ``frame``.
 
-    Return False where it is in none, or in one that has not returned for long.
+    Return False if no sheltered function contains it, or if that function has not returned for long.
     """
     waits = _shelters.postponed is not None
     if not _is_sheltered(frame) or (waits and time.monotonic() - _shelters.since > _LONG):
@@ -102,7 +102,7 @@ def _is_sheltered(frame: FrameType | None) -> bool:
 
 
 def _deliver() -> None:
-    """Do what was postponed, unless this is another thread, or one sheltered function was called by another."""
+    """Do the postponed action, unless this is another thread, or one sheltered function was called by another."""
     if threading.current_thread() is threading.main_thread() and not _is_sheltered(sys._getframe()):
         do, _shelters.postponed = _shelters.postponed, None
         if do is not None:

@@ -1,11 +1,11 @@
-"""A link: what a kind of connection to drives has to offer, so that the core can boot, cycle, rescue and leave them.
+"""A link: the interface of a connection to drives, with which the core boots, cycles, rescues and leaves them.
 
 Theory of operation
 -------------------
-A link is opened by whoever makes it, and then used in this order: ``boot`` for each node, ``begin`` once, ``cycle`` and ``ports``
-by the scan; ``parts`` for everything beside the scan; ``rescue`` only where the scan has failed; ``leave``, and ``close`` at the
-end. A node that was not there may be booted later, while the scan runs: the cycle serves it from then on. CAN with CANopen is
-``core.canlink``; simulated drives in virtual time, without a bus, are ``core.direct``.
+The maker of a link opens it. It is then used in this order: ``boot`` for each node, ``begin`` once, ``cycle`` and ``ports`` by the
+scan; ``parts`` for everything outside the scan; ``rescue`` only if the scan has failed; ``leave``, and ``close`` at the end. A node
+that was absent may be booted later, while the scan runs: the cycle includes it from then on. ``core.canlink`` is CAN with CANopen;
+``core.direct`` is simulated drives in virtual time, without a bus.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from axisbus.cia401.signal import IoPoint
 from axisbus.cia402.port import BusCycle, Port
 from axisbus.errors import SecondMasterError
 
-Booted = TypeVar("Booted", covariant=True)  # what booting a node has come to
-Parts = TypeVar("Parts", covariant=True)  # what direct access to a node is made of
-Incident = TypeVar("Incident", covariant=True)  # what the adapter has told
-Event = TypeVar("Event", covariant=True)  # what was heard of another master
+Booted = TypeVar("Booted", covariant=True)  # the result of booting a node
+Parts = TypeVar("Parts", covariant=True)  # the parts for direct access to a node
+Incident = TypeVar("Incident", covariant=True)  # an event of the adapter
+Event = TypeVar("Event", covariant=True)  # a sign of another master
 
 
 @dataclass(frozen=True, slots=True)
 class StopResult:
-    """How a stop without the scan left an axis: ``ok`` when it stands or is off, ``text`` in words."""
+    """The result of a stop without the scan: ``ok`` if the axis is at standstill or off, ``text`` in words."""
 
     axis: str
     ok: bool
@@ -41,7 +41,7 @@ class StopResult:
 
 @dataclass(frozen=True, slots=True)
 class Unsafe:
-    """An output that is not confirmed to be in its safe state; ``text`` says why, ``node`` where it is."""
+    """An output without a confirmed safe state; ``text`` says why, ``node`` is its node-ID."""
 
     output: str
     node: int
@@ -49,13 +49,13 @@ class Unsafe:
 
 
 def alarm(stopped: Iterable[StopResult]) -> str:
-    """Return what a person must do about axes that may still move; empty where there are none."""
+    """Return the warning about axes that may still move; empty if there are none."""
     unsure = [each.axis for each in stopped if not each.ok]
     return f"TREAT {', '.join(unsure)} AS MOVING: use the emergency stop" if unsure else ""
 
 
 class NodeShutdown(Enum):
-    """What is done to a node at the end."""
+    """The final treatment of a node."""
 
     REST = "it no longer waits for our heartbeat, and goes to pre-operational"
     AS_FOUND = "it no longer waits for our heartbeat, and keeps its NMT state: its drive was found enabled and is not ours"
@@ -63,72 +63,72 @@ class NodeShutdown(Enum):
 
 
 class CellConnection(Protocol[Booted, Parts, Incident, Event]):
-    """An opened connection to the nodes of a cell, which are known by their node IDs."""
+    """An opened connection to the nodes of a cell, identified by their node-IDs."""
 
     @property
     def in_threads(self) -> bool:
-        """Whether several nodes may be booted at a time, each in a thread."""
+        """Whether several nodes may be booted at the same time, each in a thread."""
 
     def boot(self, node_id: int) -> Booted:
-        """Bring a node up and configure it, and return what that came to, an error included; blocks."""
+        """Boot and configure a node, and return the result, an error included; blocks."""
 
     def begin(self) -> None:
-        """Make the cycle, over the nodes that have come up."""
+        """Make the cycle, with the nodes that have come up."""
 
     @property
     def cycle(self) -> BusCycle:
-        """What paces the scan and carries its frames; there after ``begin``."""
+        """The cycle, which sets the pace of the scan and transports its frames; available after ``begin``."""
 
     def ports(self, node_id: int) -> Mapping[str, Port]:
-        """Return the ports of a node's axes, by name; none where it has not come up."""
+        """Return the ports of a node's axes, by name; empty if the node has not come up."""
 
     def io(self, node_id: int) -> IoPort | None:
-        """Return the inputs and outputs of a node; None where the cell names none of it, or it is left as it is."""
+        """Return the inputs and outputs of a node; None if the cell names none of them, or the node is left as it is."""
 
     def parts(self, node_id: int) -> Parts:
-        """Return what direct access to a node is made of; it is there even where the node has not come up."""
+        """Return the parts for direct access to a node, even if the node has not come up."""
 
     def answers(self, node_id: int) -> bool:
         """Whether a node answers now; blocks for one request."""
 
     def ready(self) -> None:
-        """Block until the scan may do its first cycle, such as for the SYNC of another device; raises what ``BusCycle`` raises."""
+        """Block until the scan may begin its first cycle, for example for another device's SYNC; raises as ``BusCycle``."""
 
     def rescue(self, names: Collection[str]) -> list[StopResult]:
-        """Stop the axes of these names without the scan, and return how each was left; blocks."""
+        """Stop the axes of these names without the scan, and return the result of each; blocks."""
 
     def make_safe(self, points: Collection[IoPoint]) -> list[Unsafe]:
-        """Lead outputs to their safe states without the scan, and return those of which that is not confirmed; blocks."""
+        """Set outputs to their safe states without the scan, and return those without confirmation; blocks."""
 
     def leave(self, how: Mapping[int, NodeShutdown]) -> None:
-        """Leave each node as ``how`` says; blocks. A node that is gone is passed over."""
+        """Leave each node as ``how`` says; blocks. A node that is gone is skipped."""
 
     def close(self) -> None:
         """Release everything."""
 
     def bus_time(self, now: float) -> datetime | None:
-        """Return what another device's TIME says at ``now`` (monotonic seconds), None where none was heard."""
+        """Return the time of another device's TIME at ``now`` (monotonic seconds), None if none was received."""
 
     def incidents(self) -> Sequence[Incident]:
-        """Return what the adapter has told of the bus, oldest first."""
+        """Return the events of the adapter, oldest first."""
 
     def other_masters(self) -> Sequence[Event]:
-        """Return what was heard of another master since ``begin``, oldest first."""
+        """Return the signs of another master since ``begin``, oldest first."""
 
     def on_command_of_others(self, call: Callable[[SecondMasterError, frozenset[int]], None]) -> None:
-        """Have ``call`` called, in any thread, with the nodes that another master commands, and the error that says so."""
+        """Register ``call``, in any thread, for nodes that another master commands, with the error that describes it."""
 
     def drops(self) -> Sequence[Drop]:
-        """Return which frames were dropped."""
+        """Return the dropped frames."""
 
     def sdo_counts(self) -> Sequence[SdoCount]:
-        """Return how SDO transfers ended, by node; none where there are no frames."""
+        """Return the results of SDO transfers, by node; empty if there are no frames."""
 
     def carried(self) -> BusTraffic | None:
-        """Return what the bus has carried so far; None where there are no frames."""
+        """Return the traffic of the bus so far; None if there are no frames."""
 
     def tap(self, ear: Callable[[CanFrame], None]) -> None:
-        """Have ``ear`` called with every frame, in either direction; it must not block. Never called where there are no frames."""
+        """Call ``ear`` with every frame, in either direction; it must not block. Never called if there are no frames."""
 
     def untap(self, ear: Callable[[CanFrame], None]) -> None:
-        """End that; harmless where it has ended."""
+        """End the tap; harmless if it has ended."""

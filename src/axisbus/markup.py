@@ -1,4 +1,4 @@
-"""Small tables in HTML, for what a notebook shows of an object: escaped text, without colours, scripts or files."""
+"""Small HTML tables for the display of objects in a notebook: escaped text, without colours, scripts or files."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ _LEFT = ' style="text-align:left;vertical-align:top"'
 
 
 def text(value: object) -> str:
-    """Return a text escaped, its lines one below the other."""
+    """Return an escaped text with line breaks."""
     return "<br>".join(escape(line) for line in str(value).splitlines())
 
 
 def table(title: str, rows: Iterable[Sequence[object]], heads: Sequence[str] = (), note: str = "") -> str:
-    """Return a table with a title: all of it plain text. The first cell of each row is its head; ``note`` stands beneath."""
+    """Return a table with a title; all plain text. The first cell of each row is its head; ``note`` is below the table."""
     head = f"<thead><tr>{_cells('th', heads)}</tr></thead>" if heads else ""
     body = "".join(f"<tr>{_cells('th', row[:1])}{_cells('td', row[1:])}</tr>" for row in rows)
     beneath = f"<p>{text(note)}</p>" if note else ""
@@ -22,7 +22,7 @@ def table(title: str, rows: Iterable[Sequence[object]], heads: Sequence[str] = (
 
 
 def guarded(what: str, make: Callable[[], str]) -> str:
-    """Return what ``make`` makes; where that fails, a line that says so: nothing is raised at whoever only looks."""
+    """Return the result of ``make``; if it fails, a line that says so: a display never raises."""
     try:
         return make()
     except Exception as error:  # noqa: BLE001  # whatever it is, a notebook would show its traceback in place of the object

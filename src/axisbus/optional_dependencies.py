@@ -1,4 +1,4 @@
-"""Packages that only an extra of axisbus brings."""
+"""Packages that only an extra of axisbus installs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from axisbus.errors import UserError
 
 
 def require(module: str, need: str, extra: str) -> None:
-    """Check that a package is installed; ``need`` is what needs which, such as "the page needs nicegui".
+    """Check that a package is installed; ``need`` is the beginning of the message, such as "the page needs nicegui".
 
     Raises:
         UserError: it is not.

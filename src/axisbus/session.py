@@ -1,11 +1,9 @@
-"""What crosses between a user's program and the core that owns its bus: commands and questions in; the image, ends and samples out.
+"""The interface between a user's program and its core: commands and requests in; process images, command ends and samples out.
 
-Theory of operation
--------------------
-``Axis``, ``Group``, ``Machine``, ``Recorder`` and the command line know the core by this alone. A command goes in with a number
-that its owner chose, and comes back as ``CommandEvent``s with that number: one when it has control of its axis, one when it has
-ended. Values come as whole images of a cycle, so that they are consistent with each other. Nothing here blocks but ``waiter``.
-``core.inprocess`` runs the core in the process of the program.
+Theory of operation ------------------- ``Axis``, ``Group``, ``Machine``, ``Recorder`` and the command line use the core only
+through this interface. A command goes in with a number that its caller chose, and comes back as ``CommandEvent``s with that number:
+one when it has control of its axis, one when it has ended. Values come as whole process images of a cycle, so that they are
+consistent with each other. Only ``waiter`` blocks. ``core.inprocess`` runs the core in the process of the program.
 """
 
 from __future__ import annotations
@@ -41,9 +39,9 @@ HearFrames = Callable[[Sequence[CanFrame]], None]
 
 
 class CommandEvent(NamedTuple):
-    """How a command goes on: ``status`` and, at its end, the error that ended it and what else is to be known of it.
+    """A change of a command's status: ``status`` and, at its end, the error that ended it and a remark.
 
-    ``capture``: what a touch probe has latched for it.
+    ``capture``: a position that a touch probe has latched for it.
     """
 
     number: int
@@ -54,9 +52,9 @@ class CommandEvent(NamedTuple):
 
 
 class CommandSeen(NamedTuple):
-    """A command that a core was given, by whatever program; times in seconds of the monotonic clock, ``ended`` None while it runs.
+    """A command from any program; times in seconds of the monotonic clock, ``ended`` is None while it runs.
 
-    ``name`` says what was asked, ``error`` what ended it, both for people.
+    ``name`` is the text of the call, ``error`` that of the error that ended it.
     """
 
     given: float
@@ -67,10 +65,10 @@ class CommandSeen(NamedTuple):
 
 
 class ClientProgram(NamedTuple):
-    """A program that is at a machine: ``who`` it is, for people, and whether it has the machine's command.
+    """A program that is connected to a machine: ``who`` it is, as text, and whether it has control of the machine.
 
-    ``lost_cycles`` and ``lost_frames``: of what it observes and taps, how much was left out since it came, as it did not take it in
-    time.
+    ``lost_cycles`` and ``lost_frames``: the observed cycles and tapped frames that were left out since it connected, because it did
+    not take them in time.
     """
 
     who: str
@@ -80,22 +78,22 @@ class ClientProgram(NamedTuple):
 
 
 class AxisFacts(NamedTuple):
-    """What is known of an axis before anything moves: its parameters, and how its values travel."""
+    """The facts about an axis before any motion: its parameters, and how its values are transported."""
 
     parameters: AxisParameters
     capabilities: Capabilities
 
 
-# Seconds: powers of two, 7.6 µs to 0.25 s, and the last takes all. The core counts in classes that end there: nothing is guessed.
+# Seconds: powers of two, 7.6 µs to 0.25 s; the last class has no upper bound. The core counts in classes with these bounds.
 LATENESS_BOUNDS = (*(2.0**exponent for exponent in range(-17, -1)), inf)
 
 
 @dataclass(frozen=True, slots=True)
 class LatenessReport:
-    """How late the cycles were so far: times in seconds after their point of the grid; a look, which does not go on counting.
+    """The lateness of the cycles so far: seconds after their time of the grid. A copy that does not change afterwards.
 
-    ``p50`` and ``p99`` are rounded up by at most an eighth; ``causes``: skipped cycles, by what kept them from being done.
-    ``total`` is the sum of all delays; ``within``: for each of ``LATENESS_BOUNDS``, how many cycles were less late than that.
+    ``p50`` and ``p99`` are rounded up by at most an eighth; ``causes``: skipped cycles by cause. ``total`` is the sum of all
+    delays; ``within``: for each of ``LATENESS_BOUNDS``, the number of cycles with less lateness.
     """
 
     cycles: int = 0
@@ -109,7 +107,7 @@ class LatenessReport:
 
     @property
     def mean(self) -> float:
-        """How late they were in the mean."""
+        """Mean lateness in seconds."""
         return self.total / self.cycles if self.cycles else 0.0
 
     def __str__(self) -> str:
@@ -122,27 +120,27 @@ class LatenessReport:
 
 
 class AxisSession(Protocol):
-    """A program's way to the axes of a core. Each property may be read, and each method called, in any thread."""
+    """A program's connection to the axes of a core. Any thread may read its properties and call its methods."""
 
     @property
     def axes(self) -> Mapping[str, AxisFacts]:
-        """The axes that are there, by name; those of optional nodes may come later."""
+        """The present axes, by name; those of optional nodes may come later."""
 
     @property
     def snapshots(self) -> Mapping[str, Snapshot]:
-        """The image of the last cycle: every axis by name, in increments."""
+        """The process image of the last cycle: every axis by name, in increments."""
 
     @property
     def dead(self) -> str | None:
-        """Why nothing is known of any axis, and will not be; None while the core lives, and after it was ended well."""
+        """Why all axes are unknown for good; None while the core runs, and after it was ended in the normal manner."""
 
     @property
     def silent(self) -> str | None:
-        """Why the image is no longer of now, None while it is."""
+        """Why the process image is no longer up to date, None while it is."""
 
     @property
     def ended(self) -> bool:
-        """Whether no cycle will come any more."""
+        """Whether there will be no further cycle."""
 
     @property
     def failed(self) -> bool:
@@ -150,114 +148,115 @@ class AxisSession(Protocol):
 
     @property
     def leaving_because(self) -> str | None:
-        """Why no command is taken any more; None while they are."""
+        """Why no more commands are accepted; None while they are."""
 
     @property
     def lateness(self) -> LatenessReport:
-        """How late the cycles were so far, how many were skipped, and why."""
+        """The lateness of the cycles so far, and the skipped cycles with their causes."""
 
     @property
     def waiter(self) -> Waiter:
-        """How a program waits: in real time, or in virtual time by letting it pass."""
+        """How a program waits: in real time, or in virtual time by advancing it."""
 
     def submit(self, number: int, target: Target, command: AnyCommand, name: str) -> int:
-        """Let a command for an axis, a group or outputs (``IO``) wait for the next cycles; ``name`` is for people.
+        """Queue a command for an axis, a group or outputs (``IO``) for the next cycles; ``name`` is a text for messages.
 
-        Return its number: that of the same command where it waits already. A command that is not taken ends by an event.
+        Return its number: that of the same command, if one is already queued. A command that is rejected ends by an event.
 
         Raises:
             StateError: this is a forked child, in which no core runs.
         """
 
     def listen(self, hear: Callable[[CommandEvent], None]) -> None:
-        """Let ``hear`` have every event of a command; it is called in the core's threads, so it must be quick and not raise."""
+        """Call ``hear`` with every command event, in the core's threads: it must be quick and must not raise."""
 
     def add_group(self, key: Target, members: Sequence[str]) -> None:
         """Make a group of axes that cell.toml does not name, once."""
 
     def request_stop(self, reason: str, quick: bool = False) -> None:
-        """Ask for the stop of all that this program has commanded, and take no command any more; safe in a signal handler."""
+        """Request the stop of all axes that this program has commanded, and accept no more commands; safe in a signal handler."""
 
     def request_halt(self, reason: str, number: int) -> None:
-        """Ask for a halt of all that this program has commanded, and end what waits; it may command on. Safe in a signal handler.
+        """Request a halt of all axes that this program has commanded, and end queued commands. Safe in a signal handler.
 
-        ``number`` (from 1) tells one interrupt, which may be told twice, from the next: that is a quick stop while something moves.
+        The program may command again afterwards. ``number`` (from 1) identifies an interrupt, which may be reported twice. The next
+        interrupt is a quick stop while an axis moves.
         """
 
     def hold_to_run(self, seconds: float | None, continuous: float | None = None) -> None:
-        """Halt everything that this program has commanded unless this is said again within ``seconds``; None: no more.
+        """Halt the axes that this program has commanded unless this is called again within ``seconds``; None ends this.
 
-        ``continuous``: the same while an axis is in continuous motion, in velocity or under torque; None: as long.
+        ``continuous``: the same while an axis is in continuous motion, in velocity or under torque; None: the same time.
         """
 
     def observe(self, observer: Observer) -> None:
-        """Let ``observer`` have the time and the image after each cycle, in the core's thread."""
+        """Call ``observer`` with the time and the process image after each cycle, in the core's thread."""
 
     def forget(self, observer: Observer) -> None:
-        """Let ``observer`` have no more."""
+        """Stop calling ``observer``."""
 
 
 class MachineSession(AxisSession, Protocol):
-    """A program's way to the core: its axes, and what it has to tell of the nodes and the bus; also after it has ended."""
+    """A program's connection to the core: its axes, and reports about nodes and the bus; also after it has ended."""
 
     @property
     def readings(self) -> Mapping[str, IoReading]:
-        """What is known of every input and output after the last cycle, by name; none of nodes that are not there."""
+        """The state of every input and output after the last cycle, by name; without those of absent nodes."""
 
     @property
     def left(self) -> tuple[float, str] | None:
-        """Since when (seconds, monotonic) and why no command is taken any more; None while they are."""
+        """Time (seconds, monotonic) and reason since when no more commands are accepted; None while they are."""
 
     @property
     def node_events(self) -> list[NodeEvent]:
-        """What error control has told of all nodes since the scan began."""
+        """The events of error control for all nodes since the scan began."""
 
     @property
     def bus_events(self) -> list[ControllerEvent]:
-        """What the CAN controller has told, oldest first; empty without a bus."""
+        """The events of the CAN controller, oldest first; empty without a bus."""
 
     @property
     def commands(self) -> list[CommandSeen]:
-        """The last 256 commands that were given, by whatever program, oldest first."""
+        """The last 256 commands from any program, oldest first."""
 
     @property
     def drops(self) -> tuple[Drop, ...]:
-        """Frames that were dropped, counted by reason and node; empty without a bus."""
+        """Dropped frames, counted by reason and node; empty without a bus."""
 
     @property
     def sdo_counts(self) -> tuple[SdoCount, ...]:
-        """How the SDO transfers with each node ended so far, by node; empty without a bus."""
+        """The results of the SDO transfers so far, by node; empty without a bus."""
 
     @property
     def carried(self) -> BusTraffic | None:
-        """What the bus has carried so far, in both directions; None without a bus."""
+        """The traffic of the bus so far, in both directions; None without a bus."""
 
     @property
     def programs(self) -> tuple[ClientProgram, ...]:
-        """The programs that are at this machine, the one that opened it first; empty where no other can join."""
+        """The programs connected to this machine, beginning with the one that opened it; empty if no other can join."""
 
     @property
     def has_command(self) -> bool:
-        """Whether this program has the command of the machine; it may block for an answer."""
+        """Whether this program has control of the machine; it may block for an answer."""
 
     def take_command(self) -> None:
-        """Let this program have the command, after all that moves has halted; blocks until that is done. Harmless where it has it.
+        """Give control to this program, after all moving axes have halted; blocks until then. Harmless if it has control.
 
         Raises:
             StateError: an axis does not come to rest.
-            Stopped: this program has been told to stop.
+            Stopped: this program has been asked to stop.
         """
 
     def tap(self, hear: HearFrames, can_ids: Collection[int] = ()) -> None:
-        """Let ``hear`` have the frames of the bus, a few at a time, as they come and go: those of ``can_ids``, or all.
+        """Call ``hear`` with the received and sent frames of the bus, a few at a time: those of ``can_ids``, or all.
 
-        It is called in threads of the core, or in the one that tells events, and must not block. Without a bus it never is. What
-        nobody takes in time is left out.
+        It runs in threads of the core, or in the thread that delivers events, and must not block. Without a bus it is never called.
+        Frames that are not taken in time are left out.
         """
 
     def untap(self, hear: HearFrames) -> None:
-        """Let ``hear`` have no more."""
+        """Stop calling ``hear``."""
 
     @property
     def bus_time(self) -> datetime | None:
-        """The time of day by another device's TIME messages, in UTC; None where none was heard."""
+        """The time of day by another device's TIME messages, in UTC; None if none was received."""

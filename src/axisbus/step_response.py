@@ -1,20 +1,20 @@
-"""What a step response was: overshoot, settling, ripple, out of samples and the step that was asked for."""
+"""Evaluate a step response: overshoot, settling and ripple, from samples and the requested step."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-BAND = 0.02  # of the step, in which it has settled
+BAND = 0.02  # of the step; within it the value has settled
 _LEAST = 10  # samples
-END = 1.0 / 3.0  # of the time, over which the ripple is looked for
+END = 1.0 / 3.0  # of the time, over which the ripple is measured
 
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """One step: ``overshoot`` and ``ripple`` (peak to peak at the end) as parts of the step, ``settled`` in s, None: it has not.
+    """One step: ``overshoot`` and ``ripple`` (peak to peak at the end) as parts of the step, ``settled`` in s, None if not settled.
 
-    ``left`` is the mean of what was missing at the end, as a part of the step; ``samples`` were measured.
+    ``left`` is the mean remaining error at the end, as a part of the step; ``samples`` is the number of samples.
     """
 
     overshoot: float
@@ -34,7 +34,7 @@ class Response:
 def measure(samples: Sequence[tuple[float, float]], start: float, target: float) -> Response | None:
     """Measure a step from ``start`` to ``target`` at the time 0; samples are (s, value), oldest first.
 
-    None where there are too few, or none at the end.
+    None if there are too few samples, or the step is 0.
     """
     step = target - start
     if step == 0.0 or len(samples) < _LEAST:

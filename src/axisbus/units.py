@@ -12,10 +12,10 @@ from axisbus.errors import ArgumentError, LimitError
 INT32_SPAN = 1 << 32
 INT32_HALF = 1 << 31
 INT32_LEAST = -INT32_HALF
-# What a whole number may be off when it was computed from units.
+# Tolerances of a whole number that was computed from units.
 _ABSOLUTE, _RELATIVE = 1e-9, 1e-12
 
-# The units that an axis may have. Those of an angle, as turns per unit:
+# The units that an axis may have. Units of an angle, as turns per unit:
 TURNS: Mapping[str, Fraction] = {
     "deg": Fraction(1, 360),
     "degree": Fraction(1, 360),
@@ -30,7 +30,7 @@ TURNS: Mapping[str, Fraction] = {
     "turn": Fraction(1),
     "turns": Fraction(1),
 }
-# Those of a length, of which the drive knows no measure; and what a machine's own parts are counted in.
+# Units of length, which mean nothing to the drive; and units of a machine's own parts.
 LENGTHS = (
     "m",
     "dm",
@@ -54,7 +54,7 @@ AXIS_UNITS = (INCREMENTS, *TURNS, *LENGTHS, *OTHERS)
 class Scale:
     """Increments per unit, as an exact ratio and as the float that the cycle uses.
 
-    ``factor`` may be negative: the master then turns the direction (see ``invert`` in cell.toml).
+    ``factor`` may be negative: the master then reverses the direction (see ``invert`` in cell.toml).
     """
 
     exact: Fraction
@@ -80,11 +80,11 @@ class Scale:
         return cls(exact, float(exact), unit)
 
     def to_increments(self, value: float) -> int:
-        """Turn ``value`` in units into increments, rounded to the nearest (halves to even).
+        """Convert ``value`` in units to increments, rounded to the nearest (halves to even).
 
         Raises:
             ArgumentError: the value is NaN or infinite.
-            LimitError: it is more than can be counted.
+            LimitError: it is out of the countable range.
         """
         try:
             return round(value * self.factor)
@@ -101,26 +101,26 @@ class Scale:
         )
 
     def to_units(self, increments: float) -> float:
-        """Turn increments into units."""
+        """Convert increments to units."""
         return increments / self.factor
 
     def inverted(self) -> Scale:
-        """Return the same scale with its direction turned."""
+        """Return the same scale with the opposite direction."""
         return Scale(-self.exact, -self.factor, self.unit)
 
 
 def whole_below(increments: float) -> int:
-    """Return the highest whole number of increments that is not above; what arithmetic has taken from one is given back."""
+    """Return the highest whole number of increments that is not above the value; rounding errors are compensated."""
     return math.floor(increments + _ABSOLUTE + _RELATIVE * abs(increments))
 
 
 def whole_above(increments: float) -> int:
-    """Return the lowest whole number of increments that is not below."""
+    """Return the lowest whole number of increments that is not below the value; rounding errors are compensated."""
     return -whole_below(-increments)
 
 
 def toward_zero(increments: float) -> int:
-    """Return the whole increments of a magnitude with a sign: no more than was asked for."""
+    """Return the whole increments of a signed value, rounded towards 0."""
     return whole_below(increments) if increments >= 0 else whole_above(increments)
 
 
@@ -132,19 +132,19 @@ def unwrap(previous: int, raw: int) -> int:
     """
     step = raw - previous
     if INT32_LEAST <= step < INT32_HALF:
-        return raw  # nothing has wrapped
+        return raw  # no wrap
     return previous + (step + INT32_HALF) % INT32_SPAN - INT32_HALF
 
 
 def wrap(position: int) -> int:
-    """Bring an unwrapped position back into INTEGER32, as the drive counts it."""
+    """Convert an unwrapped position to INTEGER32, as the drive counts it."""
     return (position + INT32_HALF) % INT32_SPAN - INT32_HALF
 
 
 def modulo_target(current: float, target: float, span: float, direction: int = 0) -> float:
-    """Return the position congruent to ``target`` modulo ``span`` that a move from ``current`` should end at.
+    """Return the position congruent to ``target`` modulo ``span`` at which a move from ``current`` should end.
 
-    ``direction`` 0 takes the shortest way, 1 the positive, -1 the negative. All values in the same unit; ``span`` > 0.
+    ``direction`` 0 takes the shortest path, 1 the positive, -1 the negative. All values in the same unit; ``span`` > 0.
     """
     forward = (target - current) % span
     if direction > 0:

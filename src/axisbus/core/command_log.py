@@ -1,4 +1,4 @@
-"""The last commands that a core was given, by whatever program: what each asked for, and what became of it."""
+"""The last commands of a core, from any program, with their results."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ _KEPT = 256
 
 
 class CommandLog:
-    """Holds them by their numbers, oldest first. Every method may be called in any thread; none waits for another."""
+    """Holds the commands by their numbers, oldest first. Every method may be called in any thread; none waits for another."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
-        """``clock`` gives the time of the cycles, in seconds."""
+        """``clock`` returns the time of the cycles, in seconds."""
         self._clock = clock
         self._seen: dict[int, CommandSeen] = {}
 
     @property
     def seen(self) -> list[CommandSeen]:
-        """All of them, oldest first."""
+        """All stored commands, oldest first."""
         return list(self._seen.values())
 
     def give(self, number: int, name: str) -> None:
-        """Note a command before it is given; of more than are kept the oldest goes."""
+        """Store a command before it is submitted; if there are too many, remove the oldest."""
         self._seen[number] = CommandSeen(self._clock(), name, Status.BUSY)
         if len(self._seen) > _KEPT:
             for oldest in list(self._seen)[:-_KEPT]:
                 self._seen.pop(oldest, None)
 
     def retract(self, number: int) -> None:
-        """It was the same as one that waits already, so that it was not given."""
+        """Remove a command that was not submitted, because the same one is already queued."""
         self._seen.pop(number, None)
 
     def hear(self, event: CommandEvent) -> None:
-        """Note how one goes on."""
+        """Store a change of a command's status."""
         seen = self._seen.get(event.number)
         if seen is not None:
             ended = self._clock() if event.status in ENDED else None

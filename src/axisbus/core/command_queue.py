@@ -1,16 +1,16 @@
-"""Commands on their way from a program's threads to the scan: bounded, and never in the way of a stop.
+"""The queue of commands from a program's threads to the scan: limited, and never an obstacle to a stop.
 
-Theory of operation
--------------------
-A cycle takes at most ``AT_ONCE`` commands, in the order in which they were given; the others wait for the next. At most ``MOST``
-wait, and one more is refused: neither the scan nor its program's memory can be flooded. Two rules keep that harmless.
+Theory of operation ------------------- A cycle takes at most ``AT_ONCE`` commands, in the order of submission; the others wait for
+the next cycle. At most ``MOST`` commands are queued, and any further one is refused: neither the scan nor the memory can be
+flooded. Two rules make this harmless.
 
-- **A stop never waits.** Halt, stop, quick stop and disable are taken in the present cycle, however many commands wait before
-  them. Of those, what concerns the same axes ends as stopped and is not begun any more. A stop finds room when nothing else does.
-- **The same again is the same.** A command that is asked for again while it waits, with nothing else for its axes in between, is
-  one command with one ticket, where asking twice means nothing more (``_IDEMPOTENT``, and the renewal of a jog).
+- **A stop never waits.** Halt, stop, quick stop and disable are taken in the present cycle, however many commands are queued before
+  them. Queued commands for the same axes end as stopped and are not begun. A stop is accepted even if the queue is full.
+- **A repeated command is one command.** If the same command is submitted again while it is queued, with no other command for its
+  axes in between, both submissions share one ticket. This applies to commands with no additional effect when repeated
+  (``_IDEMPOTENT``, and the renewal of a jog).
 
-The scan takes without a lock; only those who give exclude each other. What is taken out of a queue is taken once (``_out``).
+The scan takes commands without a lock; only submitting threads exclude each other. A command is taken out only once (``_out``).
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from axisbus.motion.io.commands import SetOutputs
 from axisbus.session import AnyCommand, Target
 
 AT_ONCE = 32  # commands in one cycle: about half a millisecond
-MOST = 1024  # commands that wait
+MOST = 1024  # queued commands
 _STOPS = frozenset({c.Halt, c.Stop, c.QuickStop, c.Disable})
 _IDEMPOTENT = _STOPS | {c.EnableCommand, c.ResetCommand, c.Release}
 
 
 class Waiting:
-    """A command that waits for the scan; ``taken`` when it does no longer."""
+    """A command that waits for the scan; ``taken`` is set when the scan has taken it."""
 
     __slots__ = ("__weakref__", "axes", "command", "is_stop", "taken", "target", "ticket")
 
@@ -48,32 +48,32 @@ class Waiting:
 
     @property
     def for_group(self) -> bool:
-        """Whether a group is to take it."""
+        """Whether it is for a group."""
         return isinstance(self.command, GroupCommand)
 
     def is_again(self, other: Waiting) -> bool:
-        """Whether it asks for the same as ``other``, and asking twice means nothing more."""
+        """Whether it is the same command as ``other``, with no additional effect when repeated."""
         if self.target != other.target or self.command != other.command:
             return False
         return all(type(one) in _IDEMPOTENT or _is_jog(one) for one in _single(self.command))
 
 
 class CommandQueue:
-    """Holds what waits, in order: ``_given`` by any thread, ``_left`` by the scan from the cycle before."""
+    """Holds the queued commands, in order: ``_given`` by any thread, ``_left`` by the scan from the previous cycle."""
 
     def __init__(self) -> None:
-        self._lock = threading.RLock()  # what collects garbage in here may log, and who logs may stop an axis
+        self._lock = threading.RLock()  # re-entrant: logging in here may stop an axis
         self._given: deque[Waiting] = deque()
         self._left: deque[Waiting] = deque()
-        self._last: WeakValueDictionary[str, Waiting] = WeakValueDictionary()  # given last for each axis
-        self._late: WeakSet[Waiting] = WeakSet()  # stops that were given when nothing else found room
+        self._last: WeakValueDictionary[str, Waiting] = WeakValueDictionary()  # the last one for each axis
+        self._late: WeakSet[Waiting] = WeakSet()  # stops that were accepted while the queue was full
         self._closed = False
 
     def __len__(self) -> int:
         return len(self._given) + len(self._left)
 
     def put(self, waiting: Waiting) -> Waiting | None:
-        """Let a command wait; return it, or the same one that waits already. None where it finds no room. Any thread."""
+        """Queue a command; return it, or the same one that is already queued. None if the queue is full. Any thread."""
         with self._lock:
             if self._closed:
                 return None
@@ -92,7 +92,7 @@ class CommandQueue:
             return waiting
 
     def take(self) -> list[Waiting]:
-        """Return what is to be done in this cycle, in order; the scan's thread."""
+        """Return the commands for this cycle, in order; the scan's thread."""
         if not self._given and not self._left:
             return []
         self._left.extend(_out(self._given, len(self._given)))
@@ -104,25 +104,25 @@ class CommandQueue:
         return taken
 
     def close(self) -> None:
-        """Let no more commands in."""
+        """Accept no more commands."""
         with self._lock:
             self._closed = True
 
     def clear(self) -> Iterator[Waiting]:
-        """Take out all that waits; any thread, each gets what no other does."""
+        """Take out all commands; any thread, each command goes to only one."""
         for queue in (self._left, self._given):
             for waiting in _out(queue, len(queue)):
                 waiting.taken = True
                 yield waiting
 
     def _same(self, waiting: Waiting) -> Waiting | None:
-        """The same command that waits already: nothing else for its axes came after it, as nothing does after a late stop."""
+        """Return the same command if it is queued and no other one for its axes followed, as is always true after a late stop."""
         last = {self._last.get(axis) for axis in waiting.axes}
         candidates = [*(last if len(last) == 1 else ()), *self._late]
         return next((one for one in candidates if one and not one.taken and waiting.is_again(one)), None)
 
     def _stops(self) -> list[Waiting]:
-        """Take the stops out of what is left, and end what they overtake."""
+        """Take the stops out of the remaining commands, and end the commands that they overtake."""
         left = list(self._left)
         if not any(waiting.is_stop for waiting in left):
             return []
@@ -143,7 +143,7 @@ class CommandQueue:
 
 
 def _out(queue: deque[Waiting], most: int) -> Iterator[Waiting]:
-    """Take out at most so many; another thread may be taking out too."""
+    """Take out at most ``most`` commands; another thread may do so at the same time."""
     for _ in range(most):
         try:
             yield queue.popleft()
@@ -162,7 +162,7 @@ def _overtaken(waiting: Waiting, stop: Waiting) -> None:
 
 
 def _single(command: AnyCommand) -> tuple[object, ...]:
-    """The commands for single axes that it is made of."""
+    """Return the commands for single axes that it consists of."""
     return tuple(command.commands.values()) if isinstance(command, ForEach) else (command,)
 
 
@@ -176,5 +176,5 @@ def _concerned(target: Target, command: AnyCommand) -> tuple[str, ...]:
     if isinstance(command, GroupCommand):
         return command.axes
     if isinstance(command, c.SetOverride | c.SetTorqueOffset):
-        return ()  # a stop leaves them as they are
+        return ()  # a stop does not affect them
     return (target,) if isinstance(target, str) else target

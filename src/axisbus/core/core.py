@@ -1,4 +1,4 @@
-"""The owner of a bus: it runs the scan over the booted nodes, takes in optional ones that come later, and leaves all of them."""
+"""The core: the owner of a bus, which runs the scan over the booted nodes, adds late optional ones, and leaves all of them."""
 
 from __future__ import annotations
 
@@ -37,10 +37,8 @@ if TYPE_CHECKING:
     from axisbus.core.simulated_nodes import SimulatedNode
 
 _CLOSE_MARGIN = 2.0  # seconds
-_FIRST_VALUES = (
-    1.0  # seconds that beginning waits for the first answers to SYNC; later ones are the axes' own matter
-)
-_JOIN_TIME = 2.0  # seconds until the scan has taken an axis in; one cycle is enough
+_FIRST_VALUES = 1.0  # seconds for the first answers to SYNC; later ones concern only their axes
+_JOIN_TIME = 2.0  # seconds until the scan has added an axis; one cycle is enough
 _OUTPUTS_TIME = 0.5  # seconds until outputs have been sent as safe; a few cycles are enough
 
 
@@ -56,31 +54,31 @@ class CoreInterface(Protocol):
 
     @property
     def session(self) -> MachineSession:
-        """A program's way to the axes."""
+        """A program's connection to the axes."""
 
     @property
     def booted(self) -> Mapping[int, Booted]:
-        """What booting each node has come to."""
+        """The boot result of each node."""
 
     @property
     def nodes(self) -> Mapping[int, NodeParts]:
-        """What direct access to each node is made of."""
+        """The parts for direct access to each node."""
 
     @property
     def stand_ins(self) -> Mapping[int, SimulatedNode]:
-        """The drives, where they are simulated and within reach."""
+        """The simulated drives, if there are any and they can be reached."""
 
     @property
     def realtime(self) -> bool:
-        """Whether it runs by itself."""
+        """Whether it runs in threads of its own, in real time."""
 
     @property
     def apart(self) -> bool:
-        """Whether it lives on when this process ends."""
+        """Whether it continues when this process ends."""
 
     @property
     def degree(self) -> str:
-        """How surely its cycles come in time, in words."""
+        """The real-time status, as text."""
 
     @property
     def joined(self) -> bool:
@@ -88,49 +86,49 @@ class CoreInterface(Protocol):
 
     @property
     def commanded_by(self) -> str:
-        """Who had the command when this program joined; empty where nobody had, or where it has opened the machine itself."""
+        """The program that had control when this program joined; empty if control was free, or if this program opened the machine."""
 
     @property
     def in_cycle(self) -> Callable[[], bool] | None:
-        """In virtual time: what tells whether the caller is within a cycle."""
+        """In virtual time: a function that returns whether the caller is within a cycle."""
 
     def begin(self, joined: Joined, after_cycle: Callable[[], None] = _nothing) -> None:
-        """Let the scan run.
+        """Start the scan.
 
-        ``joined`` is told of optional nodes that have come later, ``after_cycle`` is called between cycles in virtual time.
+        ``joined`` is called for optional nodes that have come up late, ``after_cycle`` between cycles in virtual time.
         """
 
     def await_values(self) -> None:
-        """Block until every axis has been heard of since the scan began, or the scan has ended, at most a second."""
+        """Block until every axis has been heard since the scan began, or the scan has ended, at most a second."""
 
     def leave(self, reason: str) -> list[AxisbusError]:
-        """Stop every axis that was commanded, leave the nodes as is right for each, and return what went wrong; blocks."""
+        """Stop every commanded axis, leave each node as appropriate, and return the failures; blocks."""
 
     def disown(self) -> None:
-        """Be of no use in a forked child, which must neither command nor close what its parent has."""
+        """Make this object unusable in a forked child, which must neither command nor close its parent's machine."""
 
 
 def _needs_rescue(core: AxisCore) -> bool:
-    """Whether a drive may go on without the scan: nothing moves a virtual axis but that."""
+    """Whether a drive may keep moving without the scan; a virtual axis cannot."""
     return core.touched and not core.parameters.virtual
 
 
 class Rescue:
-    """The stop of the axes without the scan, done once: as soon as the scan has failed, or else when its result is wanted."""
+    """The stop of the axes without the scan, done once: when the scan has failed, otherwise when its result is needed."""
 
     def __init__(self, stop: Callable[[], list[StopResult]]) -> None:
-        """``stop`` stops the axes and returns how each was left; it blocks."""
+        """``stop`` stops the axes and returns the result of each; it blocks."""
         self._stop = stop
         self._stopped: list[StopResult] | None = None
         self._lock = threading.Lock()
 
     def begin(self) -> None:
-        """Begin it in a thread of its own; does not block. At the end of the interpreter there are no more threads."""
+        """Begin in a thread of its own; does not block. While the interpreter ends, no thread can be started."""
         with suppress(RuntimeError):
             threading.Thread(target=self.result, name="axisbus rescue", daemon=True).start()
 
     def result(self) -> list[StopResult]:
-        """Return how each axis was left; blocks until the stop has ended."""
+        """Return the result of each axis; blocks until the stop has ended."""
         with self._lock:
             if self._stopped is None:
                 self._stopped = self._stop()
@@ -138,20 +136,20 @@ class Rescue:
 
 
 def members(cell: CellConfig, there: Iterable[str]) -> dict[str, list[str]]:
-    """Return the groups of the cell, each with those of its axes that are there."""
+    """Return the groups of the cell, each with those of its axes that are in ``there``."""
     present = set(there)
     found = {name: [axis for axis in group.axes if axis in present] for name, group in cell.groups.items()}
     return {name: axes for name, axes in found.items() if axes}
 
 
 class Core:
-    """Holds what a machine runs on, the scan over it, and the thread of the scan; ``session`` is a program's way to it."""
+    """Holds the runtime of a machine, the scan over it, and the scan's thread; ``session`` is a program's connection to it."""
 
     joined = apart = False
     commanded_by = ""
 
     def __init__(self, cell: CellConfig, runtime: Runtime, realtime: bool) -> None:
-        """``realtime``: it is to run by itself, in threads of its own."""
+        """``realtime``: it runs in threads of its own."""
         self.cell = cell
         self.runtime = runtime
         self._joined: Joined = lambda _: None
@@ -190,38 +188,38 @@ class Core:
 
     @property
     def realtime(self) -> bool:
-        """Whether it runs by itself, in threads of its own."""
+        """Whether it runs in threads of its own, in real time."""
         return self._pump is None
 
     @property
     def in_cycle(self) -> Callable[[], bool] | None:
-        """In virtual time: what tells whether the caller is within a cycle."""
+        """In virtual time: a function that returns whether the caller is within a cycle."""
         return None if self._pump is None else self._pump.is_pumping
 
     @property
     def degree(self) -> str:
-        """How surely its cycles come in time, in words."""
+        """The real-time status, as text."""
         return IN_A_THREAD if self.realtime else "in virtual time"
 
     @property
     def booted(self) -> Mapping[int, Booted]:
-        """What booting each node has come to."""
+        """The boot result of each node."""
         return self.runtime.booted
 
     @property
     def nodes(self) -> Mapping[int, NodeParts]:
-        """What direct access to each node is made of."""
+        """The parts for direct access to each node."""
         return self.runtime.nodes
 
     @property
     def stand_ins(self) -> Mapping[int, SimulatedNode]:
-        """The drives, where they are simulated here."""
+        """The simulated drives, if there are any here."""
         return self.runtime.stand_ins
 
     def begin(self, joined: Joined, after_cycle: Callable[[], None] = _nothing) -> None:
-        """Let the scan run.
+        """Start the scan.
 
-        ``joined`` is told of optional nodes that have come later, ``after_cycle`` is called between cycles in virtual time.
+        ``joined`` is called for optional nodes that have come up late, ``after_cycle`` between cycles in virtual time.
         """
         self._joined, self._after_cycle = joined, after_cycle
         if self._pump is not None:
@@ -233,16 +231,16 @@ class Core:
         self._pickup.start()
 
     def await_values(self) -> None:
-        """Block until every axis has been heard of since the scan began, or the scan has ended, at most a second."""
+        """Block until every axis has been heard since the scan began, or the scan has ended, at most a second."""
         period = self.cell.bus.scan_period
         for _ in range(math.ceil(_FIRST_VALUES / period)):
             if self._waiter.wait(self._has_values, period):
                 return
 
     def leave(self, reason: str) -> list[AxisbusError]:
-        """Stop every axis that was commanded, end the scan, leave the nodes as is right for each, and return what went wrong.
+        """Stop every commanded axis, end the scan, leave each node as appropriate, and return the failures.
 
-        Blocks until all stand, at most the times of the stop ladders.
+        Blocks until all axes are at standstill, at most for the time limits of the stop sequences.
         """
         rescued, unsafe = list[StopResult](), list[Unsafe]()
         try:
@@ -259,7 +257,7 @@ class Core:
         return [*self.scan.stop_failures(), *map(not_safe, unsafe)]
 
     def disown(self) -> None:
-        """Be of no use in a forked child, which must neither command nor close what its parent has."""
+        """Make this object unusable in a forked child, which must neither command nor close its parent's machine."""
         self.scan.disown()
         self._threads.disown()
 
@@ -270,7 +268,7 @@ class Core:
         return scan.ended or (all(heard) and all(known) and bool(known or not scan.io))
 
     def _stop_axes(self, reason: str) -> None:
-        """Stop, and see that everything stands; what interrupts the wait, such as a user's own signal handler, comes after it."""
+        """Stop all axes and wait for standstill. An exception during the wait, as from a signal handler, is raised afterwards."""
         scan = self.scan
         times = [core.parameters.stop_times.ladder for core in scan.axes.values()]
         until = scan.cycle.now() + max(times, default=0.0) + _CLOSE_MARGIN
@@ -279,18 +277,19 @@ class Core:
         while not scan.has_stopped and scan.cycle.now() < until:
             try:
                 self._waiter.wait(lambda: scan.has_stopped, until - scan.cycle.now())
-            except BaseException as error:  # noqa: BLE001  # it is raised once everything stands
+            except BaseException as error:  # raised when all axes are at standstill
                 interruption = error
-        if scan.io and not scan.has_stopped:  # else what the scan sends would undo what is made sure of
+        if scan.io and not scan.has_stopped:  # otherwise the scan would overwrite the safe states
             scan.give_up()
             self._waiter.wait(lambda: scan.ended or scan.io.left, _OUTPUTS_TIME)
         if interruption is not None:
             raise interruption
 
     def _make_sure(self) -> tuple[list[StopResult], list[Unsafe]]:
-        """End the scan, and see outputs safe, after the axes; where the scan has failed, these are stopped without it first.
+        """End the scan, and confirm that outputs are safe, after the axes. If the scan has failed, stop the axes without it first.
 
-        Where it lives, outputs are looked at while our heartbeat goes on: a module that does not answer must fault nobody else.
+        While the scan runs, outputs are read before it ends, so that our heartbeat continues: a module that does not answer must
+        not cause a heartbeat fault in other nodes.
         """
         alive, unsafe = self.scan.failure is None, list[Unsafe]()
         try:
@@ -315,12 +314,12 @@ class Core:
             self.scan.end()
 
     def _between_cycles(self, now: float) -> None:
-        """What threads do in real time."""
+        """Do in virtual time the work that threads do in real time."""
         self._pickup.look(now)
         self._after_cycle()
 
     def _join(self, node_id: int, booted: Booted, ports: Mapping[str, Port]) -> None:
-        """Take in an optional node that has come later; what it has to say stands in ``booted``. Blocks for a cycle."""
+        """Add an optional node that has come up late; ``booted`` is its boot result. Blocks for a cycle."""
         self.runtime.booted[node_id] = booted
         self._watch_node(node_id)
         if not booted.report.ok:
@@ -338,7 +337,7 @@ class Core:
         add_io(board, self.cell, self.runtime.link, node_id, self.runtime.nodes[node_id].eds)
 
     def _watch_node(self, node_id: int) -> None:
-        """A node without axes has nobody else who acts when it is lost, unless its table lets it be told only."""
+        """Stop the cell on the loss of a node without axes, unless its table says that the loss is only reported."""
         events = self.runtime.nodes[node_id].events
         stops = self.cell.nodes[node_id].on_lost == "stop"
         if events is not None and stops and not any(self.cell.axes_of(node_id)):

@@ -1,4 +1,4 @@
-"""What a command is told that the end of the scan, or of the machine, has ended."""
+"""The errors of commands that the end of the scan, or of the machine, has ended."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _MISTAKE = "a mistake in axisbus, or in what observes its scan: report it with i
 
 
 def refused_while_leaving(what: str, reason: str) -> StateError:
-    """The machine is on its way out, because of ``reason``: a command that came then, or waited, is not taken."""
+    """Return the error of a command that came, or was queued, while the machine is being closed because of ``reason``."""
     return StateError(
         f"{what}: not taken, the machine is on its way out",
         observed=f"every axis is being stopped: {reason}",
@@ -20,12 +20,12 @@ def refused_while_leaving(what: str, reason: str) -> StateError:
 
 
 def interrupted(what: str, reason: str) -> Stopped:
-    """A command waited when its program was interrupted, because of which everything halts."""
+    """Return the error of a command that was queued when an interrupt of its program halted all axes."""
     return Stopped(f"{what} was not begun: {reason}")
 
 
 def too_many(what: str) -> StateError:
-    """More commands wait than a program can have meant."""
+    """Return the error of a command that does not fit into the queue."""
     return StateError(
         f"{what}: too many commands wait",
         observed=f"{MOST} wait already, and the scan takes {AT_ONCE} in each of its cycles; stops are always taken",
@@ -41,9 +41,9 @@ _NOT_SENT = "the quick stop could not be sent: TREAT EVERY DRIVE THAT THIS PROGR
 
 
 def ended(what: str, failure: BaseException | None, quick_stop_sent: bool = False) -> ScanError:
-    """The scan has ended, by ``failure`` or (None) because the machine was closed.
+    """Return the error of a command that ended with the scan, by ``failure`` or (None) because the machine was closed.
 
-    ``quick_stop_sent``: the bus has taken the quick stop of every drive that was commanded.
+    ``quick_stop_sent``: the bus has accepted the quick stop of every commanded drive.
     """
     if failure is None:
         return ScanError(f"{what} was ended: the machine was closed", remedy="open it again to go on")
@@ -52,12 +52,12 @@ def ended(what: str, failure: BaseException | None, quick_stop_sent: bool = Fals
         observed=one_line(failure, alarm=False),
         remedy=join_remedies(_SENT if quick_stop_sent else _NOT_SENT, remedy_of(failure)),
     )
-    error.__cause__ = failure  # whose traceback is then shown as well
+    error.__cause__ = failure  # its traceback is then shown as well
     return error
 
 
 def remedy_of(failure: BaseException) -> str:
-    """Return what to do about whatever ended the scan."""
+    """Return the remedy for the failure of the scan."""
     if isinstance(failure, AxisbusError):
         return failure.remedy or _OPEN_AGAIN
     return _MISTAKE if isinstance(failure, Exception) else _OPEN_AGAIN

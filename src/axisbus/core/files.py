@@ -1,4 +1,4 @@
-"""The files of a cell: its own, and the EDS or DCF of each node that has one."""
+"""The files of a cell: the cell file, and the EDS or DCF of each node that has one."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from axisbus.eds.model import Eds
 
 
 def load_dictionaries(cell: CellConfig) -> dict[int, Eds]:
-    """Read the EDS or DCF of every CANopen node; blocks for as long as that takes.
+    """Read the EDS or DCF of every CANopen node; blocks until they are read.
 
-    A module that speaks CAN Simple has none, and is not among them: whoever goes by these reaches the others alone.
+    A module that uses CAN Simple has none, and is not included.
 
     Raises:
         EdsError: one is missing or cannot be read.
@@ -29,6 +29,6 @@ def load_dictionaries(cell: CellConfig) -> dict[int, Eds]:
 
 @cache
 def read_once(cell: str) -> tuple[CellConfig, Mapping[int, Eds]]:
-    """Read a cell and its dictionaries, once: a forked child has what its parent has read. Raises as ``cell.reader.load`` does."""
+    """Read a cell and its dictionaries, once: a forked child has its parent's result. Raises as ``cell.reader.load``."""
     config = reader.load(cell)
     return config, load_dictionaries(config)

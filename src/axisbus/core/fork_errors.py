@@ -1,4 +1,4 @@
-"""What a forked child is told that uses the machine of its parent."""
+"""The error of a forked child that uses its parent's machine."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from axisbus.errors import StateError
 
 
 def inherited(what: str) -> StateError:
-    """A forked child has a copy of the machine, and nothing that moves it."""
+    """Return the error: a forked child has a copy of the machine without a scan."""
     return StateError(
         f"{what}: the machine belongs to the process that opened it",
         observed="this process was forked from that one: it has no scan, and its copy of the adapter is not used",

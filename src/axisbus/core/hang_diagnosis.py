@@ -1,4 +1,4 @@
-"""What holds a thread that does not come back: the adapter's driver, code of the user's that it has called, or want of time."""
+"""Find out where a thread hangs: in the adapter's driver, in user code that it has called, or in axisbus."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LIBRARY = str(Path(threading.__file__).parent)
 
 
 class BlockedLocation(Enum):
-    """Where a thread is."""
+    """The location of a thread."""
 
     DRIVER = "in the adapter's driver"
     PROGRAM = "in the program's own code"
@@ -26,14 +26,14 @@ class BlockedLocation(Enum):
 
 
 class HangDiagnosis(NamedTuple):
-    """Where a thread is; ``text`` names function, file and line."""
+    """The location of a thread; ``text`` contains function, file and line."""
 
     place: BlockedLocation
     text: str
 
 
 def whereabouts(ident: int | None) -> HangDiagnosis | None:
-    """Return where the thread ``ident`` is now; None where it is not there any more."""
+    """Return the present location of the thread ``ident``; None if the thread has ended."""
     top = sys._current_frames().get(ident or 0)
     if top is None:
         return None
@@ -59,7 +59,7 @@ def _in_ours(frame: FrameType) -> bool:
 
 
 def _in_library(frame: FrameType) -> bool:
-    """Whether it is Python's own: the thread's start, a lock, a sleep."""
+    """Whether the frame is in Python's standard library: the thread's start, a lock, a sleep."""
     name = frame.f_code.co_filename
     return name.startswith(_LIBRARY) and "site-packages" not in name
 

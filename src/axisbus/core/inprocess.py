@@ -1,4 +1,4 @@
-"""The way to a core that runs in the program's own process."""
+"""The session with a core in the program's own process."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ from axisbus.session import (
 _PARTS = (
     AddPoints,
     ControllerOutput,
-)  # of commands that are under way: no commands of their own, and too many to keep
+)  # parts of active commands: not commands of their own, and too many to log
 
 
 class InProcess:
-    """A ``Session`` with the scan of this process; holds who listens to the ends of commands."""
+    """A ``Session`` with the scan of this process; holds the listeners for command events."""
 
     def __init__(self, scan: Scan, waiter: Waiter, runtime: Runtime) -> None:
-        """``waiter``: how this process waits for ``scan``; ``runtime``: what it runs on."""
+        """``waiter``: how this process waits for ``scan``; ``runtime``: the runtime of the scan."""
         self._scan = scan
         self._runtime = runtime
         self._waiter = waiter
@@ -52,7 +52,7 @@ class InProcess:
 
     @property
     def axes(self) -> Mapping[str, AxisFacts]:
-        """The axes that the scan has."""
+        """The axes of the scan."""
         return {name: AxisFacts(core.parameters, core.capabilities) for name, core in self._scan.axes.items()}
 
     @property
@@ -193,7 +193,7 @@ class InProcess:
         self._scan.observers.remove(observer)
 
     def tap(self, hear: HearFrames, can_ids: Collection[int] = ()) -> None:
-        """As ``MachineSession.tap``; in whatever thread has the frame."""
+        """As ``MachineSession.tap``; in the thread that has the frame."""
         wanted = frozenset(can_ids)
 
         def ear(frame: CanFrame) -> None:

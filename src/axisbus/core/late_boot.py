@@ -1,4 +1,4 @@
-"""Optional nodes that were not there when the machine was opened: asked for now and then, booted and added when they answer."""
+"""Optional nodes that were absent when the machine was opened: polled periodically, booted and added when they answer."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from axisbus.boot.result import Booted
 
 ASK_EVERY = 1.0  # seconds
-_LEAVE_TIME = 6.0  # seconds that a boot-up under way may take at the end
+_LEAVE_TIME = 6.0  # seconds for a boot-up in progress at the end
 
 
 @dataclass(frozen=True, slots=True)
 class LateNode:
-    """A node that may still come: ``answers`` asks whether it is there, ``boot`` boots it and returns what came of it.
+    """An absent node: ``answers`` asks whether it is present, ``boot`` boots it and returns the result.
 
     Both block for their SDO transfers.
     """
@@ -30,26 +30,26 @@ class LateNode:
 
 
 class LateBoot:
-    """Waits for late nodes, in a thread of its own or in virtual time; holds state: those that are still awaited."""
+    """Waits for late nodes, in a thread of its own or in virtual time; holds the nodes that are still absent."""
 
     def __init__(
         self, nodes: Mapping[int, LateNode], join: Callable[[int, Booted, Mapping[str, Port]], None]
     ) -> None:
-        """``join`` takes a node that was booted, well or not; it is called in the thread that asks."""
+        """``join`` adds a node after its boot-up, successful or not; it runs in the polling thread."""
         self._nodes = dict(nodes)
         self._join = join
         self._stop = threading.Event()
-        self._next: float | None = None  # when to ask, in virtual time
+        self._next: float | None = None  # time of the next poll, in virtual time
         self._looking = False
         self._thread = threading.Thread(target=self._run, name="axisbus optional nodes", daemon=True)
 
     def start(self) -> None:
-        """Begin to ask, where there is anybody to wait for."""
+        """Begin to poll, if any node is absent."""
         if self._nodes:
             self._thread.start()
 
     def look(self, now: float) -> None:
-        """Do the same in virtual time, in the caller's thread: ask where a second has passed by ``now``; blocks for a boot-up."""
+        """Poll in virtual time, in the caller's thread, if a second has passed by ``now``; blocks for a boot-up."""
         if not self._nodes or self._stop.is_set() or self._looking:
             return
         if self._next is None or now < self._next:
@@ -62,7 +62,7 @@ class LateBoot:
             self._looking = False
 
     def stop(self) -> None:
-        """Ask no more; blocks until a boot-up under way has ended, at most some seconds."""
+        """End polling; blocks until a boot-up in progress has ended, at most some seconds."""
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join(_LEAVE_TIME)
@@ -78,14 +78,14 @@ class LateBoot:
             self._try(node)
 
     def _try(self, node: LateNode) -> None:
-        """Boot a node that answers; one that falls silent again is awaited further."""
+        """Boot a node that answers; if it falls silent again, keep polling it."""
         try:
             if not node.answers():
                 return
             booted, ports = node.boot()
-        except (BusOff, TransmitQueueFull):  # it may come back, and the node with it
+        except (BusOff, TransmitQueueFull):  # the bus may come back, and the node with it
             return
-        except AxisbusError:  # the channel failed: the scan tells it
+        except AxisbusError:  # the channel failed: the scan reports it
             self._stop.set()
             return
         if not booted.report.absent:
@@ -94,7 +94,7 @@ class LateBoot:
 
 
 def absent_axis(name: str, booted: Booted) -> StateError:
-    """Return why an axis of an optional node cannot be used."""
+    """Return the error of an axis whose optional node is absent."""
     node, error = booted.report.node_id, booted.report.error
     if booted.report.absent:
         return StateError(

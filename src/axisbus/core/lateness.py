@@ -1,11 +1,9 @@
-"""How late the cycles of a scan are, and why: counted in classes, so that it costs as much after a year as after a second.
+"""The lateness of a scan's cycles, and its causes: counted in classes, so that the cost does not grow with time.
 
-Theory of operation
--------------------
-A delay falls into one of eight classes per doubling, from a microsecond on, so that a quantile is off by an eighth at most. The
-cause of a skipped cycle is looked for in what is known anyway: where the cycle before ended after this one was due, it was its
-sending, or its work; where the collector held the interpreter for half of the delay, it was that; else this program was not run in
-time.
+Theory of operation ------------------- A delay falls into one of eight classes per doubling, from a microsecond on, so that a
+quantile is off by an eighth at most. The cause of a skipped cycle is derived from values that are known anyway. If the garbage
+collector ran for at least half of the delay, it is the collector. Otherwise, if the previous cycle ended so late that it explains
+at least half of the delay, it is the sending or the work of that cycle. Otherwise this program did not get a processor in time.
 """
 
 from __future__ import annotations
@@ -22,11 +20,11 @@ _PER_OCTAVE = 8
 _LEAST, _MOST = -19, 7  # exponents of two, in seconds: about 1 µs and 64 s
 _CLASSES = (_MOST - _LEAST + 1) * _PER_OCTAVE
 _HALF = 0.5
-_HANGING = 0.25  # seconds without a cycle (at least ten periods) after which what was seen last is not of now
+_HANGING = 0.25  # seconds without a cycle (at least ten periods) after which the last values are outdated
 
 
 class Cause(Enum):
-    """Why cycles were skipped."""
+    """The cause of skipped cycles."""
 
     COLLECTOR = "the garbage collector"
     SEND = "a send that blocked"
@@ -35,47 +33,47 @@ class Cause(Enum):
 
 
 _CAUSES = tuple(Cause)
-# Where which number stands; behind them those of each cause, and of each class.
+# The index of each number; after them the numbers of each cause, and of each class.
 _CYCLES, _SKIPPED, _LAST, _TOTAL, _WORST, _FIRST_CAUSE = range(6)
 _FIRST_CLASS = _FIRST_CAUSE + len(_CAUSES)
-COUNTS = _FIRST_CLASS + _CLASSES  # numbers in all
+COUNTS = _FIRST_CLASS + _CLASSES  # number of numbers
 
 
 class Lateness:
-    """Counts the cycles of one scan; written by its thread, read by any, also of another process where the numbers are shared."""
+    """Counts the cycles of one scan; written by its thread, read by any thread, also of another process if memory is shared."""
 
     __slots__ = ("_counts",)
 
     def __init__(self, counts: array[float] | memoryview[float] | None = None) -> None:
-        """``counts``: where its ``COUNTS`` numbers stand, as they are; None: here, from 0 on."""
+        """``counts``: memory with its ``COUNTS`` numbers, used as it is; None: own memory, from 0 on."""
         self._counts: array[float] | memoryview[float] = (
             array("d", bytes(8 * COUNTS)) if counts is None else counts
         )
 
     def share(self, other: Lateness) -> None:
-        """Go on counting where the other one does."""
+        """Copy the numbers into the memory of ``other``, and count there from now on."""
         for place, number in enumerate(self._counts):
             other._counts[place] = number
         self._counts = other._counts
 
     @property
     def cycles(self) -> int:
-        """How many were done."""
+        """The number of executed cycles."""
         return int(self._counts[_CYCLES])
 
     @property
     def skipped(self) -> int:
-        """How many were not."""
+        """The number of skipped cycles."""
         return int(self._counts[_SKIPPED])
 
     @property
     def last(self) -> float:
-        """How late the last one was, in seconds."""
+        """Lateness of the last cycle, in seconds."""
         return self._counts[_LAST]
 
     @property
     def worst(self) -> float:
-        """How late the latest one was, in seconds."""
+        """The largest lateness so far, in seconds."""
         return self._counts[_WORST]
 
     def note(self, late: float) -> None:
@@ -89,12 +87,12 @@ class Lateness:
         counts[_CYCLES] += 1
 
     def skip(self, cycles: int, cause: Cause) -> None:
-        """Count cycles that were not done."""
+        """Count skipped cycles."""
         self._counts[_SKIPPED] += cycles
         self._counts[_FIRST_CAUSE + _CAUSES.index(cause)] += cycles
 
     def report(self) -> LatenessReport:
-        """Return what was counted so far."""
+        """Return the numbers so far."""
         seen = [*self._counts]
         cycles, skipped, worst = int(seen[_CYCLES]), int(seen[_SKIPPED]), seen[_WORST]
         found = zip(_CAUSES, seen[_FIRST_CAUSE:_FIRST_CLASS], strict=True)
@@ -105,13 +103,13 @@ class Lateness:
 
 
 def _within(classes: Sequence[float]) -> tuple[int, ...]:
-    """How many cycles lie below each of the bounds: each is the lower edge of a class, and the last is beyond all."""
+    """Return the number of cycles below each bound: each bound is the lower edge of a class, and the last is above all."""
     below = [int(count) for count in accumulate(classes, initial=0.0)]
     return (*(below[_class_of(bound)] for bound in LATENESS_BOUNDS[:-1]), below[-1])
 
 
 def _quantile(share: float, classes: Sequence[float], worst: float) -> float:
-    """The upper edge of the class in which this share of all cycles is reached; never more than the worst."""
+    """Return the upper edge of the class in which this share of all cycles is reached; never more than the worst."""
     wanted, seen = share * sum(classes), 0.0
     for number, count in enumerate(classes):
         seen += count
@@ -123,8 +121,8 @@ def _quantile(share: float, classes: Sequence[float], worst: float) -> float:
 def cause_of(late: float, overrun: float, sending: float, collecting: float) -> Cause:
     """Return why a cycle came ``late``; all in seconds.
 
-    ``overrun``: how long the cycle before still went on after this one was due; ``sending``: for how much of it adapter and driver
-    were waited for; ``collecting``: how long the collector ran since that cycle began.
+    ``overrun``: by how much the previous cycle ended after this one was due; ``sending``: time of the previous cycle in the adapter
+    and the driver; ``collecting``: time of the garbage collector since that cycle began.
     """
     if collecting >= _HALF * late:
         return Cause.COLLECTOR
@@ -148,7 +146,7 @@ def _edge(number: int) -> float:
 
 
 def hanging(age: float, period: float) -> str | None:
-    """Return that the scan hangs, whose last cycle was ``age`` seconds ago and whose period is ``period``; None if it does not."""
+    """Return a text if the scan hangs: its last cycle was ``age`` seconds ago, its period is ``period``; None if it runs."""
     return (
         f"the scan of the bus has done no cycle for {age:.2f} s" if age > max(_HANGING, 10 * period) else None
     )

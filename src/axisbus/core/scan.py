@@ -1,22 +1,23 @@
-"""The scan: one loop per bus that reads every axis, steps it, and sends what it wants, at a fixed period.
+"""The scan: one loop per bus that reads every axis, steps it, and sends its set-points, with a fixed period.
 
 Theory of operation
 -------------------
 One cycle (``once``) is: wait for the grid, SYNC, receive, take the commands, then for each axis read, step, write; then commit,
 heartbeat.
 
-- **SYNC at the grid.** It leaves before anything is computed, so that the drives sample and obey at even distances, however long
-  a cycle's own work takes. What a cycle commits takes effect at the next SYNC, and what it reads was sampled at the one before.
-  After a delay that stops the axes SYNC comes last: what waits in the drives is of long ago, and must be replaced before it acts.
-- **One writer.** Only the scan touches cores and ports. Other threads let commands wait (``submit``, see ``inbox``) and read
+- **SYNC at the grid.** It is sent before any computation, so that the drives sample and act at even distances, however long a
+  cycle's own work takes. The frames of a cycle take effect at the next SYNC; the values that it reads were sampled at the previous
+  one. After a delay that stops the axes, SYNC is sent last: the frames waiting in the drives are old, and must be replaced before
+  they act.
+- **One writer.** Only the scan uses cores and ports. Other threads queue commands (``submit``, see ``command_queue``) and read
   snapshots.
-- **Absolute grid.** Cycle k belongs to t0 + k * period. A late cycle is done late, the missed ones are skipped and counted, never
-  caught up in a burst: between two cycles there is always half a period or more. Motion advances one period per executed cycle,
-  so a late axis is late and does not jump.
-- **A command breaks off alone.** What is raised while one is taken, planned or stepped ends it and stops its axes.
-- **It dies loudly.** Whatever ends the loop ends every command with a reason, after a quick stop of all drives.
+- **Absolute grid.** Cycle k belongs to t0 + k * period. A late cycle is executed late. The missed ones are skipped and counted,
+  never caught up in a burst: between two cycles there is always half a period or more. Motion advances one period per executed
+  cycle, so a late axis is late and does not jump.
+- **A command fails alone.** An exception while a command is taken, planned or stepped ends it and stops its axes.
+- **Its end is never silent.** Whatever ends the loop ends every command with a reason, after a quick stop of all drives.
 
-In virtual time the same ``once`` is pumped by whoever waits (``waiting.PumpWaiter``); in real time ``run`` does it in a thread.
+In virtual time the waiting program calls the same ``once`` (``waiting.PumpWaiter``); in real time ``run`` does it in a thread.
 """
 
 from __future__ import annotations
@@ -58,10 +59,10 @@ from axisbus.session import AnyCommand, Observer, Target
 
 
 class Wakes(Protocol):
-    """Who wakes a program that waits for the end of a command."""
+    """Wakes a program that waits for the end of a command."""
 
     def notify(self) -> None:
-        """Wake everybody who waits."""
+        """Wake all waiting threads."""
 
 
 class Scan:
@@ -79,9 +80,9 @@ class Scan:
         io: IoScan | None = None,
         gantries: Mapping[str, GantryParameters] | None = None,
     ) -> None:
-        """``ports`` and ``axes`` have the same names; ``period`` in seconds; ``io``: the inputs and outputs beside them.
+        """``ports`` and ``axes`` have the same names; ``period`` in seconds; ``io``: the inputs and outputs.
 
-        ``groups``: the axes of each group by its name; ``on_fault``: how it is stopped by a failure, where not on its path.
+        ``groups``: the axes of each group by its name; ``on_fault``: how a failure stops the group, if not on its path.
         ``gantries``: the pairs of axes that carry one beam, by name.
         """
         self.cycle = cycle
@@ -99,7 +100,7 @@ class Scan:
         self.observers: list[Observer] = []
         self.failure: BaseException | None = None
         self.on_failure: Callable[[], None] | None = (
-            None  # what stops the axes without the scan; called once, must not block
+            None  # stops the axes without the scan; called once, must not block
         )
         self.ended = False
         self.waiter: Wakes | None = None
@@ -111,11 +112,11 @@ class Scan:
         self._joining: deque[tuple[str, Port, AxisCore]] = deque()
         self._inbox = CommandQueue()
         self._next: float | None = None
-        self._before = math.inf  # when the cycle before began
-        self._collected = COLLECTOR.seconds  # seconds that the collector had run when the cycle before began
-        self._done_at = (
-            self._sending
-        ) = -math.inf  # of the cycle before: when it ended, and for how long it sent
+        self._before = math.inf  # start of the previous cycle
+        self._collected = (
+            COLLECTOR.seconds
+        )  # seconds that the garbage collector had run at the start of the previous cycle
+        self._done_at = self._sending = -math.inf  # of the previous cycle: its end, and its time in sending
         self._stop_requests: deque[tuple[str, bool]] = deque()
         self._halt_requests: deque[tuple[str, int]] = deque()
         self._halting = Halting()
@@ -127,8 +128,8 @@ class Scan:
         self._leaving = ShutdownStop()
         self._given_up = False
         self._quitting = False
-        self._quick_stop_sent = False  # by the end of a scan that has failed
-        self._refusing: str | None = None  # why no command is taken any more
+        self._quick_stop_sent = False  # at the end of a scan that has failed
+        self._refusing: str | None = None  # why no more commands are accepted
         self.leaving_since = math.inf  # seconds of the cycle's clock
         self._inherited = False  # by a forked child
         self._lock = threading.Lock()
@@ -136,9 +137,9 @@ class Scan:
     # -- for other threads -------------------------------------------------------------------------------------------
 
     def submit(self, target: Target, command: AnyCommand, ticket: CommandStatus) -> CommandStatus:
-        """Let a command for an axis or group wait for the next cycles; does not block.
+        """Queue a command for an axis or group for the next cycles; does not block.
 
-        Return its ticket: that of the same command where it waits already (see ``inbox``).
+        Return its ticket: that of the same command, if one is already queued (see ``command_queue``).
 
         Raises:
             StateError: this is a forked child, whose scan does not run.
@@ -152,18 +153,18 @@ class Scan:
         return ticket
 
     def add_axis(self, name: str, port: Port, core: AxisCore, groups: Mapping[str, Sequence[str]]) -> None:
-        """Take an axis more into the scan, from its next cycle on; ``groups`` are then all groups that the policy knows."""
+        """Add an axis to the scan, from its next cycle on; ``groups`` replaces the groups that the fault policy knows."""
         self._members = {group: list(axes) for group, axes in groups.items()}
         self._joining.append((name, port, core))
 
     def add_group(self, name: Target, members: Sequence[str]) -> None:
-        """Make a group of axes that cell.toml does not name, once; the fault policy does not know it."""
+        """Make a group of axes that cell.toml does not name, once; the fault policy ignores it."""
         with self._lock:
             if name not in self.groups:
                 self.groups = {**self.groups, name: self._group_core(members)}
 
     def _gantry_cores(self) -> dict[Target, GroupCore]:
-        """Make the pairs whose axes are both there, and that are not made yet."""
+        """Make the gantry pairs that have both axes, and that do not exist yet."""
         found = self._pairs.by_name.items()
         here = [
             (name, pair)
@@ -181,9 +182,9 @@ class Scan:
         return GroupCore({axis: self.axes[axis] for axis in members}, self.period)
 
     def request_stop(self, reason: str, quick: bool = False) -> None:
-        """Ask for the stop of everything that this program has commanded; safe in a signal handler. Does not block.
+        """Request the stop of all axes that this program has commanded; safe in a signal handler. Does not block.
 
-        From here on there is only the way out: no command is taken any more, also none that waits.
+        From here on the machine can only be closed: no command is accepted, and queued ones end.
         """
         if self._refusing is None:
             self._refusing, self.leaving_since = reason, self.cycle.now()
@@ -191,16 +192,16 @@ class Scan:
         self._stops_wanted += 1
 
     def request_halt(self, reason: str, number: int) -> None:
-        """Ask for a halt of everything that was commanded, and end what waits; safe in a signal handler. Does not block.
+        """Request a halt of all commanded axes, and end queued commands; safe in a signal handler. Does not block.
 
-        Commands are taken as before. ``number``: see ``motion.stop.interrupt_halt``.
+        Later commands are accepted. ``number``: see ``motion.stop.interrupt_halt``.
         """
         self._halt_requests.append((reason, number))
 
     def hold_to_run(self, seconds: float | None, who: str, continuous: float | None = None) -> None:
-        """Halt everything unless this is said again within ``seconds``; None: it need not be any more. Does not block.
+        """Halt all axes unless this is called again within ``seconds``; None ends this. Does not block.
 
-        ``continuous``: as of ``HoldToRun.hold``.
+        ``continuous``: as in ``HoldToRun.hold``.
         """
         if seconds is None:
             self._hold_to_run.let_go()
@@ -208,21 +209,21 @@ class Scan:
             self._hold_to_run.hold(self.cycle.now(), seconds, who, continuous)
 
     def _moves_on(self) -> bool:
-        """Whether an axis goes on until another command stops it."""
+        """Whether an axis moves until another command stops it."""
         return any(core.state is AxisState.CONTINUOUS_MOTION for core in self.axes.values())
 
     @property
     def leaving_because(self) -> str | None:
-        """Why no command is taken any more, since ``leaving_since``; None while they are."""
+        """Why no more commands are accepted, since ``leaving_since``; None while they are."""
         return self._refusing
 
     def trip(self, error: AxisbusError) -> None:
-        """Stop the whole cell because of something that is no axis's own; taken in this cycle or the next. Does not block."""
+        """Stop the whole cell for a cause outside the axes; takes effect in this cycle or the next. Does not block."""
         if self._on_lost_node is not LostNode.REPORT:
             self._trips.append(error)
 
     def intrude(self, error: SecondMasterError, names: Sequence[str]) -> None:
-        """Another master commands these axes: stop them in the next cycle. For any thread; does not block."""
+        """Stop these axes in the next cycle, because another master commands them. For any thread; does not block."""
         self._intrusions.append((error, names))
 
     def _refuse_waiting(self) -> None:
@@ -231,7 +232,7 @@ class Scan:
 
     @property
     def has_stopped(self) -> bool:
-        """Whether every stop that was asked for has come to its end (or the scan has)."""
+        """Whether every requested stop has ended (or the scan has)."""
         if self.ended:
             return True
         outputs_too = not self.io or not self._stops_wanted or self.io.left
@@ -239,7 +240,7 @@ class Scan:
 
     @property
     def silent(self) -> str | None:
-        """Why the snapshots are no longer of now, None while they are."""
+        """Why the snapshots are no longer up to date, None while they are."""
         if self.dead is not None:
             return self.dead
         if self.ended:
@@ -251,21 +252,21 @@ class Scan:
 
     @property
     def dead(self) -> str | None:
-        """Why nothing is known of any axis, and will not be: the scan has failed, or runs in another process.
+        """Why all axes are unknown for good: the scan has failed, or runs in another process.
 
-        None while it lives, and after the machine was closed: what was seen last is then how the axes were left.
+        None while it runs, and after the machine was closed: the last snapshots are then the final state of the axes.
         """
         if self._inherited:
             return "this process was forked from the one that has the machine: nothing is received here"
         return None if self.failure is None else f"the scan of the bus has failed: {one_line(self.failure)}"
 
     def disown(self) -> None:
-        """Be of no use any more: this is a forked child, where nothing runs the scan."""
+        """Make this object unusable: this is a forked child, in which the scan does not run."""
         self._inherited = self.ended = True
         self._lock = threading.Lock()
 
     def give_up(self) -> None:
-        """Wait no longer for axes that do not come to rest: outputs become safe without that. Does not block."""
+        """Do not wait any longer for axes that do not come to rest: outputs become safe without that. Does not block."""
         self._given_up = True
 
     def quit(self) -> None:
@@ -275,27 +276,29 @@ class Scan:
     # -- the loop ----------------------------------------------------------------------------------------------------
 
     def run(self) -> None:
-        """Cycle until ``quit``; for a thread of its own. Whatever goes wrong ends in ``self.failure``."""
+        """Cycle until ``quit``; for a thread of its own. Any exception is stored in ``self.failure``."""
         try:
             while not self._quitting and not self.ended:
                 self.once()
-        except BaseException as error:  # noqa: BLE001  # a dead scan must stop the drives, whatever killed it
+        except BaseException as error:  # noqa: BLE001  # a scan that ends must stop the drives, whatever ended it
             self.failure = error
         finally:
             self.end()
 
     def once(self) -> None:
-        """Do one cycle. Raises what the bus raises (``BusError``)."""
+        """Execute one cycle. Raises the errors of the bus (``BusError``)."""
         cycle = self.cycle
         woken = self._wait(cycle)
         gap = woken - self._before
         old = gap > 2 * self.period and gap > self._longest_gap
         if not old and not self.ended:
             cycle.sync()
-        if self.ended:  # taken over while we waited, or a frame was stuck: nothing may follow
+        if self.ended:  # taken over during the wait, or a frame was stuck: nothing may follow
             return
         behind = cycle.receive()
-        now = cycle.now()  # of after a send that may have blocked: what begins now has all of its time
+        now = (
+            cycle.now()
+        )  # read after a send that may have blocked: a motion that begins now has all of its time
         self._before = now
         if behind:
             self._note_behind(now)
@@ -306,7 +309,7 @@ class Scan:
         for name, port, core in self._work:
             port.write(core.step(port.read(now)))
             snapshots[name] = core.snapshot()
-            # Looked at here, where it is at hand, and not in a loop of its own after the sends.
+            # Checked here and not in a loop of its own after the sends, because it is cheaper.
             if core.tripped is not None or core.running.ended:
                 news = True
         if self._stops_begun:
@@ -331,7 +334,7 @@ class Scan:
         self._done_at = cycle.now()
 
     def _do_io(self, now: float) -> bool:
-        """Read and write inputs and outputs; on the way out they become safe once the axes stand, or nobody can make them."""
+        """Read and write inputs and outputs. During closing they become safe when the axes are at standstill, or never will be."""
         if self._given_up or (self._stops_begun >= max(1, self._stops_wanted) and self._leaving.over):
             self.io.leave()
         self.io.step(now)
@@ -343,7 +346,7 @@ class Scan:
         self.end()
 
     def end(self) -> None:
-        """End every command; quick-stop all drives first if the scan failed. When repeated, only the quick stop is."""
+        """End every command; if the scan has failed, quick-stop all drives first. A repeated call only repeats the quick stop."""
         if self.failure is not None:
             self._quick_stop_sent = self.cycle.quick_stop_all()
         failed, self.on_failure = self.on_failure if self.failure is not None else None, None
@@ -361,7 +364,7 @@ class Scan:
             failed()
 
     def stop_failures(self) -> list[AxisbusError]:
-        """Return why axes could not be stopped as asked; empty when all went well."""
+        """Return why axes could not be stopped as requested; empty when all went well."""
         return self._leaving.failures()
 
     def _refusal(self, what: str) -> AxisbusError:
@@ -378,13 +381,14 @@ class Scan:
         return min((core.supervision.longest_gap for core in self.axes.values()), default=math.inf)
 
     def _wait(self, cycle: BusCycle) -> float:
-        """Wait for the next point of the grid; skip and count those that have passed, or lie less than half a period ahead.
-        Two cycles close together would be a burst: two SYNCs within a fraction of the time that the drives interpolate over.
+        """Wait for the next point of the grid; skip and count those that have passed, or are less than half a period ahead.
+
+        Two cycles close together would be a burst: two SYNCs within a fraction of the drives' interpolation time.
         """
         if self._next is None:
             self._next = cycle.now()
         due = cycle.wait_until(self._next)
-        if due is not None:  # another device's SYNC is the grid, so its clock is the one that counts
+        if due is not None:  # another device's SYNC is the grid, so its clock decides
             self._skip(max(0, int((due - self._next) / self.period + 0.5)), due)
             self._next = due
         now = cycle.now()
@@ -435,7 +439,7 @@ class Scan:
         while self._stop_requests:
             self._leaving.begin(self.axes, Shutdown(*self._stop_requests.popleft()), now)
             self._stops_begun += 1
-        if self._refusing is not None:  # what waited when the stop was asked for
+        if self._refusing is not None:  # commands that were queued when the stop was requested
             self._refuse_waiting()
             return
         while self._halt_requests:
@@ -446,7 +450,7 @@ class Scan:
             self._accept(waiting)
 
     def _halt(self, reason: str, number: int) -> None:
-        """Halt what moves because of an interrupt; of what waits only stops are done."""
+        """Halt moving axes because of an interrupt; of the queued commands only stops are executed."""
         for waiting in self._inbox.clear():
             if waiting.is_stop:
                 self._accept(waiting)
@@ -455,7 +459,7 @@ class Scan:
         self._halting.begin(self.axes, reason, number)
 
     def _accept(self, waiting: Waiting) -> None:
-        """Let a command take effect; whatever is raised by it ends it alone, and stops its axes."""
+        """Execute a command; an exception ends only this command, and stops its axes."""
         command, ticket = waiting.command, waiting.ticket
         if self._pairs and waiting.axes:
             refusal: AxisbusError | None = self._pairs.refusal(
@@ -475,7 +479,7 @@ class Scan:
                 self.groups[waiting.target].accept(command, ticket)  # type: ignore[arg-type]
             else:
                 accept(self.axes[waiting.target], command, ticket)  # type: ignore[arg-type,index]
-        except Exception as error:  # noqa: BLE001  # a command's own mistake; what is the scan's own ends the scan
+        except Exception as error:  # noqa: BLE001  # the error of a command; an error of the scan itself ends the scan
             failure = broken(error, ticket.name)
             for name in self.axes.keys() & waiting.axes:
                 self.axes[name].break_off(failure)
@@ -485,7 +489,7 @@ class Scan:
                 accept(self.axes[name], stop, unattended(f"{name}.stop, because {ticket.name} was asked for"))
 
     def _not_to_be_led(self, waiting: Waiting) -> AxisbusError | None:
-        """Return why a way of a group must not lead a pair with other axes now."""
+        """Return why a path of a group must not move a gantry pair with other axes now."""
         for name in self._pairs.led(waiting.target, waiting.command, waiting.axes):
             pair = self.groups.get(name)
             if isinstance(pair, GantryCore) and (found := pair.let_lead(waiting.ticket.name)) is not None:
@@ -497,7 +501,7 @@ class Scan:
             self.waiter.notify()
 
     def _set_override(self, factor: float, ticket: CommandStatus) -> None:
-        """Multiply the velocities of all axes; where one of them cannot take it, none does."""
+        """Multiply the velocities of all axes; if one of them cannot accept the factor, none does."""
         try:
             for core in self.axes.values():
                 require_override(core, factor, ticket)
@@ -532,14 +536,16 @@ class Scan:
             accept(self.axes[name], stop, unattended(f"{name}.stop"))
 
     def _wake(self) -> None:
-        ended = self._stops_begun > 0 or self.io.changed  # who leaves waits for more than a command's end
+        ended = (
+            self._stops_begun > 0 or self.io.changed
+        )  # a closing program waits for more than a command's end
         for _, _, core in self._work:
             if core.running.ended:
                 core.running.ended, ended = False, True
         self._wake_for_groups(ended)
 
     def _wake_for_groups(self, ended: bool) -> None:
-        """Wake who waits, where a group's command has ended, or ``ended`` another."""
+        """Wake waiting programs, if a group's command has ended, or if ``ended``."""
         for group in self.groups.values():
             ended = group.take_ended() or ended
         if ended and self.waiter is not None:

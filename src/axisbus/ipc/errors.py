@@ -1,6 +1,6 @@
-"""Errors as plain values: kind, fields, notes, and the cause as text; they are of the same kind where they arrive.
+"""Errors as plain values: kind, fields, notes, and the cause as text; the receiver gets an error of the same kind.
 
-A cause, which may be an exception of any library, arrives as ``Elsewhere`` with its traceback as it was printed.
+A cause, which may be an exception of any library, arrives as ``Elsewhere`` with its printed traceback.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ register_message_types(ErrorFields)
 
 
 class Elsewhere(Exception):
-    """Something that was raised in another process; its text is the traceback there."""
+    """An exception of another process; its text is the traceback there."""
 
 
 def to_fields(error: errors.AxisbusError) -> ErrorFields:
-    """Return an error as plain values; what an attribute holds beside them crosses as text."""
+    """Return an error as plain values; other values of its attributes become text."""
     fields = {key: _plain(value) for key, value in vars(error).items() if not key.startswith("__")}
     return ErrorFields(
         _known(type(error)).__name__,
@@ -44,7 +44,7 @@ def to_fields(error: errors.AxisbusError) -> ErrorFields:
 
 
 def from_fields(given: ErrorFields) -> errors.AxisbusError:
-    """Return the error; what had caused it hangs on it as ``Elsewhere``."""
+    """Return the error; its cause is attached as ``Elsewhere``."""
     cls = _KINDS[given.kind]
     fields = {key: tuple(value) if isinstance(value, list) else value for key, value in given.fields.items()}
     error = cls.__new__(cls, fields["message"])
@@ -70,7 +70,7 @@ def _plain(value: object) -> Plain:
 
 
 def _trace(error: BaseException) -> str:
-    """Return where an error comes from, without the lines of source: no thread of ours waits for a disk."""
+    """Return the traceback of an error without source lines: no thread of axisbus waits for a disk."""
     places = [
         f'  File "{frame.f_code.co_filename}", line {line}, in {frame.f_code.co_name}'
         for frame, line in traceback.walk_tb(error.__traceback__)

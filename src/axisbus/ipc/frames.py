@@ -1,4 +1,4 @@
-"""Frames of a bus on their way to another process: packed as they come, and left out where nobody takes them."""
+"""Frames of a bus for another process: packed, and left out if they are not taken in time."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from axisbus.cia301.frame import CanFrame
 
 _FRAME = struct.Struct("<dIBB8s")  # time, identifier, flags, length, data
 _EXTENDED, _REMOTE = 1, 2
-_MOST = 20_000  # frames that wait: some seconds of a full bus
+_MOST = 20_000  # queued frames: some seconds of a full bus
 
 
 class FrameQueue:
-    """Frames that wait to be sent to one reader; one thread takes them, any may ``hear``."""
+    """Frames queued for one reader; one thread takes them, any thread may call ``hear``."""
 
     def __init__(self) -> None:
         self._wanted: frozenset[int] = frozenset()
         self._waiting: deque[CanFrame] = deque()
-        self.lost = 0  # frames that were left out, of all that were wanted
+        self.lost = 0  # wanted frames that were left out
         self._told_lost = 0
 
     def want(self, can_ids: Collection[int]) -> None:
-        """Take frames with these identifiers only; with any, where there are none."""
+        """Accept only frames with these identifiers; if empty, all frames."""
         self._wanted = frozenset(can_ids)
 
     def hear(self, frame: CanFrame) -> None:
-        """Let a frame wait; does not block, and drops it where too many do."""
+        """Queue a frame; does not block, and drops the frame if too many are queued."""
         if self._wanted and frame.can_id not in self._wanted:
             return
         if len(self._waiting) >= _MOST:
@@ -36,7 +36,7 @@ class FrameQueue:
         self._waiting.append(frame)
 
     def take(self) -> tuple[bytes, int]:
-        """Return the frames that wait, packed, and how many were dropped."""
+        """Return the queued frames, packed, and the number of dropped ones since the last call."""
         found = [self._waiting.popleft() for _ in range(len(self._waiting))]
         lost = self.lost
         new, self._told_lost = lost - self._told_lost, lost
@@ -49,6 +49,6 @@ def _packed(frame: CanFrame) -> bytes:
 
 
 def unpacked(data: bytes) -> Iterator[CanFrame]:
-    """Yield the frames that these bytes are."""
+    """Yield the frames of these bytes."""
     for time, can_id, flags, length, content in _FRAME.iter_unpack(data):
         yield CanFrame(time, can_id, content[:length], bool(flags & _EXTENDED), bool(flags & _REMOTE))

@@ -1,12 +1,12 @@
-"""The image of a cycle in shared memory: every axis's snapshot, whole and of one cycle, for any number of readers.
+"""The process image of a cycle in shared memory: the snapshots of all axes, of one cycle, for any number of readers.
 
-Theory of operation
--------------------
-The writer never waits: it fills one slot after the other and says then which is the newest. A slot begins and ends with its number;
-a reader copies the newest slot and looks at both numbers, and does so again where the writer was there meanwhile, which must have
-gone round all slots for that. A reader that is slow, stopped or mad can thus disturb nobody.
+Theory of operation ------------------- The writer never waits: it fills one slot after the other and then publishes the number of
+the newest. A slot begins and ends with its number. A reader copies the newest slot and compares both numbers. If the writer has
+changed the slot meanwhile, which needs a full round through all slots, the reader repeats this. A slow, stopped or faulty reader
+can thus disturb no other process.
 
-Errors are texts of any length: an axis has the number of its error, and what that means travels beside (``messages.ErrorTold``).
+Errors are texts of any length: the image contains the number of an axis's error; the error itself is sent separately
+(``messages.ErrorTold``).
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from axisbus.motion.states import AxisState
 _SLOTS = 8
 _TRIES = 100
 _NUMBER = struct.Struct("<Q")
-_BEGIN = struct.Struct("<Qd")  # of a slot: its number, and when the cycle began
+_BEGIN = struct.Struct("<Qd")  # of a slot: its number, and the start of the cycle
 _AXIS = struct.Struct("<ddddqqqqqqqqQIHBB")
-_HEAD = 64  # bytes: the newest number, and room
+_HEAD = 64  # bytes: the newest number, and reserve
 _STATES, _POWERS = tuple(AxisState), tuple(PowerState)
 _STATE_AT = {state: number for number, state in enumerate(_STATES)}
 _POWER_AT = {power: number for number, power in enumerate(_POWERS)}
@@ -38,7 +38,7 @@ ErrorOf = Callable[[int], AxisbusError | None]
 
 
 def size_of(axes: int) -> int:
-    """Return how many bytes the image of so many axes takes."""
+    """Return the size in bytes of the image of this number of axes."""
     return _HEAD + _SLOTS * _slot(axes)
 
 
@@ -47,7 +47,7 @@ def _slot(axes: int) -> int:
 
 
 def number_of(memory: mmap.mmap) -> int:
-    """Return how many images have been written."""
+    """Return the number of images written."""
     number: int = _NUMBER.unpack_from(memory, 0)[0]
     return number
 
@@ -56,7 +56,7 @@ class ImageWriter:
     """Writes images into ``memory``; for one thread. Holds the number of the newest."""
 
     def __init__(self, memory: mmap.mmap, names: Sequence[str]) -> None:
-        """``names``: of every axis that may come, in their order."""
+        """``names``: every axis that may come, in order."""
         self._memory = memory
         self._names = tuple(names)
         self._slot = _slot(len(names))
@@ -83,10 +83,10 @@ class ImageWriter:
 
 
 class ImageReader:
-    """Reads images out of ``memory``; for any thread of any process."""
+    """Reads images from ``memory``; for any thread of any process."""
 
     def __init__(self, memory: mmap.mmap, names: Sequence[str], error_of: ErrorOf) -> None:
-        """``names`` as the writer has them; ``error_of`` returns an error by its number."""
+        """``names`` as those of the writer; ``error_of`` returns an error by its number."""
         self._memory = memory
         self._places = {name: _BEGIN.size + place * _AXIS.size for place, name in enumerate(names)}
         self._slot = _slot(len(names))
@@ -95,11 +95,11 @@ class ImageReader:
 
     @property
     def number(self) -> int:
-        """How many images have been written."""
+        """The number of images written."""
         return number_of(self._memory)
 
     def read(self) -> CellImage:
-        """Return the newest image; where the writer is too fast for that, time and again, the one that was read before."""
+        """Return the newest image; if the writer is repeatedly too fast for that, the previous one."""
         for _ in range(_TRIES):
             number = self.number
             at = _HEAD + number % _SLOTS * self._slot
@@ -116,12 +116,12 @@ class ImageReader:
         return self._last
 
     def image(self, data: bytes) -> CellImage:
-        """Return the image that these bytes are."""
+        """Return the image from its bytes."""
         return CellImage(data, self._places, self._error_of)
 
 
 class CellImage(Mapping[str, Snapshot]):
-    """The axes of one cycle by name, as they were then; each is made when it is looked at."""
+    """The axes of one cycle by name; each snapshot is made when it is read."""
 
     __slots__ = ("_data", "_error_of", "_places")
 
@@ -131,7 +131,7 @@ class CellImage(Mapping[str, Snapshot]):
         self._error_of = error_of
 
     def __getitem__(self, name: str) -> Snapshot:
-        """Return an axis; raises KeyError where it is not there."""
+        """Return an axis; raises KeyError if it is absent."""
         values = _AXIS.unpack_from(self._data, self._places[name])
         if not values[-3] & _THERE:
             raise KeyError(name)
@@ -139,7 +139,7 @@ class CellImage(Mapping[str, Snapshot]):
 
     @property
     def time(self) -> float:
-        """When the cycle began, in seconds of the monotonic clock; 0 where there was none."""
+        """Start of the cycle, in seconds of the monotonic clock; 0 if there was none."""
         time: float = _BEGIN.unpack_from(self._data)[1] if self._data else 0.0
         return time
 

@@ -1,9 +1,9 @@
-"""What is known of inputs and outputs after each cycle, in shared memory behind the image of the axes and the lifeline.
+"""The state of inputs and outputs after each cycle, in shared memory after the image of the axes and the lifeline.
 
 Theory of operation
 -------------------
-As with the axes (``ipc.image``): the writer never waits, a slot begins and ends with its number, and a reader looks at both. The
-warden of a core that is gone finds here which outputs had been set, and what they were.
+As with the axes (``ipc.image``): the writer never waits, a slot begins and ends with its number, and a reader compares both. After
+the death of a core, its watchdog process finds here the outputs that had been set, and their values.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from axisbus.motion.io.reading import IoReading
 _SLOTS = 8
 _TRIES = 100
 _NUMBER = struct.Struct("<Q")
-_POINT = struct.Struct("<dqdBB6x")  # time of the cycle, value, stamp, flags, why it is not known
+_POINT = struct.Struct("<dqdBB6x")  # time of the cycle, value, stamp, flags, why it is unknown
 _THERE, _HAS_VALUE, _SET = 1, 2, 4
 _KNOWN = tuple(SignalValidity)
 _AT = {known: number for number, known in enumerate(_KNOWN)}
 
 
 def offset(axes: int) -> int:
-    """Return where it begins, in the memory of a machine with so many axes."""
+    """Return its start in the memory of a machine with this number of axes."""
     return image.size_of(axes) + rescue_memory.size_of(axes)
 
 
 def size_of(points: int) -> int:
-    """Return how many bytes so many inputs and outputs take."""
+    """Return the size in bytes for this number of inputs and outputs."""
     return _NUMBER.size + _SLOTS * _slot(points)
 
 
@@ -43,7 +43,7 @@ class IoImage:
     """Writes and reads the readings in ``memory``; one thread writes, any thread of any process reads. Holds the newest number."""
 
     def __init__(self, memory: mmap.mmap, axes: int, names: Sequence[str]) -> None:
-        """``axes`` of the machine; ``names`` of all its inputs and outputs, in their order."""
+        """``axes``: number of axes of the machine; ``names`` of all its inputs and outputs, in order."""
         self._memory = memory
         self._at = offset(axes)
         self._names = tuple(names)
@@ -52,7 +52,7 @@ class IoImage:
         self._last: dict[str, IoReading] = {}
 
     def write(self, readings: Mapping[str, IoReading]) -> None:
-        """Write what is known after a cycle."""
+        """Write the readings after a cycle."""
         if not self._names:
             return
         self._number = number = self._number + 1
@@ -67,7 +67,7 @@ class IoImage:
         _NUMBER.pack_into(self._memory, self._at, number)
 
     def read(self) -> dict[str, IoReading]:
-        """Return the newest readings; where the writer is too fast for that, time and again, those that were read before."""
+        """Return the newest readings; if the writer is repeatedly too fast for that, the previous ones."""
         for _ in range(_TRIES if self._names else 0):
             number: int = _NUMBER.unpack_from(self._memory, self._at)[0]
             if not number:

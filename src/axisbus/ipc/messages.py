@@ -1,7 +1,7 @@
-"""The messages between a program and its core, as frozen values; a ``Codec`` turns each into bytes.
+"""The messages between a program and its core, as frozen values; a ``Codec`` converts each to bytes.
 
-A core answers ``OpenCell`` with ``CellOpened`` or ``NotOpened`` and ``CoreQuery`` with ``CoreReply``, each by its number; what else
-it sends is told by itself. Everything that a program sends after ``Leave`` but ``RequestStop`` is passed over.
+A core answers ``OpenCell`` with ``CellOpened`` or ``NotOpened``, and ``CoreQuery`` with ``CoreReply`` of the same number; it sends
+all other messages unasked. After ``Leave`` from a program, the core ignores all its messages except ``RequestStop``.
 """
 
 from __future__ import annotations
@@ -40,9 +40,10 @@ from axisbus.session import (
 
 @dataclass(frozen=True, slots=True)
 class OpenCell:
-    """Open the cell of a file; ``version`` is that of the program's axisbus. The first message, and once.
+    """Open the cell of a file; ``version`` is that of the program's axisbus. The first message, sent once.
 
-    ``shared``: this program commands nothing; whoever is joined to it may. ``in_cells``: Ctrl-C ends one of its cells, and not it.
+    ``shared``: this program has no control; a joined program may have it. ``in_cells``: Ctrl-C ends one of its cells, not the
+    program.
     """
 
     version: str
@@ -54,9 +55,9 @@ class OpenCell:
 
 @dataclass(frozen=True, slots=True)
 class Attach:
-    """Join the machine of a cell that is open; ``text`` is what its file says (a digest). The first message of a guest, and once.
+    """Join the machine of an open cell; ``text`` is a digest of its file. The first message of a joining client, sent once.
 
-    ``command``: it is to have the command, which nobody else may have; ``take``: then it is taken from whoever has it.
+    ``command``: it wants control, which only one program has at a time; ``take``: control is taken from the program that has it.
     """
 
     version: str
@@ -67,7 +68,7 @@ class Attach:
 
 @dataclass(frozen=True, slots=True)
 class NodeFacts:
-    """What a program must know of a node that has been booted."""
+    """The facts about a booted node for a program."""
 
     report: NodeReport
     parameters: dict[str, AxisParameters]
@@ -77,9 +78,9 @@ class NodeFacts:
 
 @dataclass(frozen=True, slots=True)
 class CellOpened:
-    """The machine runs: its nodes, and its axes; ``degree`` says how surely its cycles come in time, ``process`` where (its ID).
+    """The machine runs: its nodes and axes; ``degree`` is the real-time status, ``process`` the ID of the core's process.
 
-    ``commanded_by``: who has the command, for people.
+    ``commanded_by``: the program with control, as text.
     """
 
     nodes: dict[int, NodeFacts]
@@ -91,7 +92,7 @@ class CellOpened:
 
 @dataclass(frozen=True, slots=True)
 class NotOpened:
-    """It does not: one reason, or several of which ``message`` tells."""
+    """The machine does not run: one error, or several with the common text ``message``."""
 
     errors: tuple[AxisbusError, ...]
     message: str = ""
@@ -99,7 +100,7 @@ class NotOpened:
 
 @dataclass(frozen=True, slots=True)
 class Submit:
-    """``Session.submit``; ``stream``: the number of the trajectory that is to be followed, whose head it has (0: none)."""
+    """``Session.submit``; ``stream``: the number of the trajectory to be followed, whose head the command contains (0: none)."""
 
     number: int
     target: Target
@@ -110,7 +111,7 @@ class Submit:
 
 @dataclass(frozen=True, slots=True)
 class WantSamples:
-    """The core wants samples of a trajectory (``Streamed.wanted``)."""
+    """The core requests samples of a trajectory (``Streamed.wanted``)."""
 
     stream: int
     first: int
@@ -119,7 +120,7 @@ class WantSamples:
 
 @dataclass(frozen=True, slots=True)
 class TrajectorySamples:
-    """Samples of a trajectory, from number ``first`` on."""
+    """Samples of a trajectory, beginning with number ``first``."""
 
     stream: int
     first: int
@@ -128,7 +129,7 @@ class TrajectorySamples:
 
 @dataclass(frozen=True, slots=True)
 class NoSamples:
-    """A trajectory gives no more: its code has failed."""
+    """A trajectory has no more samples: its code has failed."""
 
     stream: int
     error: AxisbusError
@@ -136,7 +137,7 @@ class NoSamples:
 
 @dataclass(frozen=True, slots=True)
 class StreamOver:
-    """Nobody in the core follows a trajectory any more."""
+    """The core no longer follows a trajectory."""
 
     stream: int
 
@@ -175,14 +176,14 @@ class HoldToRunMessage:
 
 @dataclass(frozen=True, slots=True)
 class Observe:
-    """Whether images of all cycles are wanted (``CycleImages``)."""
+    """Whether process images of all cycles are wanted (``CycleImages``)."""
 
     wanted: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Tap:
-    """Whether the frames of the bus are wanted (``Frames``): those of ``can_ids``, or all where there are none."""
+    """Whether the frames of the bus are wanted (``Frames``): those of ``can_ids``, or all if it is empty."""
 
     wanted: bool
     can_ids: tuple[int, ...] = ()
@@ -190,7 +191,7 @@ class Tap:
 
 @dataclass(frozen=True, slots=True)
 class CoreQuery:
-    """Ask for something that takes its time, such as an SDO transfer; ``node`` 0: of the core itself."""
+    """Request something that takes time, such as an SDO transfer; ``node`` 0: of the core itself."""
 
     number: int
     what: str
@@ -200,7 +201,7 @@ class CoreQuery:
 
 @dataclass(frozen=True, slots=True)
 class CoreReply:
-    """What was asked for, or the error that it came to."""
+    """The result of a request, or its error."""
 
     number: int
     value: Any = None
@@ -216,7 +217,7 @@ class Leave:
 
 @dataclass(frozen=True, slots=True)
 class Left:
-    """Everything has been left; what went wrong, and what would have been answered last, by node (0: the core) and question."""
+    """Everything has been left: the failures, and the last answers, by node (0: the core) and request."""
 
     failures: tuple[AxisbusError, ...]
     last: dict[tuple[int, str], Any] = field(default_factory=dict)
@@ -224,14 +225,14 @@ class Left:
 
 @dataclass(frozen=True, slots=True)
 class CommandEvents:
-    """How commands go on, of one cycle."""
+    """Status changes of commands, of one cycle."""
 
     events: tuple[CommandEvent, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class ErrorTold:
-    """The error that an image calls by its number."""
+    """The error that has this number in an image."""
 
     number: int
     error: AxisbusError
@@ -239,7 +240,7 @@ class ErrorTold:
 
 @dataclass(frozen=True, slots=True)
 class NodeJoined:
-    """An optional node has come later, with these axes."""
+    """An optional node has come up late, with these axes."""
 
     node: int
     facts: NodeFacts
@@ -248,14 +249,14 @@ class NodeJoined:
 
 @dataclass(frozen=True, slots=True)
 class NodeTold:
-    """Error control has told something of a node whose events are asked for."""
+    """Error control has an event of a node whose events are requested."""
 
     event: NodeEvent
 
 
 @dataclass(frozen=True, slots=True)
 class CycleImages:
-    """Images of cycles that followed each other, each with its time; ``lost`` were left out before, as nobody took them."""
+    """Images of successive cycles, each with its time; ``lost`` images before them were left out, because they were not taken."""
 
     images: tuple[tuple[float, bytes], ...]
     lost: int = 0
@@ -263,7 +264,7 @@ class CycleImages:
 
 @dataclass(frozen=True, slots=True)
 class Frames:
-    """Frames of the bus, packed (``ipc.frames``); ``lost`` were left out, as nobody took them."""
+    """Frames of the bus, packed (``ipc.frames``); ``lost`` frames were left out, because they were not taken."""
 
     packed: bytes
     lost: int = 0
@@ -271,7 +272,7 @@ class Frames:
 
 @dataclass(frozen=True, slots=True)
 class CoreCondition:
-    """How the core is: see ``Session`` for each."""
+    """The condition of the core: see ``Session`` for each field."""
 
     dead: str | None = None
     ended: bool = False
@@ -281,9 +282,9 @@ class CoreCondition:
 
 @dataclass(frozen=True, slots=True)
 class Rescued:
-    """The core is dead; ``why`` says how it ended, ``stopped`` how its warden left the axes that had been commanded.
+    """The core is dead; ``why`` is how it ended, ``stopped`` the results of its watchdog process for the commanded axes.
 
-    Of the outputs that had been set, ``safe`` are seen in their safe state, and ``unsafe`` are not.
+    Of the outputs that had been set, those in ``safe`` are seen in their safe state, and those in ``unsafe`` are not.
     """
 
     why: str
@@ -331,7 +332,7 @@ Message = (
     | Logged
     | Rescued
 )
-# What else an answer, or the argument of a question, may hold.
+# Further types that an answer, or the argument of a request, may contain.
 _ASKED = (
     LatenessReport,
     CommandSeen,

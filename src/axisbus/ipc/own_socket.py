@@ -2,14 +2,13 @@
 
 Theory of operation
 -------------------
-Code that makes a daemon closes every descriptor of its process (``os.closerange``), and ``os.dup2`` puts another file in the
-place of one. The number then belongs to nobody, or to another file. Python does not notice: its socket would read that file, write
-into it, and close it in the end. So the socket remembers which file its number stood for when it was made, and compares before
-each use.
+Code that makes a daemon closes every descriptor of its process (``os.closerange``), and ``os.dup2`` replaces the file of a
+descriptor. The number is then unused, or refers to another file. Python does not notice: its socket would read and write that file,
+and close it in the end. Therefore the socket stores the identity of its file when it is made, and compares it before each use.
 
-A call that waits in the kernel keeps its file open, although no number leads to it any more: the far end does not see the end of
-the connection. With ``look`` a reader waits in slices. The kernel then releases the file at the end of the slice, also while
-another thread of the program has the interpreter.
+A call that waits in the kernel keeps its file open, even after its descriptor is gone: the far end does not see the end of the
+connection. With ``look`` a reader waits in slices. The kernel then releases the file at the end of the slice, even while another
+thread of the program holds the interpreter.
 """
 
 from __future__ import annotations
@@ -32,25 +31,25 @@ def own_pair() -> tuple[OwnSocket, OwnSocket]:
 
 
 class OwnSocket:
-    """A connected stream socket; holds the socket, and which file its number stands for."""
+    """A connected stream socket; holds the socket, and the identity of its file."""
 
     def __init__(self, line: socket.socket) -> None:
-        """Take over ``line``, which nobody else may use."""
+        """Take over ``line``, which no other code may use."""
         self._line = line
         self._file = _file_of(line)
         self._looks = False
 
     @property
     def lost(self) -> bool:
-        """Whether its number does not stand for this socket any more, here or in a forked child that has closed it."""
+        """Whether its descriptor no longer refers to this socket, here or in a forked child that has closed it."""
         return self._file is None or _file_of(self._line) != self._file
 
     def fileno(self) -> int:
-        """Return its number, -1 once it has been released."""
+        """Return its descriptor, -1 after it has been released."""
         return self._line.fileno()
 
     def look(self) -> None:
-        """Let ``recv`` notice within ``SLICE`` that the socket is lost, and the far end notice it as well."""
+        """Let ``recv`` notice within ``SLICE`` that the socket is lost, so that the far end notices it as well."""
         if not self.lost:
             self._line.setsockopt(
                 socket.SOL_SOCKET, socket.SO_RCVTIMEO, _TIME.pack(0, int(SLICE * 1_000_000))
@@ -58,7 +57,7 @@ class OwnSocket:
             self._looks = True
 
     def recv(self, count: int) -> bytes:
-        """Return at most ``count`` bytes, none at the end of the connection; blocks. Raises OSError, also when it is lost."""
+        """Return at most ``count`` bytes, none at the end of the connection; blocks. Raises OSError, also if the socket is lost."""
         while True:
             self._require()
             try:
@@ -68,7 +67,7 @@ class OwnSocket:
                     raise
 
     def send(self, data: bytes) -> None:
-        """Send a few bytes; blocks where the socket does. Raises OSError as ``recv``."""
+        """Send a few bytes; blocks if the socket does. Raises OSError as ``recv``."""
         self._require()
         self._line.send(data)
 
@@ -78,13 +77,13 @@ class OwnSocket:
         self._line.sendall(data)
 
     def shutdown(self, how: int) -> None:
-        """End the connection in one direction or both; harmless where it has ended, or is lost."""
+        """End the connection in one direction or both; harmless if it has ended, or is lost."""
         if not self.lost:
             with suppress(OSError):
                 self._line.shutdown(how)
 
     def close(self) -> None:
-        """Release it; a file that has taken its number stays open."""
+        """Release it; a file that has taken its descriptor stays open."""
         if self.lost:
             self._line.detach()
         else:
@@ -96,20 +95,20 @@ class OwnSocket:
 
 
 class FarEnd:
-    """The program's end of a connection, seen from the other process; holds which number it has there, and its file.
+    """The program's end of a connection, seen from the other process; holds its descriptor there, and its file.
 
-    A copy of the descriptor in a third process keeps the connection open, although the program has closed its own.
+    A copy of the descriptor in a third process keeps the connection open, even if the program has closed its own.
     """
 
     def __init__(self, process: int, number: int, inode: int) -> None:
-        """``number`` and ``inode``: of the socket in ``process``."""
+        """``number`` and ``inode``: those of the socket in ``process``."""
         self._path = f"/proc/{process}/fd/{number}"
         self._file = f"socket:[{inode}]"
         self._can_tell = self._found() == self._file
 
     @property
     def lost(self) -> bool:
-        """Whether the process has closed or replaced it; False where this process may not look."""
+        """Whether the process has closed or replaced it; False if this process has no permission to check."""
         return self._can_tell and self._found() not in (self._file, None)
 
     def _found(self) -> str | None:
@@ -122,7 +121,7 @@ class FarEnd:
 
 
 def inode_of(line: socket.socket) -> int:
-    """Return what ``FarEnd`` knows a socket by."""
+    """Return the inode by which ``FarEnd`` identifies a socket."""
     return os.fstat(line.fileno()).st_ino
 
 

@@ -1,4 +1,4 @@
-"""Kinds of messages that are known to msgspec before any thread reads one."""
+"""Register message types with msgspec before any thread decodes one."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import msgspec
 
 
 def register_message_types(*kinds: type[msgspec.Struct]) -> None:
-    """Let msgspec look at what is in these kinds now, where they are imported: by one thread, and once.
+    """Let msgspec analyse these types now, at import: in one thread, and once.
 
-    It would look at the first message of each otherwise, and two threads that read a first one at the same time end the
-    interpreter: the one uses what the other has not finished (msgspec 0.22).
+    Otherwise msgspec would analyse each type at its first message. If two threads decode a first message at the same time, the
+    interpreter crashes: one thread uses data that the other has not completed (msgspec 0.22).
     """
     for kind in kinds:
         msgspec.json.Decoder(kind)

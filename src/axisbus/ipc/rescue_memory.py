@@ -1,11 +1,10 @@
-"""What a rescue needs of a core that is gone, in shared memory: how far it was, and the last frames with a controlword.
+"""The data for a rescue after the death of a core, in shared memory: the stage of the core, and the last frames with a controlword.
 
-Theory of operation
--------------------
-A drive is stopped by the frame that it was sent last, with another controlword: any other value in it, such as a target, is one
-that it has had already. Offsets of feed-forward alone become 0: they belong to a motion that is over. The core puts each such
-frame here when it has been given to the adapter; a table made once says where in it the controlword is, and the offsets. A frame is
-copied in one piece of eight bytes: one who reads after the core's death finds no half of one.
+Theory of operation ------------------- A drive is stopped by the last frame that it got, with another controlword. Any other value
+in the frame, such as a target, is one that the drive already has. Only offsets of feed-forward become 0, because they belong to a
+motion that is over. The core stores each such frame here when the adapter has accepted it. A table that is made once contains the
+location of the controlword and of the offsets in it. A frame is copied in one piece of eight bytes: a reader after the core's death
+never finds half a frame.
 """
 
 from __future__ import annotations
@@ -27,12 +26,12 @@ _FLAGS_AT = 6
 _SENT, _TOUCHED = 1, 2
 _MOST = 6  # RPDOs with a controlword or an offset for each axis
 _WORD = 0xFFFF
-NO_WORD = 0xFF  # the shift where an RPDO holds no controlword
-_NO_FRAME = 0xFFFF_FFFF  # of an axis whose controlword no RPDO carries
+NO_WORD = 0xFF  # the shift of an RPDO without a controlword
+_NO_FRAME = 0xFFFF_FFFF  # for an axis without a controlword in any RPDO
 
 
 class CoreStage(IntEnum):
-    """How far a core is."""
+    """The stage of a core's life."""
 
     OPENING = 0
     RUNNING = 1
@@ -41,9 +40,9 @@ class CoreStage(IntEnum):
 
 
 class RescueRpdo(NamedTuple):
-    """An RPDO that holds a controlword, or offsets of feed-forward: of which axis (by number), and what a stop changes in it.
+    """An RPDO with a controlword, or offsets of feed-forward: its axis (by number), and the changes for a stop.
 
-    ``shift``: how many bits before the controlword are others'. ``zero``: the bits of offsets, which become 0.
+    ``shift``: number of bits before the controlword. ``zero``: the bits of offsets, which become 0.
     """
 
     axis: int
@@ -53,29 +52,29 @@ class RescueRpdo(NamedTuple):
 
 
 class RescueTargets(NamedTuple):
-    """What there is to stop: the axes (by number) that were commanded, and the frames of their quick stop."""
+    """The data for the stop: the axes (by number) that were commanded, and the frames of their quick stop."""
 
     axes: tuple[int, ...]
     frames: tuple[tuple[int, bytes], ...]
 
 
 def size_of(axes: int) -> int:
-    """Return how many bytes the lifeline of so many axes takes."""
+    """Return the size in bytes of the lifeline of this number of axes."""
     return _HEAD.size + axes * _MOST * _ENTRY.size
 
 
 class LifelineWriter:
-    """Writes into ``memory`` from ``at`` on; for one thread at a time."""
+    """Writes into ``memory``, from ``at`` on; for one thread at a time."""
 
     def __init__(self, memory: mmap.mmap, at: int) -> None:
         self._memory = memory
         self._at = at
-        self._places: dict[int, list[int]] = {}  # of the entries of an axis
-        self._frames: dict[int, int] = {}  # of the entry of a COB-ID
+        self._places: dict[int, list[int]] = {}  # locations of the entries of an axis
+        self._frames: dict[int, int] = {}  # location of the entry of a COB-ID
         self._count = 0
 
     def enter(self, held: Sequence[RescueRpdo]) -> None:
-        """Enter RPDOs, before anything is sent by them."""
+        """Enter RPDOs, before anything is sent with them."""
         for one in held:
             place = self._at + _HEAD.size + self._count * _ENTRY.size
             _ENTRY.pack_into(self._memory, place, one.cob_id, one.shift, 0, 0, one.axis, one.zero, b"")
@@ -85,11 +84,11 @@ class LifelineWriter:
         _COUNT.pack_into(self._memory, self._at + _COUNT_AT, self._count)
 
     def stage(self, stage: CoreStage) -> None:
-        """Say how far the core is."""
+        """Store the stage of the core."""
         self._memory[self._at] = stage
 
     def sent(self, frames: Mapping[int, bytes]) -> None:
-        """Note the last frames, by their COB-IDs; those in which a stop changes nothing are passed over."""
+        """Store the last frames, by their COB-IDs; frames that a stop does not change are skipped."""
         memory = self._memory
         for cob_id, data in frames.items():
             place = self._frames.get(cob_id)
@@ -100,18 +99,18 @@ class LifelineWriter:
                 memory[place + _FLAGS_AT] |= _SENT
 
     def touched(self, axis: int) -> None:
-        """Note that an axis was commanded."""
+        """Store that an axis was commanded."""
         for place in self._places.get(axis, ()):
             self._memory[place + _FLAGS_AT] |= _TOUCHED
 
 
 def stage_of(memory: mmap.mmap, at: int) -> CoreStage:
-    """Return how far the core is, or was."""
+    """Return the last stage of the core."""
     return CoreStage(memory[at])
 
 
 def found(memory: mmap.mmap, at: int) -> RescueTargets:
-    """Return what there is to stop."""
+    """Return the data for the stop."""
     _, count = _HEAD.unpack_from(memory, at)
     entries = [_ENTRY.unpack_from(memory, at + _HEAD.size + number * _ENTRY.size) for number in range(count)]
     axes = {axis: None for *_, flags, axis, _, _ in entries if flags & _TOUCHED}

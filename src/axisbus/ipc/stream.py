@@ -1,10 +1,8 @@
-"""Messages over a stream socket, each with its length before it; sending never blocks whoever sends.
+"""Messages over a stream socket, each preceded by its length; sending never blocks the caller.
 
-Theory of operation
--------------------
-``send`` puts a message into a queue that a thread empties, which also makes bytes of it. So it may be called in a scan's thread,
-and in a signal handler: it takes no lock, and wakes the thread by a byte in a socket. A far end that reads nothing lets the queue
-grow: ``waiting`` tells by how many messages, and whoever sends much looks at it.
+Theory of operation ------------------- ``send`` puts a message into a queue; a thread converts the messages to bytes and sends
+them. Therefore ``send`` may be called in a scan's thread, and in a signal handler: it takes no lock, and wakes the thread by a byte
+in a socket. If the far end reads nothing, the queue grows: ``waiting`` is its length, which a sender of many messages checks.
 
 A connection whose sockets the process has lost (see ``own_socket``) has ended. ``look`` lets both ends notice that soon.
 """
@@ -23,19 +21,19 @@ from axisbus.ipc.own_socket import OwnSocket, own_pair
 
 log = logging.getLogger("axisbus")
 _LENGTH = struct.Struct("<I")
-_LARGEST = 1 << 28  # bytes; what says more is no message
+_LARGEST = 1 << 28  # bytes; a larger length is no message
 _READ = 1 << 16
 
 
 class MessageStream:
-    """One end of a connection; holds what waits to be sent. ``send`` is for any thread, ``messages`` for one."""
+    """One end of a connection; holds the queue. ``send`` is for any thread, ``messages`` for one."""
 
     def __init__(
         self, line: socket.socket, pack: Callable[[object], bytes], name: str, largest: int = _LARGEST
     ) -> None:
         """``line``: a connected stream socket, closed by ``close``; ``name``: of the thread that packs and sends.
 
-        ``largest``: bytes of a message that is taken.
+        ``largest``: maximum size in bytes of a received message.
         """
         self._line = OwnSocket(line)
         self._largest = largest
@@ -43,13 +41,13 @@ class MessageStream:
         self._queue: deque[object] = deque()
         self._wakes, self._wake = own_pair()
         self._closing = False
-        self.lost = False  # whether the connection has ended because this process has closed or replaced one of its sockets
+        self.lost = False  # whether this process has closed or replaced one of its sockets
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
     @property
     def waiting(self) -> int:
-        """How many messages have not been sent."""
+        """The number of messages that have not been sent."""
         return len(self._queue)
 
     def look(self) -> None:
@@ -57,14 +55,14 @@ class MessageStream:
         self._line.look()
 
     def send(self, message: object) -> None:
-        """Let a message (bytes: one that is packed already) be sent after those that wait; where nobody is there, it is dropped."""
+        """Queue a message (bytes: already packed); if the connection has been closed, it is dropped."""
         if self._closing:
             return
         self._queue.append(message)
         self._nudge()
 
     def messages(self) -> Iterator[bytes]:
-        """Yield each message that comes, until the far end is gone or has said nonsense; blocks."""
+        """Yield each received message, until the far end is gone or has sent an invalid length; blocks."""
         while (head := self._read(_LENGTH.size)) is not None:
             length = _LENGTH.unpack(head)[0]
             message = self._read(length) if length <= self._largest else None
@@ -73,7 +71,7 @@ class MessageStream:
             yield message
 
     def close(self, wait: float = 0.0) -> None:
-        """End the connection once what waits has been sent, at most ``wait`` seconds from now; harmless when repeated."""
+        """End the connection after the queue has been sent, at most ``wait`` seconds from now; harmless when repeated."""
         if self._closing:
             return
         self._closing = True
@@ -82,23 +80,23 @@ class MessageStream:
         self._line.shutdown(socket.SHUT_RDWR)
 
     def say_no_more(self) -> None:
-        """Tell the far end that nothing more is sent; what it says until it goes can be read."""
+        """Tell the far end that nothing more is sent; its messages can still be read until it closes."""
         self._line.shutdown(socket.SHUT_WR)
 
     def finish(self) -> None:
-        """End the connection, and release it; for the one who reads, when there is nothing more to be read."""
+        """End the connection, and release it; for the reading thread, when there is nothing more to be read."""
         self.close()
         self._thread.join()
         self._release()
 
     def disown(self) -> None:
-        """Let go of a forked child's copy, which must neither read nor send."""
+        """Release a forked child's copy, which must neither read nor send."""
         self._closing = True
         self._queue = deque()
         self._release()
 
     def _nudge(self) -> None:
-        with suppress(OSError):  # full: it is awake; closed: nobody is there
+        with suppress(OSError):  # full: it is awake; closed: no thread is there
             self._wake.send(b"\0")
 
     def _read(self, count: int) -> bytes | None:
@@ -125,7 +123,7 @@ class MessageStream:
             self._queue.clear()
 
     def _woken(self) -> bool:
-        """Wait until there is something to do; return False where nobody can say so any more."""
+        """Wait until there is something to do; return False if no thread can wake this one any more."""
         try:
             woken = bool(self._wakes.recv(_READ))
         except OSError:
@@ -139,7 +137,7 @@ class MessageStream:
             self.lost = any(end.lost for end in (self._line, self._wakes, self._wake))
 
     def _empty(self) -> bool:
-        """Send what waits; return False where the far end is gone."""
+        """Send the queue; return False if the far end is gone."""
         while self._queue:
             data = self._packed(self._queue[0])
             try:
@@ -150,7 +148,7 @@ class MessageStream:
         return True
 
     def _packed(self, message: object) -> bytes:
-        """Return a message with its length; nothing for one that cannot cross, which must not keep the others from it."""
+        """Return a message with its length; nothing for one that cannot be sent, which must not delay the others."""
         try:
             data = message if isinstance(message, bytes) else self._pack(message)
         except Exception:

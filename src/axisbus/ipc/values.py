@@ -1,13 +1,11 @@
 """Frozen values as MessagePack bytes: numbers, texts, collections, enums, dataclasses, named tuples, and errors of the tree.
 
-Theory of operation
--------------------
-Whatever is no plain number, text or bytes is a list that begins with what it is. The classes that may cross are those in the type
-hints of the roots that a ``Codec`` is given: what is not among them is refused on either side, and nothing is executed by reading
-but the constructors of those. Both ends are of the same version of this package (``messages.OpenCell``), so fields need no
-versions.
+Theory of operation ------------------- A value that is not a plain number, text or bytes is a list that begins with its kind. The
+permitted classes are those in the type hints of the roots of a ``Codec``: both sides refuse any other class. Reading executes
+nothing but the constructors of these classes. Both ends have the same version of this package (``messages.OpenCell``), so fields
+need no versions.
 
-A function in a field does not cross: the other end has the field's default.
+A function in a field is not sent: the other end has the field's default.
 """
 
 from __future__ import annotations
@@ -31,24 +29,24 @@ _UNPACK = msgspec.msgpack.Decoder().decode
 
 
 class NotForCrossing(TypeError):
-    """A value has no business in another process, or bytes that hold none were read as one."""
+    """A value must not be sent to another process, or bytes without a valid value were read."""
 
 
 class Codec:
-    """Turns values into bytes and back; knows the classes that may cross."""
+    """Converts values to bytes and back; holds the permitted classes."""
 
     def __init__(self, roots: Iterable[Any]) -> None:
-        """``roots``: types, unions and generic aliases, whose fields are looked through."""
+        """``roots``: types, unions and generic aliases; the types of their fields are permitted, too."""
         self._classes: dict[str, type] = {}
         for root in roots:
             self._learn(root)
 
     def pack(self, value: object) -> bytes:
-        """Return a value as bytes; raises NotForCrossing for what may not cross."""
+        """Return a value as bytes; raises NotForCrossing for a class that is not permitted."""
         return _PACK(self._out(value))
 
     def unpack(self, data: bytes | msgspec.Raw) -> Any:
-        """Return the value that ``data`` holds; raises NotForCrossing where it holds none."""
+        """Return the value of ``data``; raises NotForCrossing if it contains none."""
         try:
             return self._in(_UNPACK(data))
         except Exception as error:  # any kind: deep nesting, or a constructor that rejects its fields
@@ -56,10 +54,10 @@ class Codec:
 
     @property
     def classes(self) -> Mapping[str, type]:
-        """The classes that may cross, by name."""
+        """The permitted classes, by name."""
         return self._classes
 
-    # -- which classes -------------------------------------------------------------------------------------------------
+    # -- permitted classes -----------------------------------------------------------------------------------------------
 
     def _learn(self, kind: Any) -> None:
         if typing.get_origin(kind) is not None:
@@ -170,5 +168,5 @@ def _name(kind: type) -> str:
 
 
 def _names(kind: type) -> list[str]:
-    """The fields that the constructor takes; the others follow from them."""
+    """Return the fields that are arguments of the constructor; the others follow from them."""
     return [field.name for field in fields(kind) if field.init]

@@ -21,9 +21,7 @@ class CommandDispatcher:
 
     def __init__(self, session: AxisSession) -> None:
         self.session = session
-        self._lock = (
-            threading.RLock()
-        )  # re-entrant: logging in here, as by garbage collection, may stop an axis
+        self._lock = threading.RLock()  # re-entrant: logging in here may stop an axis
         self._numbers = itertools.count(1)
         self._given: dict[int, Handle | CommandEvent] = {}
         self._over: deque[int] = deque()
