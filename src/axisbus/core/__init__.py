@@ -1,1 +1,1 @@
-"""The one owner of a bus: scan, links, boot's wiring, rescue and parting."""
+"""The core, the only owner of a bus: scan, links, boot, rescue and node shutdown."""

@@ -1,4 +1,4 @@
-"""The process that a program starts for its core (``core.process.launch``): a warden, which becomes several.
+"""The process that a program starts for its core (``core.process.launch``): a watchdog process, which starts further processes.
 
 The argument is a ``StartupArgs`` as JSON.
 """

@@ -1,4 +1,4 @@
-"""The link over a CAN bus: the channel, its nodes, their boot-up and ports; with ``interface = "sim"`` also the stand-ins."""
+"""The link over a CAN bus: the channel, its nodes, their boot-up and ports; with ``interface = "sim"`` also simulated drives."""
 
 from __future__ import annotations
 
@@ -49,13 +49,13 @@ from axisbus.link import NodeShutdown, StopResult, Unsafe
 from axisbus.sim.node.network import StandIns
 
 log = logging.getLogger("axisbus")
-FIND_TIME = 3.0  # seconds that a node may take to answer for the first time
+FIND_TIME = 3.0  # seconds for the first answer of a node
 _CHANNELS = itertools.count(1)
 OnProgram = Callable[[int, int, int | None], None]
 
 
 class CanLink:
-    """A ``Link`` over a CAN bus with CANopen nodes, and modules beside them; holds the channel, and what booting each has made."""
+    """A ``Link`` over a CAN bus with CANopen nodes and CAN Simple modules; holds the channel, and the boot result of each node."""
 
     in_threads = True
 
@@ -66,10 +66,10 @@ class CanLink:
         on_program: OnProgram | None = None,
         channel: Channel | None = None,
     ) -> None:
-        """Open the bus; nothing is sent where another master is heard on it.
+        """Open the bus; if another master is heard on it, nothing is sent.
 
-        ``channel``: the way to stand-ins that run in another process. ``on_program`` is called with a node's ID and the bytes of
-        its program that have arrived and that there are, in the thread that boots it.
+        ``channel``: the connection to simulated drives in another process. ``on_program`` is called in the thread that boots a
+        node, with its ID and the received and the total bytes of its program.
 
         Raises:
             AdapterError: the channel cannot be opened.
@@ -91,7 +91,7 @@ class CanLink:
             else:
                 stack.enter_context(channel)
             self._channel = channel
-            private = cell.bus.interface == SIMULATED  # there is nobody but our stand-ins
+            private = cell.bus.interface == SIMULATED  # only our simulated drives are on it
             if not private and not cell.bus.beside:
                 require_alone(self._channel, cast_of(cell, dictionaries), listening_time(cell.bus))
             self._watch = MasterWatch(self._channel, stops=not cell.bus.beside)
@@ -109,7 +109,7 @@ class CanLink:
             self._stack = stack.pop_all()
 
     def boot(self, node_id: int) -> Booted:
-        """As ``CellConnection.boot``; one that is booted while the scan runs is served by its cycle from then on."""
+        """As ``CellConnection.boot``; a node booted while the scan runs is included in its cycle from then on."""
         if node_id in self._modules:
             return self._modules.boot(node_id, FIND_TIME)
         node, late = self._nodes[node_id], self._cycle is not None
@@ -127,7 +127,7 @@ class CanLink:
         return booted
 
     def begin(self) -> None:
-        """As ``CellConnection.begin``; listens to another device's SYNC and TIME, where the cell says so."""
+        """As ``CellConnection.begin``; listens to another device's SYNC and TIME, if the cell configures this."""
         bus = self._cell.bus
         events = {
             node_id: NodeEvents(self._nodes[node_id].nmt)
@@ -185,12 +185,12 @@ class CanLink:
         return self._nodes[node_id].answers_sdo()
 
     def ready(self) -> None:
-        """As ``CellConnection.ready``; raises SyncError where another device is to send SYNC and does not."""
+        """As ``CellConnection.ready``; raises SyncError if another device should send SYNC and does not."""
         if self._consumer is not None:
             self._consumer.await_steady()
 
     def rescue(self, names: Collection[str]) -> list[StopResult]:
-        """As ``CellConnection.rescue``, by SDO and to modules at the same time; blocks as ``NodeStop.run`` and ``stop_modules``."""
+        """As ``CellConnection.rescue``, for nodes by SDO and for modules at the same time; blocks as ``NodeStop.run``."""
         with self.cycle.keep_stopping():
             return stop_drives(self._cell, self._channel, self._nodes.values(), names)
 
@@ -200,7 +200,7 @@ class CanLink:
 
     def leave(self, how: Mapping[int, NodeShutdown]) -> None:
         """As ``CellConnection.leave``."""
-        in_parallel(  # a module has nothing that could be let go: it does not know that we are there
+        in_parallel(  # a module needs no release: it does not monitor the master
             lambda node_id: _let_go(self._nodes[node_id], self._booted[node_id], how[node_id]), self._booted
         )
 
@@ -213,7 +213,7 @@ class CanLink:
         return self._time.at(now)
 
     def incidents(self) -> Sequence[ControllerEvent]:
-        """What the CAN controller has told."""
+        """Return the events of the CAN controller."""
         return tuple(self._channel.controller.events)
 
     def other_masters(self) -> Sequence[NodeEvent]:
@@ -245,7 +245,7 @@ class CanLink:
         self._channel.untap(ear)
 
     def _watch_masters(self) -> None:
-        """Listen for another master from now on, at the COB-IDs of the nodes that have come up too."""
+        """Listen for another master from now on, including the COB-IDs of the nodes that have come up."""
         if self._echoes.there:
             log.warning(
                 "%s gives our own frames back as if another node had sent them: another master on the bus cannot be noticed",
@@ -264,7 +264,7 @@ class CanLink:
         return [port for port in found if port is not None]
 
     def _io_ports(self) -> list[CanIoPort]:
-        """They come after the axes: no frame of theirs stands between a target and its controlword."""
+        """Return the ports of inputs and outputs. They follow the axes: no frame may separate a target from its controlword."""
         return [one.io for one in self._comms.values() if one.io is not None]
 
     def _make_parts(self, node_id: int, events: NodeEvents | None) -> NodeParts:
@@ -276,7 +276,7 @@ class CanLink:
 
 
 def _own(cell: CellConfig, stack: ExitStack) -> None:
-    """Take the channel for this program, where that is not done by what started it; programs cannot come in by its lock."""
+    """Claim the channel for this program, unless the parent process has done it; programs cannot join through this lock."""
     bus, simulated = cell.bus, cell.bus.interface == SIMULATED
     lock = ownership.hold(
         bus.interface, bus.channel, cell.file, beside=bus.beside, door=False, simulated=simulated
@@ -286,7 +286,7 @@ def _own(cell: CellConfig, stack: ExitStack) -> None:
 
 
 def _sync_consumer(bus: BusConfig, channel: Channel) -> SyncConsumer | None:
-    """Listen to another device's SYNC where the cell says so."""
+    """Listen to another device's SYNC, if the cell configures this."""
     if not bus.hears_sync:
         return None
     return SyncConsumer(channel, bus.sync_cob_id, bus.scan_period, bus.sync_timeout)
@@ -299,7 +299,7 @@ def _time_producer(bus: BusConfig, channel: Channel) -> TimeProducer | None:
 def open_channel(
     cell: CellConfig, dictionaries: Mapping[int, Eds], stack: ExitStack
 ) -> tuple[Channel, dict[int, SimulatedNode]]:
-    """Open the bus of a cell, with ``interface = "sim"`` a private one with stand-ins on it; ``stack`` closes it.
+    """Open the bus of a cell, with ``interface = "sim"`` a private one with simulated drives on it; ``stack`` closes it.
 
     Raises:
         AdapterError: it cannot be opened.
@@ -318,10 +318,10 @@ def open_channel(
 
 
 def _let_go(node: CanopenNode, booted: Booted, how: NodeShutdown) -> None:
-    """Our heartbeat will end now: leave the node so that this faults nobody, or stops whoever may still move."""
+    """Leave a node before our heartbeat ends: without a fault, or with its monitoring armed to stop an axis that may still move."""
     if how is NodeShutdown.ARMED:
         return
-    with suppress(BusError):  # a node that is gone cannot be let go
+    with suppress(BusError):  # a node that is gone cannot be released
         if booted.watch is not None:
             booted.watch.restore()
         if booted.report.ok and how is NodeShutdown.REST:

@@ -86,7 +86,7 @@ class CoreInterface(Protocol):
 
     @property
     def commanded_by(self) -> str:
-        """The program that had control when this program joined; empty if control was free, or if this program opened the machine."""
+        """The program with control when this program joined; empty if control was free, or this program opened the machine."""
 
     @property
     def in_cycle(self) -> Callable[[], bool] | None:
@@ -277,7 +277,7 @@ class Core:
         while not scan.has_stopped and scan.cycle.now() < until:
             try:
                 self._waiter.wait(lambda: scan.has_stopped, until - scan.cycle.now())
-            except BaseException as error:  # raised when all axes are at standstill
+            except BaseException as error:  # noqa: BLE001  # raised when all axes are at standstill
                 interruption = error
         if scan.io and not scan.has_stopped:  # otherwise the scan would overwrite the safe states
             scan.give_up()

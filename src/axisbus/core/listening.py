@@ -1,4 +1,4 @@
-"""Listening on a cell's bus; a simulated cell gets its stand-ins, and is heard from their first frame on."""
+"""Listening on a cell's bus; a simulated cell gets its simulated drives, and is heard from their first frame on."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _CHANNELS = itertools.count(1)
 def listen_to(cell: CellConfig, stack: ExitStack, *, silent: bool = False) -> Listener:
     """Open a cell's bus for listening only; ``stack`` closes it. Blocks as the adapter's driver does.
 
-    ``silent``: the controller is to acknowledge nothing either, where that can be asked of the adapter (``listenonly``).
+    ``silent``: the controller must not acknowledge frames either, if the adapter supports this (``listenonly``).
 
     Raises:
         EdsError, AdapterError: an EDS of a simulated cell, or the adapter, cannot be opened.

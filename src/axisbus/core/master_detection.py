@@ -1,4 +1,4 @@
-"""What a cell's bus must sound like before its first frame: who is no master, and how long to listen for one."""
+"""The expected traffic on a cell's bus before its first frame: devices that are no masters, and the time to listen for one."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from axisbus.drives.gim6010.can_simple.coexistence import commands_to, sent_by
 from axisbus.eds.model import Eds
 
 LONGEST = 0.5  # seconds
-SHORTEST = 0.1  # seconds; a busy computer may hold frames back for some hundredths
-_MASTER = 127  # the node ID that masters have by custom
+SHORTEST = 0.1  # seconds; a busy computer may delay frames by some hundredths
+_MASTER = 127  # the usual node-ID of masters
 
 
 def listening_time(bus: BusConfig) -> float:
-    """Return how long to listen, in seconds: two heartbeats and two cycles as this cell has them, so that one of each must come.
+    """Return the listening time in seconds: two heartbeats and two cycles of this cell, so that one of each must come.
 
-    Without a heartbeat of ours nothing says how often another master shows itself: then as long as it ever takes.
+    If this master has no heartbeat, the interval of another master's is unknown: the time is then the longest one.
     """
     if bus.heartbeat is None:
         return LONGEST
@@ -30,9 +30,9 @@ def listening_time(bus: BusConfig) -> float:
 def cast_of(
     cell: CellConfig, dictionaries: Mapping[int, Eds], rpdos: Mapping[int, int] | None = None
 ) -> ExpectedMasters:
-    """Return who is who on a cell's bus: its devices are no masters, nor is the SYNC one that it says another device sends.
+    """Return the roles on a cell's bus. Its devices are no masters, nor is a SYNC that the cell expects from another device.
 
-    ``rpdos``: where the nodes that are booted take RPDOs, by COB-ID.
+    ``rpdos``: the RPDOs of the booted nodes, by COB-ID.
     """
     bus, modules = cell.bus, modules_of(cell)
     nodes = frozenset(cell.nodes) - frozenset(modules)

@@ -1,4 +1,4 @@
-"""What direct access to a node is made of, as its link has it."""
+"""The parts for direct access to a node, from its link."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from axisbus.eds.model import Eds
 
 
 class NodeEventSource(Protocol):
-    """What error control tells of a node: ``bus.node.events.NodeEvents``, here or in another process."""
+    """The events of error control for a node: ``bus.node.events.NodeEvents``, here or in another process."""
 
     @property
     def events(self) -> list[NodeEvent]:
-        """What it has told since the scan began, oldest first."""
+        """The events since the scan began, oldest first."""
 
     def hear(self, call: Callable[[NodeEvent], None]) -> None:
-        """Have ``call`` called with every event from now on; it must not block."""
+        """Call ``call`` with every event from now on; it must not block."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NodeParts:
-    """``node`` is a ``CanopenNode``, or a ``DirectNode`` where there is no bus; ``clock`` (s) is that of its messages.
+    """``node`` is a ``CanopenNode``, or a ``DirectNode`` if there is no bus; ``clock`` (s) is that of its messages.
 
-    ``plans`` are its PDOs, axis by axis; ``events`` is None where the node did not come up. ``has_objects``: whether it has an
-    object dictionary, which ``eds`` is of; of one that has none, ``eds`` is what its axis is made of.
+    ``plans`` are its PDOs, axis by axis; ``events`` is None if the node did not come up. ``has_objects``: whether it has an object
+    dictionary, which ``eds`` describes. If it has none, ``eds`` describes its axis.
     """
 
     node_id: int

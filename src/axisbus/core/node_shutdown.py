@@ -1,4 +1,4 @@
-"""How each node is left when the machine closes: at rest, as it was found, or with its own watchdog as the last net."""
+"""The final treatment of each node when the machine closes: at rest, as found, or with its own watchdog left armed."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ def partings(
     rescued: Iterable[StopResult],
     unsafe: Iterable[Unsafe] = (),
 ) -> dict[int, NodeShutdown]:
-    """Return how each node is to be left.
+    """Return the final treatment of each node.
 
-    ``cores`` are the axes by name (none where the machine was only booted); ``rescued``: what a stop without the scan came to,
-    which then counts instead of what the cores saw last; ``unsafe``: outputs that only their module itself can still make safe.
+    ``cores`` are the axes by name (none if the machine was only booted). ``rescued``: the results of a stop without the scan, which
+    replace the last states of the cores. ``unsafe``: outputs that only their module itself can still make safe.
     """
     armed = {each.node: NodeShutdown.ARMED for each in unsafe}
     seen = {stopped.axis: stopped.ok for stopped in rescued}
@@ -38,7 +38,7 @@ def _parting(node: Booted, cores: Mapping[str, AxisCore], seen: Mapping[str, boo
 
 
 def lost_without_axes(event: NodeEvent, starved: str) -> NodeError:
-    """Return what stops the cell when a node is lost that has no axis; ``starved``: that this program did not run, in words."""
+    """Return the error that stops the cell when a node without axes is lost; ``starved``: text of ``Starvation``."""
     remedy = 'look at its supply and cable; on_lost = "tell" in its table lets the axes go on'
     if not starved:
         return NodeError(
@@ -53,7 +53,7 @@ def lost_without_axes(event: NodeEvent, starved: str) -> NodeError:
 
 
 def scan_failure(failure: BaseException, rescued: Collection[StopResult]) -> ScanError:
-    """Return what closing tells of a scan that had failed."""
+    """Return the error of closing after the scan had failed."""
     texts = [
         one_line(failure),
         *(f"then, without it: {each.axis}: {each.text}" for each in rescued),

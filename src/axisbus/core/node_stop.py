@@ -1,19 +1,18 @@
-"""Stopping one node without the scan: a quick stop by SDO that lasts, beside whoever else is on the bus.
+"""Stop one node without the scan: a lasting quick stop by SDO, even if another master is on the bus.
 
-Theory of operation
--------------------
-The quick stop goes to every axis of the node before anything is waited for: an axis that does not answer delays no other. It goes
-to a drive that says it is off, too; that one ignores it. Then each axis is looked at until it is seen stopped:
+Theory of operation ------------------- The quick stop is sent to every axis of the node before any waiting: an axis that does not
+answer delays no other. It is also sent to a drive that reports power off, which ignores it. Then each axis is checked until it is
+seen stopped:
 
-1. Another master may be alive and go on sending *enable operation* by PDO in every cycle, which ends a quick stop at once
-   (transition 16). A drive that is enabled again has its node sent to pre-operational, where PDOs no longer reach it, and gets the
-   quick stop once more.
-2. A drive that has not stopped within its ``quick_stop_time`` gets *disable voltage*, except where that lets a load fall.
-3. A node of which an axis is not seen stopped in the end is stopped by NMT, with the same exception. That may stop its drives;
-   nobody sees it, because a stopped node answers no SDO. So it stays *not confirmed*.
+1. Another master may be alive and send *enable operation* by PDO in every cycle, which ends a quick stop at once (transition 16).
+If
+   a drive is enabled again, its node is set to pre-operational, where PDOs have no effect, and the quick stop is sent once more.
+2. A drive that has not stopped within its ``quick_stop_time`` gets *disable voltage*, unless this lets a load fall.
+3. If an axis of the node is not seen stopped in the end, the node gets NMT stop, with the same exception. This may stop its drives,
+   but it cannot be verified, because a stopped node answers no SDO. The result remains *not confirmed*.
 
-A drive that is off, or held, has stopped when its position says so, and nothing pulls. Where each question is answered twice, two
-devices have the node-ID, and the answers may be those of the one that does not move: nothing is confirmed then.
+A drive that is off, or held, counts as stopped when its position does not change and nothing pulls. If each request gets two
+answers, two devices have the node-ID, and the answers may come from the one that does not move: then nothing is confirmed.
 """
 
 from __future__ import annotations
@@ -45,14 +44,14 @@ from axisbus.units import wrap
 
 _STANDS_FOR = 0.1
 _LONGEST = 5.0
-_COASTS = 3.0  # seconds that a drive without power may take to come to rest
-_FIRST_LOOK = 0.1  # seconds that the first look may take before the order is sent
+_COASTS = 3.0  # seconds within which a drive without power must come to rest
+_FIRST_LOOK = 0.1  # seconds for the first check, before the stop is sent
 _POLL = 0.02
 _DOWNLOAD_2_BYTES = 0x2B  # SDO, expedited (CiA 301 7.2.4.3.3)
 
 
 def stop_nodes(cell: CellConfig, nodes: Iterable[CanopenNode], names: Collection[str]) -> list[StopResult]:
-    """Stop the axes of these names, all nodes at a time, and return how each was left; blocks as ``NodeStop.run``."""
+    """Stop the axes of these names, all nodes at the same time, and return the result of each; blocks as ``NodeStop.run``."""
     nodes = list(nodes)
     axes = [[axis for axis in cell.axes_of(node.node_id) if axis.name in names] for node in nodes]
     results = in_parallel(lambda node, own: NodeStop(node, own).run(), nodes, axes)
@@ -60,19 +59,19 @@ def stop_nodes(cell: CellConfig, nodes: Iterable[CanopenNode], names: Collection
 
 
 class NodeStop:
-    """One node on its way to a stop; holds whether its PDOs were cut off, and what was heard of each of its axes."""
+    """The stop of one node; holds whether its PDOs were disabled, and the last values of each of its axes."""
 
     def __init__(self, node: CanopenNode, axes: Sequence[AxisConfig]) -> None:
-        """``axes`` are those of the node to be stopped."""
+        """``axes``: the axes of the node to be stopped."""
         self._node = node
         self._axes = [_AxisStop(axis) for axis in axes]
         self._cut_off = False
-        self._silent = ""  # why nothing is known of it, by the last question
+        self._silent = ""  # why the node is unknown, by the last request
         self._channel_failed = False
-        self._strays: int | None = None  # answers that nothing was waiting for, before the looks began
+        self._strays: int | None = None  # answers without a request, before the checks began
 
     def run(self) -> list[StopResult]:
-        """Stop the axes; blocks until they stand, at most about 6 s. What fails is in the result, and is not raised."""
+        """Stop the axes; blocks until standstill, at most about 6 s. Failures are in the result, and are not raised."""
         for axis in self._axes:
             axis.found_off = _is_off(self._state(axis, _FIRST_LOOK))
         for axis in self._axes:
@@ -81,29 +80,29 @@ class NodeStop:
         while (left := [axis for axis in self._axes if axis.result is None]) and time.monotonic() < deadline:
             self._look_at(left)
             if self._channel_failed:
-                break  # it brings no answer any more
+                break  # it brings no more answers
             time.sleep(_POLL)
         if any(axis.result is None for axis in self._axes):
             self._stop_node()
         return [axis.result or self._not_confirmed(axis) for axis in self._axes]
 
     def _stop_node(self) -> None:
-        """Stop the node by NMT, the last way left, except where that lets a load fall."""
+        """Stop the node by NMT, the last resort, unless this lets a load fall."""
         if not any(axis.config.holds_load for axis in self._axes):
             send_bounded(self._node.channel, [(cob.NMT, bytes((NmtCommand.STOP, self._node.node_id)))])
 
     def _look_at(self, axes: Sequence[_AxisStop]) -> None:
         for axis in axes:
             axis.result = self._step(axis)
-            if self._silent:  # the next axes would be waited for as long: let them have their order now
+            if self._silent:  # the next axes would have to wait as long: send their stop now
                 for each in axes:
                     self._order_at_once(each)
                 return
-        if self._strays is None:  # those before are answers to orders for which nothing was waiting
+        if self._strays is None:  # earlier ones are answers to stops that were sent without waiting
             self._strays = self._count_strays()
 
     def _step(self, axis: _AxisStop) -> StopResult | None:
-        """Look at one axis, repeat the order where it is needed, and return how it was left once that is known."""
+        """Check one axis, repeat the stop if needed, and return its result when it is known."""
         now, state = time.monotonic(), self._state(axis)
         if axis.disable_at <= now and state in ENERGISED and axis.word is not PowerCommand.DISABLE_VOLTAGE:
             axis.word = PowerCommand.DISABLE_VOLTAGE
@@ -124,7 +123,7 @@ class NodeStop:
     def _off(
         self, axis: _AxisStop, state: PowerState, position: int | None, stands: bool
     ) -> StopResult | None:
-        """Off is not yet stopped: the motor may turn on without power, as long as 6064h does not say that it stands."""
+        """Return the result of an axis with power off. The motor may turn without power until 6064h shows standstill."""
         said = "was not energised" if axis.found_off else "stopped, power is off"
         axis.off_since = axis.off_since or time.monotonic()
         if position is None:
@@ -139,9 +138,9 @@ class NodeStop:
         return None
 
     def _seen(self, axis: _AxisStop, text: str) -> StopResult | None:
-        """The axis was seen stopped, unless a second device may have given the answers."""
+        """Return that the axis was seen stopped, unless a second device may have given the answers."""
         if self._strays is None:
-            return None  # nothing is known yet of how many answer
+            return None  # the number of answering devices is not known yet
         if self._count_strays() > self._strays:
             why = f"each question is answered twice, so two devices have node-ID {self._node.node_id}"
             return StopResult(axis.config.name, False, f"NOT CONFIRMED as stopped: {why}")
@@ -153,7 +152,7 @@ class NodeStop:
         return StopResult(axis.config.name, False, f"NOT CONFIRMED as stopped: {why}")
 
     def _count_strays(self) -> int:
-        """Answers that nothing was waiting for; those that came late are none."""
+        """Return the number of answers without a request; late answers do not count."""
         if any(count.retries or count.unanswered for count in self._counts()):
             return 0
         found = self._node.channel.drops.found
@@ -166,7 +165,7 @@ class NodeStop:
         return [count for count in counts if count.node == self._node.node_id]
 
     def _enabled_again(self, axis: _AxisStop) -> None:
-        """Not yet obeyed, or another master enables it in every cycle: keep its PDOs away, and repeat."""
+        """Disable the PDOs and repeat the stop: the drive has not obeyed yet, or another master enables it in every cycle."""
         if not self._cut_off:
             with suppress(BusError):
                 nmt.send(self._node.channel, NmtCommand.ENTER_PRE_OPERATIONAL, self._node.node_id)
@@ -174,7 +173,7 @@ class NodeStop:
         self._order(axis)
 
     def _order(self, axis: _AxisStop) -> None:
-        """Write the controlword of the stop; one that is refused or not answered is written again with the next look."""
+        """Write the controlword of the stop; if it is refused or not answered, the next check repeats it."""
         try:
             self._node.sdo.download_urgent(
                 self._index(axis, o.CONTROLWORD), 0, axis.word.word.to_bytes(2, "little")
@@ -187,10 +186,10 @@ class NodeStop:
         self._channel_failed = isinstance(error, AdapterError) and not isinstance(error, BusOff)
 
     def _order_at_once(self, axis: _AxisStop) -> None:
-        """Send the controlword of the stop by SDO, and wait for nothing."""
+        """Send the controlword of the stop by SDO without waiting for the answer."""
         index = self._index(axis, o.CONTROLWORD).to_bytes(2, "little")
         data = bytes((_DOWNLOAD_2_BYTES,)) + index + b"\0" + axis.word.word.to_bytes(4, "little")
-        # In any state of the channel: an adapter that is deaf may send.
+        # In any state of the channel: an adapter that does not receive may still send.
         send_bounded(self._node.channel, [(cob.SDO_RX + self._node.node_id, data)])
 
     def _state(self, axis: _AxisStop, timeout: float | None = None) -> PowerState:
@@ -201,7 +200,7 @@ class NodeStop:
     def _read(
         self, axis: _AxisStop, index: int, size: int, *, signed: bool = False, timeout: float | None = None
     ) -> int | None:
-        """Read an integer once; None where the drive has no such object, or does not answer (``_silent``)."""
+        """Read an integer once; None if the drive has no such object, or does not answer (``_silent``)."""
         self._silent = ""
         try:
             data = self._node.sdo.upload(self._index(axis, index), 0, timeout=timeout, tries=1)
@@ -222,7 +221,7 @@ def _is_off(state: PowerState) -> bool:
 
 
 class _AxisStop:
-    """One axis on its way to a stop; holds the order that it gets, what was seen of it last, and how it was left (``result``)."""
+    """The stop of one axis; holds its controlword, the last values, and its ``result``."""
 
     def __init__(self, config: AxisConfig) -> None:
         self.config = config
@@ -230,14 +229,14 @@ class _AxisStop:
         self.word = PowerCommand.QUICK_STOP
         may_drop = config.holds_load is None
         self.disable_at = time.monotonic() + stop_times(config).quick_stop if may_drop else float("inf")
-        self.found_off = False  # before it got an order
+        self.found_off = False  # before the stop was sent
         self.off_since: float | None = None
         self.state = PowerState.UNKNOWN
         self.result: StopResult | None = None
 
 
 class _Look:
-    """Whether positions stay together for a while, and nothing pulls; holds the last one and the speed between two of them."""
+    """Checks whether positions do not change for a while, and nothing pulls; holds the last position and the speed."""
 
     def __init__(self, axis: AxisConfig) -> None:
         units = units_of(axis)
@@ -255,7 +254,7 @@ class _Look:
         self._speed = 0.0
 
     def note(self, position: int | None, now: float) -> bool:
-        """Take a position; return whether the axis does not move."""
+        """Take a position; return whether the axis is at standstill."""
         if position is None:
             return False
         if self._last is not None and now > self._last[1]:
@@ -264,14 +263,14 @@ class _Look:
         return self._still.feed(position, now)
 
     def pulls(self, demand: int | None) -> bool:
-        """Whether the drive leads the axis to somewhere else than where it is."""
+        """Whether the drive's demand position differs from the actual position."""
         if not self._uses_demand or demand is None or self._last is None:
             return False
         return abs(wrap(demand - self._last[0])) > self._pull
 
     @property
     def text(self) -> str:
-        """Where it was seen last, and how fast."""
+        """The last position and speed, as text."""
         if self._last is None:
             return ""
         scale = self._position

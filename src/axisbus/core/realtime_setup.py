@@ -1,4 +1,4 @@
-"""What of Python itself is set, and watched, while machines run in real time: once for all of them, and set back by the last."""
+"""Settings of Python and the system while machines run in real time: made once for all of them, and restored by the last."""
 
 from __future__ import annotations
 
@@ -16,45 +16,45 @@ from axisbus.bus.link.fork_guard import disown_in_children
 _SWITCH_INTERVAL = (
     0.0005  # seconds; Python's own 5 ms would let another thread delay the scan by a whole period
 )
-SPIN = 0.0001  # seconds at most before a cycle is due, for which the scan only looks at the clock: see ``bus.sleep_compensation``
+SPIN = 0.0001  # seconds at most before a cycle is due, in which the scan only polls the clock: see ``bus.sleep_compensation``
 OWN_PROCESS, IN_A_THREAD = "in a process of its own", "in a thread of the program"
 FIFO, LOCKED, APART = "SCHED_FIFO", "memory locked", "an isolated processor"
 WAKEFUL = "quick waking"
 _ISOLATED = Path("/sys/devices/system/cpu/isolated")
-_LATENCY = Path("/dev/cpu_dma_latency")  # who holds it open says how long a processor may take to wake up
+# a process that holds it open sets the allowed wake-up time of the processors
+_LATENCY = Path("/dev/cpu_dma_latency")
 _AT_ONCE = (0).to_bytes(4, sys.byteorder)  # µs
 _CAP_IPC_LOCK, _CAP_SYS_NICE = 14, 23  # linux/capability.h
 _GENERATIONS = range(3)
-_MARGIN = 3.0  # times what it took last must be left
-_FORGETS = 0.99  # per cycle in which nothing fitted
-_FAR_TOO_MANY = 100  # times the objects after which the youngest generation is usually collected
+_MARGIN = 3.0  # multiple of the last duration that must be left
+_FORGETS = 0.99  # per cycle without any collection
+_FAR_TOO_MANY = 100  # multiple of the object count at which the youngest generation is usually collected
 _PR_SET_NAME, _PR_SET_TIMERSLACK = 15, 29  # linux/prctl.h
-# Real-time priorities: above every usual thread, below the kernel's own for its devices.
+# Real-time priorities: above every normal thread, below the kernel's own for its devices.
 _OF_OTHERS, _OF_SCAN = 10, 50
-_LOCKED = (
-    1 | 2 | 4
-)  # MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT (linux/mman.h): what is used, not every byte of each thread's stack
+# MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT (linux/mman.h): only used pages, not every byte of each thread's stack
+_LOCKED = 1 | 2 | 4
 
 
 def wake_in_time() -> None:
-    """Have the calling thread's sleeps end when they are due, and not up to 50 µs later for the sake of energy (Linux)."""
+    """Let the calling thread's sleeps end on time, and not up to 50 µs later to save energy (Linux)."""
     if sys.platform == "linux":
         with suppress(OSError, AttributeError):  # another C library: it wakes a little later
             ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
 
 
 def call_process(name: str) -> None:
-    """Have the system call this process so, where it shows a short name (Linux; 15 characters)."""
+    """Set the short name of this process (Linux; 15 characters)."""
     if sys.platform == "linux":
         with suppress(OSError, AttributeError):
             ctypes.CDLL(None).prctl(_PR_SET_NAME, name.encode(), 0, 0, 0)
 
 
 def take_priority() -> list[str]:
-    """Give all threads of this process real-time priority, and keep its memory in memory, as far as is permitted (Linux).
+    """Give all threads of this process real-time priority, and lock its memory, as far as permitted (Linux).
 
-    Return in words what it has got. Threads that begin later have the same. They take turns with others of their rank (SCHED_RR):
-    none of several cores, wardens and drives can keep the rest from running. A scan alone is ahead of them (``lead``).
+    Return the result as texts. Later threads inherit it. The threads alternate with others of the same priority (SCHED_RR): of
+    several cores, watchdog processes and drives, none can block the others. Only a scan has a higher priority (``lead``).
     """
     got = []
     with suppress(OSError):
@@ -68,9 +68,9 @@ def take_priority() -> list[str]:
 
 
 def keep_awake() -> list[str]:
-    """Keep the processors of this computer from sleeping deeply for as long as this process lives, where it may (Linux).
+    """Prevent deep sleep of this computer's processors while this process lives, if permitted (Linux).
 
-    Return in words what it has got. Whoever is woken out of such a sleep comes late, and with cold caches. It costs power.
+    Return the result as texts. Waking up from deep sleep takes long, and leaves cold caches. Preventing it costs power.
     """
     with suppress(OSError):
         os.write(os.open(_LATENCY, os.O_WRONLY | os.O_CLOEXEC), _AT_ONCE)  # open until the process ends
@@ -79,14 +79,14 @@ def keep_awake() -> list[str]:
 
 
 def _threads() -> list[int]:
-    """Return the threads of this process, as the system numbers them (Linux)."""
+    """Return the thread IDs of this process (Linux)."""
     return [int(task.name) for task in Path("/proc/self/task").iterdir()]
 
 
 def take_processor() -> list[str]:
-    """Let all threads of this process run on one of the processors that this computer keeps free (``isolcpus``), if any (Linux).
+    """Run all threads of this process on one isolated processor (``isolcpus``), if there is any (Linux).
 
-    Return in words what it has got. Which one depends on the process, so that the cores of several programs share them.
+    Return the result as texts. The choice depends on the process, so that the cores of several programs are spread.
     """
     processors = isolated()
     if not processors:
@@ -95,13 +95,13 @@ def take_processor() -> list[str]:
     try:
         for thread in _threads():
             os.sched_setaffinity(thread, one)
-    except OSError:  # a container that may not use it
+    except OSError:  # a container without permission
         return []
     return [APART]
 
 
 def isolated() -> list[int]:
-    """Return the processors that this computer keeps free of usual programs (Linux)."""
+    """Return the isolated processors, which run no normal programs (Linux)."""
     found: list[int] = []
     with suppress(OSError, ValueError):
         for part in _ISOLATED.read_text(encoding="ascii").strip().split(","):
@@ -111,7 +111,7 @@ def isolated() -> list[int]:
 
 
 def permitted() -> list[str]:
-    """Return what ``take_priority`` and ``keep_awake`` would get, in the same words, without taking it (Linux)."""
+    """Return the texts that ``take_priority`` and ``keep_awake`` would return, without changing anything (Linux)."""
     if sys.platform != "linux":
         return []
     import resource  # only Unix has it
@@ -135,25 +135,25 @@ def _rights() -> int:
 
 
 def lead() -> None:
-    """Give the calling thread, that of a scan, SCHED_FIFO above the others of its process, where they have priority at all."""
+    """Give the calling thread, that of a scan, SCHED_FIFO above the other threads of its process, if they have priority at all."""
     with suppress(OSError, AttributeError):
         if os.sched_getscheduler(0) == os.SCHED_RR:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_OF_SCAN))
 
 
 class Collector:
-    """How long Python's collector has held the interpreter, in seconds, while it was watched."""
+    """Measures how long Python's garbage collector has held the interpreter, in seconds."""
 
     def __init__(self) -> None:
         self.seconds = 0.0
         self._began = 0.0
 
     def watch(self) -> None:
-        """Begin to watch."""
+        """Begin to measure."""
         gc.callbacks.append(self._look)
 
     def forget(self) -> None:
-        """Watch no more."""
+        """End measuring."""
         if self._look in gc.callbacks:
             gc.callbacks.remove(self._look)
 
@@ -169,20 +169,20 @@ COLLECTOR = Collector()
 
 
 class IdleCollector:
-    """Runs Python's collector in what a cycle leaves over, and only there; holds how long it took last, by generation.
+    """Runs Python's garbage collector only in the idle time of a cycle; holds its last duration, by generation.
 
-    For a process that is a core and nothing else. Where nothing ever fits, the youngest generation is collected all the same once
-    there is far too much of it.
+    For a process that is only a core. If no collection ever fits, the youngest generation is collected nevertheless when it is far
+    too large.
     """
 
     def __init__(self, period: float) -> None:
-        """``period`` of the cycles, in s; the collector runs by itself no more."""
+        """``period`` of the cycles, in s; disables the automatic collector."""
         self._period = period
         self._took = [0.0, 0.0, 0.0]
         gc.disable()
 
     def after_cycle(self, now: float, _: object = None) -> None:
-        """Collect what is due, if it fits; ``now`` is when the cycle began (monotonic)."""
+        """Collect the generation that is due, if it fits; ``now`` is the start of the cycle (monotonic)."""
         counts, due = gc.get_count(), gc.get_threshold()
         found = [generation for generation in _GENERATIONS if counts[generation] > due[generation]]
         if not found:
@@ -193,7 +193,7 @@ class IdleCollector:
             self._collect(fitting[-1])
         elif counts[0] > _FAR_TOO_MANY * due[0]:
             self._collect(0)
-        else:  # one that was interrupted, and took long by that, must run again some time
+        else:  # a collection that was interrupted, and took long because of that, must run again some time
             self._took = [_FORGETS * seconds for seconds in self._took]
 
     def _collect(self, generation: int) -> None:
@@ -203,7 +203,7 @@ class IdleCollector:
 
 
 class RealtimeSetup:
-    """Counts who needs it; holds the switch interval that was there before the first."""
+    """Counts its users; holds the switch interval from before the first."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -211,7 +211,7 @@ class RealtimeSetup:
         self._before = 0.0
 
     def take(self) -> None:
-        """Let threads take turns quickly, and leave the collector what is alive now alone."""
+        """Set a short switch interval, and exclude the present objects from garbage collection."""
         with self._lock:
             if not self._count:
                 self._before = sys.getswitchinterval()
@@ -221,14 +221,14 @@ class RealtimeSetup:
             gc.freeze()  # a full collection over the dictionaries takes several periods
 
     def give_back(self) -> None:
-        """End what ``take`` began, when nobody else needs it; a switch interval that somebody has set since is left."""
+        """End ``take``, after the last user; a switch interval that other code has set since is kept."""
         with self._lock:
             self._count -= 1
             if not self._count:
                 self._set_back()
 
     def disown(self) -> None:
-        """No machine runs in a forked child."""
+        """End it in a forked child, in which no machine runs."""
         self._lock = threading.Lock()
         if self._count:
             self._set_back()

@@ -1,4 +1,4 @@
-"""What a machine runs on: a link, the nodes booted over it, and how to let all of it go."""
+"""The runtime of a machine: a link, and the nodes booted over it, with their release."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ CellLink = CellConnection[Booted, NodeParts, ControllerEvent, NodeEvent]
 
 
 class Runtime:
-    """A cell on its link, booted but not yet scanned; holds what booting each node has come to.
+    """A cell on its link, booted but not yet scanned; holds the boot result of each node.
 
-    ``late`` are optional nodes that may still come, ``stand_ins`` the drives where they are simulated.
+    ``late`` are optional nodes that may come later, ``stand_ins`` the simulated drives, if there are any.
     """
 
     def __init__(
@@ -39,7 +39,7 @@ class Runtime:
         stand_ins: Mapping[int, SimulatedNode],
         on_report: Callable[[Booted], None] | None = None,
     ) -> None:
-        """Boot ``nodes``; blocks for as long as that takes. ``on_report`` is called with each that is through, where it was booted.
+        """Boot ``nodes``; blocks meanwhile. ``on_report`` is called for each finished node, in the thread that booted it.
 
         Raises:
             AdapterError: the channel failed; the link is closed then.
@@ -61,18 +61,18 @@ class Runtime:
 
     @property
     def ports(self) -> dict[str, Port]:
-        """The ports of every axis whose node came up, by name."""
+        """The ports of the axes of all booted nodes, by name."""
         up = [node_id for node_id, booted in self.booted.items() if booted.report.ok]
         return {name: port for node_id in up for name, port in self.link.ports(node_id).items()}
 
     @property
     def parameters(self) -> dict[str, AxisParameters]:
-        """The parameters of every axis whose node came up, by name."""
+        """The parameters of the axes of all booted nodes, by name."""
         up = [booted for booted in self.booted.values() if booted.report.ok]
         return {name: value for booted in up for name, value in booted.parameters.items()}
 
     def use(self, make: Callable[[Runtime], T]) -> T:
-        """Return what ``make`` makes of it, once every node is there that must be; else, and where that fails, leave the nodes."""
+        """Return the result of ``make`` if all required nodes are present. On any failure leave the nodes and raise."""
         try:
             require_all(self.booted)
             self.link.ready()
@@ -87,7 +87,7 @@ class Runtime:
         rescued: Iterable[StopResult] = (),
         unsafe: Iterable[Unsafe] = (),
     ) -> None:
-        """Leave the nodes as is right for each, and release everything, whatever fails on the way; as ``parting.partings``."""
+        """Leave each node as appropriate, and release everything, despite any failure; see ``partings``."""
         for work in (
             partial(self.link.leave, partings(self.booted, cores or {}, rescued, unsafe)),
             self.link.close,
@@ -113,7 +113,7 @@ class Runtime:
 
 
 def require_all(booted: Mapping[int, Booted]) -> None:
-    """Raise what kept nodes from coming up that are not optional: one ``BootError``, or a group of them."""
+    """Raise the errors of required nodes that did not come up: one ``BootError``, or a group of them."""
     needed = [node.report for node in booted.values() if not node.report.optional]
     errors = [report.error for report in needed if report.error is not None]
     if len(errors) == 1:

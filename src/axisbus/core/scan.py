@@ -113,9 +113,7 @@ class Scan:
         self._inbox = CommandQueue()
         self._next: float | None = None
         self._before = math.inf  # start of the previous cycle
-        self._collected = (
-            COLLECTOR.seconds
-        )  # seconds that the garbage collector had run at the start of the previous cycle
+        self._collected = COLLECTOR.seconds  # of the garbage collector, at the start of the previous cycle
         self._done_at = self._sending = -math.inf  # of the previous cycle: its end, and its time in sending
         self._stop_requests: deque[tuple[str, bool]] = deque()
         self._halt_requests: deque[tuple[str, int]] = deque()
@@ -296,9 +294,7 @@ class Scan:
         if self.ended:  # taken over during the wait, or a frame was stuck: nothing may follow
             return
         behind = cycle.receive()
-        now = (
-            cycle.now()
-        )  # read after a send that may have blocked: a motion that begins now has all of its time
+        now = cycle.now()  # after a send that may have blocked: a motion that begins now has all of its time
         self._before = now
         if behind:
             self._note_behind(now)
@@ -536,9 +532,7 @@ class Scan:
             accept(self.axes[name], stop, unattended(f"{name}.stop"))
 
     def _wake(self) -> None:
-        ended = (
-            self._stops_begun > 0 or self.io.changed
-        )  # a closing program waits for more than a command's end
+        ended = self._stops_begun > 0 or self.io.changed  # closing waits for more than the end of a command
         for _, _, core in self._work:
             if core.running.ended:
                 core.running.ended, ended = False, True

@@ -1,4 +1,4 @@
-"""The thread that runs a machine's scan in real time, with the supervisor that watches it."""
+"""The thread that runs a machine's scan in real time, with its supervisor."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _JOIN = 2.0
 
 
 class ScanThread:
-    """Holds the thread, and the supervisor that watches it, until ``stop``."""
+    """Holds the thread and its supervisor, until ``stop``."""
 
     def __init__(self, scan: Scan, waiter: ThreadWaiter, sync_timeout: float | None) -> None:
         """``sync_timeout``: seconds that the scan may wait for another device's SYNC."""
@@ -25,7 +25,7 @@ class ScanThread:
         self._supervisor = Supervisor(scan, self._thread, patience)
 
     def start(self) -> None:
-        """Let the scan run."""
+        """Start the scan."""
         TUNING.take()
         self._scan.waiter = self._waiter
         self._thread.start()
@@ -42,7 +42,7 @@ class ScanThread:
         return self._thread.is_alive()
 
     def stop(self) -> None:
-        """Wait until the scan, which has been told to quit, has ended; blocks at most 2 s."""
+        """Wait until the scan has ended, after its ``quit``; blocks at most 2 s."""
         self._supervisor.stop()
         if self._thread.is_alive():
             self._thread.join(_JOIN)

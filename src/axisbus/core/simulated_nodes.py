@@ -1,4 +1,4 @@
-"""The stand-ins of a simulated cell: one device for each of its nodes, and what its user sees of one."""
+"""The simulated nodes of a cell: one device for each of its nodes, and the user's access to it."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ _KEY = "unconfigured"
 
 
 class SimulatedNode:
-    """One simulated node; only there where the cell is simulated. Its methods may be called from any thread."""
+    """One simulated node; exists only if the cell is simulated. Its methods may be called from any thread."""
 
     def __init__(self, device: Device, lock: AbstractContextManager[object]) -> None:
         self.device = device
         self.lock = lock
 
     def drive(self, axis: int = 1) -> Drive:
-        """Return the drive of an axis (from 1): its values, and its ``dials`` for misbehaviour."""
+        """Return the drive of an axis (from 1): its values, and its fault settings (``dials``)."""
         return self.device.drives[axis - 1]
 
     def fault(self, code: int, maker_bits: int = 0, axis: int = 1) -> None:
-        """Let the drive fall into fault with the error code ``code`` (603Fh) and the maker's error bits."""
+        """Put the drive into fault with the error code ``code`` (603Fh) and the vendor's error bits."""
         with self.lock:
             self.drive(axis).fault(code, maker_bits=maker_bits)
 
@@ -37,7 +37,7 @@ class SimulatedNode:
 def devices(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> dict[int, Device]:
     """Make a device for each node, powered off; ``unconfigured = [1, 2]`` in ``[bus.options]`` leaves nodes without a node-ID.
 
-    Those wait for one by LSS, with their number in the cell as serial number.
+    These wait for one by LSS, with their number in the cell as serial number.
 
     Raises:
         ConfigError: ``unconfigured`` is not a list of the cell's nodes.

@@ -1,4 +1,4 @@
-"""A watch over the scan's thread: if it ends or hangs, the drives are stopped without it."""
+"""Monitoring of the scan's thread: if it ends or hangs, the drives are stopped without it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from axisbus.cpu_starvation import REMEDY
 from axisbus.errors import ScanError
 
 _ROUND = 0.02
-_ON_TIME = 0.04  # seconds; a round that takes longer shows that this program did not run
-_STARVED = 10  # times the patience after which a scan that is given no time counts as hung all the same
+_ON_TIME = 0.04  # seconds; a longer round shows that this program did not run
+_STARVED = 10  # multiple of the patience after which a scan without processor time counts as hung
 _BUSY = "look what else this computer is busy with"
 _CALLBACK = (
     "let a callback or an observer only note what it has to tell (a queue, an event), and do the work in a thread of the program's "
@@ -22,9 +22,10 @@ _REMEDY = "look at the adapter and its driver (a send that blocks), then open th
 
 
 class Supervisor:
-    """A daemon thread that looks whether the scan advances; holds what it saw last.
+    """A daemon thread that checks whether the scan advances.
 
-    The scan's own ``finally`` handles an exception. This is for a thread that is stuck (a send that blocks) or was killed.
+    The scan's own ``finally`` handles an exception. The supervisor is for a thread that is stuck (a send that blocks) or was
+    killed.
     """
 
     def __init__(self, scan: Scan, thread: threading.Thread, patience: float) -> None:
@@ -36,18 +37,18 @@ class Supervisor:
         self._thread = threading.Thread(target=self._run, name="axisbus supervisor", daemon=True)
 
     def start(self) -> None:
-        """Begin to watch."""
+        """Begin monitoring."""
         self._thread.start()
 
     def stop(self) -> None:
-        """End the watch; blocks for at most one round."""
+        """End monitoring; blocks for at most one round."""
         self._done.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(1.0)
 
     def _run(self) -> None:
         cycles, last = self._scan.lateness.cycles, time.monotonic()
-        ran = 0.0  # seconds since the last cycle in which we ran ourselves: what we did not, the scan could not either
+        ran = 0.0  # seconds since the last cycle in which this thread itself ran; otherwise the scan could not run either
         before = last
         while not self._done.wait(_ROUND):
             now = time.monotonic()
@@ -68,7 +69,7 @@ class Supervisor:
 
 
 def _failure(place: HangDiagnosis | None, silent: float, missing: float) -> ScanError:
-    """Return why there was no cycle for ``silent`` seconds, in ``missing`` of which this program did not run at all."""
+    """Return the error of a scan without a cycle for ``silent`` seconds, in ``missing`` of which the program did not run at all."""
     seen = f"no cycle for {silent:.2f} s"
     if place is None:
         return ScanError("the scan's thread ended", observed=seen, remedy=_REMEDY)

@@ -1,4 +1,4 @@
-"""How a program waits for the core: by a condition in real time, by letting time pass in virtual time."""
+"""How a program waits for the core: with a condition in real time, by advancing the time in virtual time."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from axisbus.core.fork_errors import inherited
 from axisbus.errors import AxisbusError, StateError
 from axisbus.interrupt_guard import sheltered
 
-if TYPE_CHECKING:  # who waits for another process has no scan
+if TYPE_CHECKING:  # a program that waits for another process has no scan
     from axisbus.core.scan import Scan
 
 
 class ThreadWaiter:
-    """Waiting in real time: a condition that the scan signals after each cycle in which a command ended.
+    """Waiting in real time: with a condition that the scan signals after each cycle in which a command ended.
 
     It sleeps in slices, so that a signal handler runs in time on every platform.
     """
@@ -29,7 +29,7 @@ class ThreadWaiter:
         self._inherited = False
 
     def disown(self) -> None:
-        """Wait for nothing any more: this is a forked child, where no scan runs."""
+        """Make this object unusable: this is a forked child, in which no scan runs."""
         self._condition = threading.Condition()
         self._inherited = True
 
@@ -48,9 +48,9 @@ class ThreadWaiter:
             pass
         return done()
 
-    @sheltered  # the scan takes the condition too
+    @sheltered  # the scan uses the condition too
     def _sleep(self, done: Callable[[], bool], deadline: float | None) -> bool:
-        """Wait for a slice, and return whether there may be more to wait for."""
+        """Wait for a slice, and return whether to continue waiting."""
         with self._condition:
             left = 0.1 if deadline is None else min(0.1, deadline - time.monotonic())
             if done() or left <= 0:
@@ -60,13 +60,13 @@ class ThreadWaiter:
 
     @sheltered
     def notify(self) -> None:
-        """Wake everybody who waits."""
+        """Wake all waiting threads."""
         with self._condition:
             self._condition.notify_all()
 
 
 class PumpWaiter:
-    """Waiting in virtual time: the scan is pumped by whoever waits."""
+    """Waiting in virtual time: the waiting thread executes the scan's cycles."""
 
     realtime = False
 
@@ -81,7 +81,7 @@ class PumpWaiter:
         return self._pumping == threading.get_ident()
 
     def wait(self, done: Callable[[], bool], timeout: float | None) -> bool:
-        """Pump the scan until ``done()`` or until ``timeout`` seconds of virtual time have passed; see ``Waiter``."""
+        """Execute cycles until ``done()`` or until ``timeout`` seconds of virtual time have passed; see ``Waiter``."""
         until = None if timeout is None else self._scan.cycle.now() + timeout
         while not done() and not self._scan.ended:
             if until is not None and self._scan.cycle.now() >= until:
@@ -89,9 +89,9 @@ class PumpWaiter:
             self.pump()
         return done()
 
-    @sheltered  # an interrupt in the midst of a cycle would end the scan
+    @sheltered  # an interrupt within a cycle would end the scan
     def pump(self) -> None:
-        """Do one cycle; a failing scan ends every handle and raises here."""
+        """Execute one cycle; a failing scan ends every handle. An error other than an AxisbusError is also raised here."""
         scan = self._scan
         if scan.ended:
             return

@@ -60,9 +60,8 @@ class Closing:
 
     def run(self, reason: str) -> list[AxisbusError]:
         """Close, or wait for the thread that closes, and return the failures. In a thread of axisbus, only begin closing."""
-        if (
-            self._told or threading.get_ident() in self._within
-        ):  # called by a callback or a user's handler during closing
+        # called by a callback or a user's handler during closing
+        if self._told or threading.get_ident() in self._within:
             return []
         if self._may_not_wait():
             self._begin(reason)

@@ -207,9 +207,8 @@ def end_with(halt: Handle, error: BaseException | None) -> None:
         if error is None:
             raise
         if not isinstance(failure, StateError) and failure.message not in str(error):
-            error.add_note(
-                f"while halting: {failure}"
-            )  # after a StateError the machine is being closed, which stops the axes
+            # after a StateError the machine is being closed, which stops the axes
+            error.add_note(f"while halting: {failure}")
 
 
 def _look(handle: Handle) -> None:

@@ -270,9 +270,8 @@ class Machine:
                 f"the cell has no node {told(node_id)}",
                 observed=f"it has {', '.join(map(str, self._core.nodes))}",
             )
-        if (
-            node_id not in self._nodes or self._nodes[node_id].parts is not parts
-        ):  # a node that came up late has new parts
+        # a node that came up late has new parts
+        if node_id not in self._nodes or self._nodes[node_id].parts is not parts:
             from axisbus.machine.node_access import NodeAccess
 
             self._nodes[node_id] = NodeAccess(parts, self._await_cycle)

@@ -139,9 +139,8 @@ class ProbeHandle(Handle):
 
     def __exit__(self, *_: object) -> None:
         if self.busy:
-            look_at_end(
-                self.cancel()
-            )  # if the node is lost or the machine is closed, this request has reported the reason
+            # if the node is lost or the machine is closed, this request has reported the reason
+            look_at_end(self.cancel())
 
     def _wait_for(self, happened: Callable[[], bool], timeout: float | None, what: str) -> None:
         if not self._waiter.wait(happened, patience(self.name, timeout)):

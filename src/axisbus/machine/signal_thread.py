@@ -63,9 +63,8 @@ class Wakeup:
         """Restore the previous descriptor and end the thread; main thread only."""
         ours = signal.set_wakeup_fd(self._before, warn_on_full_buffer=False)
         if ours not in (self._outside.fileno(), _NOBODY):
-            signal.set_wakeup_fd(
-                ours, warn_on_full_buffer=False
-            )  # other code, such as an event loop, has replaced it
+            # other code, such as an event loop, has replaced it
+            signal.set_wakeup_fd(ours, warn_on_full_buffer=False)
         with suppress(OSError):
             self._outside.send(_END)
         self._thread.join(1.0)

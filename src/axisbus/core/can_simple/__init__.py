@@ -1,1 +1,1 @@
-"""Modules that speak CAN Simple on a channel of CANopen nodes: their frames in the scan's cycle, and their rescue without it."""
+"""CAN Simple modules on a channel with CANopen nodes: their frames in the scan's cycle, and their rescue without it."""

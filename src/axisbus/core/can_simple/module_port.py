@@ -1,7 +1,7 @@
 """A module on a channel: a ``cia402.port.Port`` for the scan, and a sender in the cycle of the bus (``bus.cycle.CycleSender``).
 
-What comes is kept with its stamp, in whatever thread it comes, and taken at the beginning of a cycle. The frames of a stop are made
-when those of a cycle are, so that whoever finds the scan dead, in another thread, only sends them.
+Received frames are stored with their stamp, in any thread, and processed at the beginning of a cycle. The frames of a stop are made
+together with those of a cycle, so that another thread that finds the scan dead only has to send them.
 """
 
 from __future__ import annotations
@@ -20,36 +20,36 @@ from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.errors import BusError
 
 _LENGTH = 8
-_KEPT = 1000  # frames that wait for a cycle: more are of a scan that does not run
+_KEPT = 1000  # queued frames: more means that the scan does not run
 _Stop = tuple[tuple[tuple[int, bytes], ...], tuple[tuple[int, bytes], ...]]
 
 
 class ModuleFrameSource(Protocol):
-    """Where frames of modules come from: a ``Channel``, or what stands for it in virtual time."""
+    """The source of the modules' frames: a ``Channel``, or its equivalent in virtual time."""
 
     @property
     def offs(self) -> int:
-        """How often its controller went bus-off."""
+        """How often its controller was bus-off."""
 
     @property
     def off(self) -> BusError | None:
-        """Why it is off; None where it is not."""
+        """The reason of a present bus-off; None without one."""
 
     @property
     def last_off(self) -> BusError | None:
-        """Why it was off last."""
+        """The reason of the last bus-off."""
 
     def subscribe(self, can_id: int, receiver: Callable[[bytes, float], None]) -> None:
-        """Have frames of an identifier told."""
+        """Call ``receiver`` with the frames of an identifier."""
 
     def unsubscribe(self, can_id: int, receiver: Callable[[bytes, float], None]) -> None:
-        """End that."""
+        """End the subscription."""
 
 
 class ModuleSender:
-    """Holds the port of a module, what has come for it, and what is to be sent in this cycle."""
+    """Holds the port of a module, its received frames, and the frames to send in this cycle."""
 
-    asks = True  # for messages, by remote frames
+    asks = True  # requests messages by remote frames
 
     def __init__(self, channel: ModuleFrameSource, settings: ModuleSettings) -> None:
         """Listen on ``channel`` from now on."""
@@ -67,7 +67,7 @@ class ModuleSender:
 
     @property
     def node_id(self) -> int:
-        """The node ID of CAN Simple."""
+        """The node-ID of CAN Simple."""
         return self.port.settings.node
 
     # -- the scan's port ---------------------------------------------------------------------------------------------
@@ -78,7 +78,7 @@ class ModuleSender:
         return self.port.capabilities
 
     def read(self, now: float) -> Inputs:
-        """As ``Port.read``; takes what has come since."""
+        """As ``Port.read``; processes the received frames first."""
         self.prime()
         inputs = self.port.read(now)
         for emcy in inputs.emcy:
@@ -87,7 +87,7 @@ class ModuleSender:
         return inputs if off is None else inputs._replace(operational=False, bus=off)
 
     def prime(self) -> None:
-        """Take what has come, before the first cycle and in each."""
+        """Process the received frames, before the first cycle and in each."""
         while self._heard:
             frame = self._heard.popleft()
             self.port.receive(frame, frame.time)
@@ -130,7 +130,7 @@ class ModuleSender:
             self._channel.unsubscribe(can_id, receiver)
 
     def _bus_off(self) -> BusError | None:
-        """Why the bus is off, told at least once for each bus-off, however short it was."""
+        """Return the reason of a bus-off, at least once for each bus-off, however short it was."""
         offs, self._offs = self._offs, self._channel.offs
         if self._channel.off is None and offs == self._offs:
             return None

@@ -1,4 +1,4 @@
-"""The modules of a cell on a channel of CANopen nodes: what ``core.canlink`` has of them beside its nodes."""
+"""The CAN Simple modules of a cell on a channel with CANopen nodes, for ``core.canlink``."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from axisbus.drives.gim6010.can_simple.port.synthetic_eds import description
 
 
 class ModuleChannel(BootChannel, ModuleFrameSource, Protocol):
-    """What leads to the modules, from their boot on: a ``bus.link.channel.Channel``, or what stands for it in virtual time."""
+    """The channel of the modules, from their boot on: a ``bus.link.channel.Channel``, or its equivalent in virtual time."""
 
 
 class CanSimpleModules:
-    """Holds the sender of each module, from the opening of the bus on, and what booting it has come to."""
+    """Holds the sender of each module, from the opening of the bus on, and its boot result."""
 
     def __init__(
         self,
@@ -34,7 +34,7 @@ class CanSimpleModules:
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        """Begin to hear them; nothing is sent. ``clock`` and ``sleep`` are those of the channel's stamps, in s."""
+        """Begin to listen; nothing is sent. ``clock`` and ``sleep`` are those of the channel's stamps, in s."""
         self._cell = cell
         self._channel = channel
         self._clock = clock
@@ -49,7 +49,7 @@ class CanSimpleModules:
         return node_id in self._senders
 
     def boot(self, node_id: int, find_time: float) -> Booted:
-        """As ``CellConnection.boot``; ``find_time`` (s) is for the first heartbeat. Before the scan begins."""
+        """As ``CellConnection.boot``, before the scan begins; ``find_time`` (s) is the limit for the first heartbeat."""
         sender = self._senders[node_id]
         port = sender.port
         booted = ModuleBoot(
@@ -65,19 +65,19 @@ class CanSimpleModules:
         return booted
 
     def begin(self) -> None:
-        """The scan is about to begin: what was heard meanwhile is taken, so that nobody counts as unknown, or as lost."""
+        """Process the frames received so far before the scan begins, so that no module counts as unknown, or as lost."""
         for sender in self.senders:
             sender.prime()
             self._events[sender.node_id] = NodeEvents(sender.node.nmt)
 
     @property
     def senders(self) -> list[ModuleSender]:
-        """Those that have come up, for the cycle."""
+        """The booted modules, for the cycle."""
         return [self._senders[node_id] for node_id, booted in self._booted.items() if booted.report.ok]
 
     @property
     def events(self) -> list[NodeEvents]:
-        """What is told of them; there after ``begin``."""
+        """Their events; available after ``begin``."""
         return list(self._events.values())
 
     def ports(self, node_id: int) -> dict[str, Port]:
@@ -98,6 +98,6 @@ class CanSimpleModules:
         )
 
     def close(self) -> None:
-        """Stop hearing them."""
+        """Stop listening."""
         for sender in self._senders.values():
             sender.close()

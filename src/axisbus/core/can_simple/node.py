@@ -1,4 +1,4 @@
-"""A module as direct access sees a node: state, faults and restarts by its heartbeats; it has no objects and no NMT commands."""
+"""A module as a node for direct access: state, faults and restarts by its heartbeats; no objects and no NMT commands."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from axisbus.drives.gim6010.can_simple.port.port import ModulePort
 
 
 class NoObjects:
-    """The objects of a module (``boot.objects.NodeObjects``): it has none. Each access is refused, and nothing is sent."""
+    """The objects of a module (``boot.objects.NodeObjects``), which has none. Each access is refused, and nothing is sent."""
 
     def __init__(self, node_id: int) -> None:
         self._node_id = node_id
@@ -58,7 +58,7 @@ class NoObjects:
 
 
 class ModuleMonitor:
-    """What the heartbeats of a module have told (``bus.node.events.Monitored``); times in s, monotonic."""
+    """The state of a module by its heartbeats (``bus.node.events.Monitored``); times in s, monotonic."""
 
     guarded = False
 
@@ -72,41 +72,41 @@ class ModuleMonitor:
 
     @property
     def state(self) -> NmtState:
-        """What a CANopen node in its place would report."""
+        """The NMT state that a CANopen node in this situation would report."""
         return self._port.nmt
 
     @property
     def reports(self) -> int:
-        """How many heartbeats have come."""
+        """The number of received heartbeats."""
         return self._port.hearing.beats
 
     @property
     def stamp(self) -> float | None:
-        """When the last one came."""
+        """The time of the last heartbeat."""
         return None if self._port.hearing.beat is None else self._port.hearing.beat_at
 
     @property
     def bootups(self) -> int:
-        """How often it has restarted."""
+        """The number of restarts."""
         return self._port.hearing.restarts
 
     @property
     def bootup_stamp(self) -> float | None:
-        """When that was seen last."""
+        """The time of the last restart that was seen."""
         return self._port.hearing.restarted_at
 
     @property
     def duplicate(self) -> str:
-        """What shows that a second module has its node-ID: nothing does."""
+        """Empty: a second module with this node-ID cannot be detected."""
         return ""
 
     @property
     def deadline(self) -> float:
-        """When the next heartbeat is overdue."""
+        """The time at which the next heartbeat is overdue."""
         return self._port.hearing.silent_from
 
     def overdue(self, now: float) -> bool:
-        """Whether it is."""
+        """Whether the next heartbeat is overdue."""
         return self._port.hearing.is_silent(now)
 
 

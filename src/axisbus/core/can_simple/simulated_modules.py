@@ -1,4 +1,4 @@
-"""The simulated modules of a cell, and what its user sees of one."""
+"""The simulated modules of a cell, and the user's access to one."""
 
 from __future__ import annotations
 
@@ -15,34 +15,34 @@ from axisbus.sim.can_simple.module import Module
 
 
 class ModuleStandIn(SimulatedNode):
-    """One simulated module: ``module`` has its shaft and its ``dials`` for misbehaviour; for any thread."""
+    """One simulated module: ``module`` has its shaft and its fault settings (``dials``); for any thread."""
 
     def __init__(self, module: Module, lock: AbstractContextManager[object]) -> None:
         self.module = module
         self.lock = lock
 
     def drive(self, axis: int = 1) -> NoReturn:  # noqa: ARG002
-        """Refuse: what moves is ``module``."""
+        """Refuse: the motor is in ``module``."""
         raise StateError(
             f"node {self.module.node_id} is simulated as a module that speaks CAN Simple, and has no drive of CiA 402",
             remedy="use .module: .module.shaft is its motor, .module.dials let it misbehave",
         )
 
     def fault(self, code: int, maker_bits: int = 0, axis: int = 1) -> None:  # noqa: ARG002
-        """Let the module fall into fault with these bits of its motor's error word (``maker_bits``, else ``code``)."""
+        """Put the module into fault with these bits of its motor's error word (``maker_bits``, else ``code``)."""
         with self.lock:
             self.module.dials.motor_error = maker_bits or code
 
 
 def modules(cell: CellConfig) -> dict[int, Module]:
-    """Make the modules of a cell, with the settings that the cell file says they have; raises as ``settings_of``."""
+    """Make the modules of a cell, with their settings in the cell file; raises as ``settings_of``."""
     return {node_id: _module(cell, node_id) for node_id in modules_of(cell)}
 
 
 def stand_ins_of(
     made: Mapping[int, Module], lock: AbstractContextManager[object]
 ) -> dict[int, SimulatedNode]:
-    """Return what a user sees of modules; ``lock`` is that of their network."""
+    """Return the user's access to modules; ``lock`` is that of their network."""
     return {node_id: ModuleStandIn(module, lock) for node_id, module in made.items()}
 
 

@@ -1,4 +1,4 @@
-"""Stopping modules on a channel without the scan, as ``core.node_stop`` does it for CANopen nodes; and both at the same time."""
+"""Stop modules on a channel without the scan, as ``core.node_stop`` does for CANopen nodes; or both at the same time."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ _POLL = 0.005  # s
 def stop_drives(
     cell: CellConfig, channel: Channel, nodes: Iterable[CanopenNode], names: Collection[str]
 ) -> list[StopResult]:
-    """Stop the axes of these names, those of ``nodes`` and those of modules; blocks until they stand, at most about 8 s.
+    """Stop the axes of these names, of ``nodes`` and of modules; blocks until standstill, at most about 8 s.
 
-    The modules come first where there is no other thread for them: their ladder is the shorter one.
+    If there is no other thread for the modules, they come first, because their stop sequence is shorter.
     """
     modules = settings_by_axis(cell, names)
     works = [partial(stop_modules, channel, modules)] if modules else []
@@ -39,7 +39,7 @@ def stop_drives(
 
 
 def stop_modules(channel: Channel, modules: Mapping[str, ModuleSettings]) -> list[StopResult]:
-    """Stop the modules of these axes, all at a time, and return how each was left; blocks until they stand, at most about 8 s."""
+    """Stop the modules of these axes, all at the same time, and return the result of each. Blocks until standstill, at most 8 s."""
     heard: deque[CanFrame] = deque()
     rescues = {name: ModuleRescue(settings) for name, settings in modules.items()}
     ears = {
@@ -66,7 +66,7 @@ def _step(channel: Channel, heard: deque[CanFrame], rescues: Mapping[str, Module
             each.receive(frame, frame.time)
     for each in rescues.values():
         for order in each.step(time.monotonic()) if not each.text else ():
-            with suppress(BusError):  # what is not taken now is tried again
+            with suppress(BusError):  # a frame that is not accepted now is sent again
                 send(channel, order)
 
 

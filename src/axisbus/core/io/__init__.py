@@ -1,1 +1,1 @@
-"""The named inputs and outputs of a core's nodes, in its cycle and without it."""
+"""The named inputs and outputs of a core's nodes, in its cycle and outside of it."""

@@ -1,4 +1,4 @@
-"""All named inputs and outputs of a scan: read and written in each cycle, set by commands, and led to their safe state."""
+"""All named inputs and outputs of a scan: read and written in each cycle, set by commands, and set to their safe state."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from axisbus.motion.io.reading import IoReading
 
 
 class IoScan:
-    """Holds each node's ``NodeIo`` with its port, and what was known after the last cycle. Belongs to the scan's thread."""
+    """Holds each node's ``NodeIo`` with its port, and the readings of the last cycle. Belongs to the scan's thread."""
 
     def __init__(self) -> None:
         self.readings: dict[str, IoReading] = {}
@@ -23,30 +23,30 @@ class IoScan:
         self._of: dict[str, NodeIo] = {}
         self._leaving = False
         self.changed = False  # whether a command has ended in this cycle
-        self.note: Callable[[Mapping[str, IoReading]], None] = lambda _: None  # before anything is sent
+        self.note: Callable[[Mapping[str, IoReading]], None] = lambda _: None  # called before sending
 
     def __bool__(self) -> bool:
         return bool(self._nodes)
 
     def add(self, node: NodeIo, port: IoPort) -> None:
-        """Take in a node; may be called from any thread."""
+        """Add a node; may be called from any thread."""
         self._of = {**self._of, **dict.fromkeys(node.points, node)}
         self._nodes = (*self._nodes, (port, node))
 
     def width_of(self, name: str) -> int:
-        """Return the bits of a point that is there."""
+        """Return the number of bits of a present point."""
         return self._of[name].points[name].width
 
     def source_of(self, name: str) -> ValueTransport:
-        """Return how an input travels; of one that is not there, as what comes when it changes."""
+        """Return how an input is transported; for an absent one, as a PDO on change."""
         for port, node in self._nodes:
             if name in node.points:
                 return port.sources[port.inputs.index(node.points[name].address)]
         return ValueTransport.EVENT_PDO
 
     def accept(self, command: SetOutputs, ticket: CommandStatus) -> None:
-        """Set outputs, all or none; the ticket ends when all act (``NodeIo``), or at once where one cannot be set."""
-        if self._leaving:  # it has waited behind others while the axes were stopped
+        """Set outputs, all or none; the ticket ends when all act (``NodeIo``), or at once if one cannot be set."""
+        if self._leaving:  # it was queued while the axes were stopped
             ticket.finish(Status.ERROR, _too_late(ticket.name))
             return
         values = dict(command.values)
@@ -64,9 +64,9 @@ class IoScan:
             node.set(own, shared.part())
 
     def step(self, now: float) -> None:
-        """Once per cycle, after the axes, whose frames go out first; sends nothing itself.
+        """Read and write, once per cycle, after the axes, whose frames are sent first; sends nothing itself.
 
-        What is set is noted before it is sent: who finds this core dead makes safe what had been noted.
+        The values are noted before they are sent: if this core dies, its watchdog process makes the noted outputs safe.
         """
         self.changed = False
         readings: dict[str, IoReading] = {}
@@ -79,7 +79,7 @@ class IoScan:
         self.note(readings)
 
     def leave(self) -> None:
-        """Lead all that was set to its safe state, once: the axes stand, or nobody can make them."""
+        """Set all outputs that were set to their safe state, once: when the axes are at standstill, or never will be."""
         if not self._leaving:
             self._leaving = True
             for _, node in self._nodes:
@@ -87,7 +87,7 @@ class IoScan:
 
     @property
     def left(self) -> bool:
-        """Whether that has been sent, where it can be."""
+        """Whether that has been sent, as far as possible."""
         return self._leaving and all(node.rests for _, node in self._nodes)
 
     @property
@@ -96,13 +96,13 @@ class IoScan:
         return [point for _, node in self._nodes for point in node.ours]
 
     def abandon(self, error: AxisbusError) -> None:
-        """End every command: no cycle will come."""
+        """End every command: there will be no further cycle."""
         for _, node in self._nodes:
             node.abandon(error)
 
 
 class _Shared:
-    """A command for outputs of several nodes: it ends when all have, or with the first that fails."""
+    """A command for outputs of several nodes: it ends when all parts have ended, or with the first failure."""
 
     def __init__(self, ticket: CommandStatus, parts: int) -> None:
         self._ticket = ticket

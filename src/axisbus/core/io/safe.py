@@ -1,6 +1,6 @@
-"""Leading outputs to their safe states without the scan, by SDO: it is heard where PDOs are not, and what came of it is read back.
+"""Set outputs to their safe states without the scan, by SDO: SDO works even if PDOs do not, and the result is read back.
 
-An output is set in what its object holds now, so that bits which are not its own stay as they are.
+An output is changed within the present value of its object, so that other bits stay as they are.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from axisbus.link import Unsafe
 
 
 def make_safe(objects: Mapping[int, NodeObjects], points: Collection[IoPoint]) -> list[Unsafe]:
-    """Lead ``points`` to their safe states, all nodes at a time; return those not confirmed. Raises nothing of a bus; blocks."""
+    """Set ``points`` to their safe states, all nodes at the same time; return those not confirmed. Raises no bus error; blocks."""
     nodes = sorted({point.node for point in points})
     own = [[point for point in points if point.node == node] for node in nodes]
     found = in_parallel(lambda node, mine: _of_node(objects[node], mine), nodes, own)
@@ -24,7 +24,7 @@ def make_safe(objects: Mapping[int, NodeObjects], points: Collection[IoPoint]) -
 
 
 def _of_node(objects: NodeObjects, points: list[IoPoint]) -> list[Unsafe]:
-    """One object after the other; once the node does not answer, no more is asked of it."""
+    """Set one object after the other; when the node does not answer, skip the rest."""
     ordered, found = sorted(points, key=_address), list[Unsafe]()
     for address, mine in groupby(ordered, _address):
         try:

@@ -1,4 +1,4 @@
-"""Bringing the inputs and outputs of a node into the scan, and seeing their outputs safe when it has ended."""
+"""Add the inputs and outputs of a node to the scan, and confirm that their outputs are safe when it has ended."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def add_io(board: IoScan, cell: CellConfig, link: CellLink, node_id: int, eds: Eds) -> None:
-    """Take in the inputs and outputs of a node that has come up, where the cell names any."""
+    """Add the inputs and outputs of a booted node, if the cell names any."""
     port = link.io(node_id)
     if port is not None:
         points = points_of(cell, node_id, Dictionary(eds, node_id))
@@ -26,22 +26,22 @@ def add_io(board: IoScan, cell: CellConfig, link: CellLink, node_id: int, eds: E
 
 
 def confirm_safe_outputs(board: IoScan, link: CellLink) -> list[Unsafe]:
-    """See that every output that was set is in its safe state, or lead it there; return what is not confirmed. Blocks.
+    """Confirm or set the safe state of every output that was set; return those that are not confirmed. Blocks.
 
-    That the scan has sent it says little: a node may be gone for a moment before that is known of it.
+    That the scan has sent the safe value is no proof: a node may be lost for a moment before the loss is detected.
     """
     ours = board.ours
     return link.make_safe(ours) if ours else []
 
 
 def unconfirmed(board: IoScan) -> list[Unsafe]:
-    """Return the outputs that were set, as long as nobody has looked at them."""
+    """Return the outputs that were set, before any of them has been checked."""
     text = "leaving was broken off before it was looked at"
     return [Unsafe(point.name, point.node, f"{point.object_text}: {text}") for point in board.ours]
 
 
 def not_safe(unsafe: Unsafe) -> NodeError:
-    """Return what closing tells of an output that is not confirmed to be safe."""
+    """Return the error of closing for an output that is not confirmed to be safe."""
     return NodeError(
         f"{unsafe.output} could not be confirmed as safe",
         node=unsafe.node,

@@ -1,1 +1,1 @@
-"""Simulated drives that are served to other programs: faults that are planned for them, and a way to look at their plant."""
+"""Simulated drives served to other programs, with planned faults, and access to their plant."""

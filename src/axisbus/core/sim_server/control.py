@@ -1,4 +1,4 @@
-"""The way to the plant of served drives, for tests: a Unix socket of this user alone, beside the bus that everybody joins."""
+"""Access to the plant of served drives, for tests: a Unix socket of this user only, separate from the public bus."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from axisbus.ipc.stream import MessageStream
 from axisbus.ipc.values import NotForCrossing
 
 _BACKLOG = 16
-_LARGEST = 1 << 20  # bytes of a question
+_LARGEST = 1 << 20  # bytes of a request
 
 
 class ControlDoor:
-    """Lets programs of this user look at stand-ins and turn their dials; holds the socket."""
+    """Gives programs of this user access to simulated drives and their fault settings; holds the socket."""
 
     def __init__(self, path: Path, stand_ins: Mapping[int, SimulatedNode]) -> None:
-        """``path``: of the socket, which is made; one that nobody answers any more is replaced.
+        """``path``: of the socket, which is created; a socket without a listener is replaced.
 
         Raises:
             UserError: it cannot be made there, or this platform has no such sockets.
@@ -36,7 +36,7 @@ class ControlDoor:
         threading.Thread(target=self._accept, name="axisbus control", daemon=True).start()
 
     def close(self) -> None:
-        """Let nobody in any more."""
+        """Accept no more connections."""
         with suppress(OSError):
             self._path.unlink()
         with suppress(OSError):
@@ -91,7 +91,7 @@ def _require_place(path: Path) -> None:
 
 
 def _is_left_over(path: Path) -> bool:
-    """Whether a socket is there that nobody listens to."""
+    """Whether a socket without a listener is there."""
     if not path.exists():
         return False
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as tried:

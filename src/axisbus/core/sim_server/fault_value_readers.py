@@ -1,4 +1,4 @@
-"""How each dial of a stand-in is read from a file of faults, by the type that it has."""
+"""How each fault setting of a simulated drive is read from a file of faults, by its type."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _OBJECTS = Dictionary(None)
 
 
 def _amount(value: Any) -> float:
-    """Read a number in the dial's own unit, a time with its unit, or "never"."""
+    """Read a number in the setting's own unit, a time with its unit, or "never"."""
     if value == NEVER:
         return math.inf
     try:

@@ -1,9 +1,9 @@
-"""Reading a file of faults for simulated drives: a table for each, with everything that is wrong with it told by its line.
+"""Read a file of faults for simulated drives: a table for each fault; every problem is reported with its line.
 
 Theory of operation
 -------------------
-Each table has its own name, and says of whom (``axis`` or ``node``), when (``begin`` or ``when``), for how long, and what: a fault
-code, a restart, or dials by their names. It is walked as a cell file is, and never stops at one problem.
+Each table has its own name, and contains the drive (``axis`` or ``node``), the time (``begin`` or ``when``), the duration, and the
+fault: a fault code, a restart, or fault settings by their names. It is read as a cell file is, and never stops at one problem.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from axisbus.record.condition import Condition, condition
 from axisbus.sim.faults.fault_timing import Moment
 from axisbus.sim.faults.plan import Dial, PlannedFault
 
-# What a condition may look at: the drive's own view of its axis, in the axis's units.
+# The values for conditions: the drive's own view of its axis, in the axis's units.
 KINDS: Mapping[str, str] = {
     "position": "number",
     "velocity": "number",
@@ -52,10 +52,10 @@ _KEYS: Keys = {**_WHOSE, **_WHEN, **_WHAT, **OF_AXIS, **OF_NODE}
 
 
 def load_faults(path: str | Path, cell: CellConfig) -> tuple[PlannedFault, ...]:
-    """Read a file of faults for the simulated drives of a cell; blocks for as long as that takes.
+    """Read a file of faults for the simulated drives of a cell; blocks until it is read.
 
     Raises:
-        ConfigError: the file cannot be read, is no TOML, or something in it is wrong; the first error, with the others listed.
+        ConfigError: the file cannot be read, is no TOML, or contains an error; the first error, with the others listed.
     """
     reading = _Reading(toml.load(path), cell)
     faults = reading.faults()
@@ -65,14 +65,14 @@ def load_faults(path: str | Path, cell: CellConfig) -> tuple[PlannedFault, ...]:
 
 
 class _Reading(Tables):
-    """One walk through a file of faults."""
+    """One pass through a file of faults."""
 
     def __init__(self, document: toml.TomlDocument, cell: CellConfig) -> None:
         super().__init__(document)
         self._cell = cell
 
     def faults(self) -> tuple[PlannedFault, ...]:
-        """Return all faults; those with a problem are of no use."""
+        """Return all faults without a problem."""
         found = [self._fault(name, raw) for name, raw in self._document.data.items()]
         return tuple(fault for fault in found if fault is not None)
 
@@ -116,7 +116,7 @@ class _Reading(Tables):
         return fields.get("node", 0), 1
 
     def _module(self, where: tuple[str, ...], node_id: int) -> None:
-        """The faults of this file are those of CANopen stand-ins."""
+        """Report a CAN Simple module: the faults of this file are those of CANopen nodes."""
         self._error(
             where,
             f"node {node_id} speaks CAN Simple, and no faults are planned for such a module",
@@ -160,7 +160,7 @@ class _Reading(Tables):
 
 
 def _dials(fields: Fields, parts: Mapping[str, Fields]) -> tuple[Dial, ...]:
-    """Return the dials of a table, and those of its parts."""
+    """Return the fault settings of a table, and those of its parts."""
     own = [Dial(key, fields[key], key in OF_AXIS) for key in (*OF_AXIS, *OF_NODE) if key in fields]
     return (
         *own,
@@ -174,7 +174,7 @@ def _dials(fields: Fields, parts: Mapping[str, Fields]) -> tuple[Dial, ...]:
 
 
 def _said(table: Mapping[str, Any]) -> str:
-    """Return a table in a line, as its user has written it, without when."""
+    """Return a table in a line, as its user has written it, without its times."""
     return ", ".join(f"{key} = {_value(key, value)}" for key, value in table.items() if key not in _WHEN)
 
 

@@ -1,4 +1,4 @@
-"""Planned faults played on simulated drives: what their conditions look at is taken from the drives themselves."""
+"""Executes planned faults on simulated drives; the values for their conditions come from the drives themselves."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from axisbus.sim.faults.plan import Plan, PlannedFault
 
 
 class Player:
-    """Holds the plan, and the drive of each axis with its units. Positions count as the drive's do (6064h)."""
+    """Holds the plan, and the drive of each axis with its units. Positions are those of the drive (6064h)."""
 
     def __init__(
         self,
@@ -39,7 +39,7 @@ class Player:
         }
 
     def step(self, now: float) -> list[str]:
-        """Do what is due ``now`` (seconds since the drives began); return what is to be told of it."""
+        """Execute the faults that are due ``now`` (seconds since the drives began); return the texts about them."""
         with self._lock:
             return self._plan.step(now, {name: _values(*axis) for name, axis in self._axes.items()})
 

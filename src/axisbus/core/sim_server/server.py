@@ -1,4 +1,4 @@
-"""The drives of a cell, served on a port for other programs, with the faults that are planned for them."""
+"""The drives of a cell, served on a port for other programs, with their planned faults."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from axisbus.sim.faults.plan import PlannedFault
 from axisbus.sim.node.network import StandIns
 from axisbus.sim.socketcand.server import Server
 
-_LOOK = 0.2  # seconds between two looks at the time
-_STEP = 0.005  # seconds between two looks at what faults wait for
+_LOOK = 0.2  # seconds between two checks of the time
+_STEP = 0.005  # seconds between two checks of the faults' conditions
 
 
 class Served:
-    """Holds the devices of a cell, modules of other protocols beside them, and while they are served the player of the faults."""
+    """Holds the devices of a cell, further modules of other protocols, and, while they are served, the player of the faults."""
 
     def __init__(
         self, cell: CellConfig | None, faults: Sequence[PlannedFault], modules: Sequence[Module] = ()
     ) -> None:
-        """Make the devices; blocks for the files that they are made from. ``modules`` come beside those of the cell.
+        """Make the devices; blocks for reading their files. ``modules`` are added to those of the cell.
 
         Raises:
             EdsError: one is missing or cannot be read.
@@ -47,7 +47,7 @@ class Served:
 
     @contextmanager
     def serve(self, port: int, control: Path | None = None) -> Iterator[Server]:
-        """Let the drives live while the block runs, on this port (0: any that is free), and at ``control`` for tests.
+        """Run the drives during the block, on this port (0: any free one), with access to their plant at ``control`` for tests.
 
         Raises:
             AdapterError: the port is taken.
@@ -69,11 +69,11 @@ class Served:
                 self._player = Player(
                     self._faults, self._cell, self._dictionaries, self._devices, network.lock
                 )
-            take_priority()  # as the drives of a core, lest a busy computer looks like silent drives
+            take_priority()  # as for the drives of a core, so that a busy computer does not make them look lost
             yield server
 
     def play(self, seconds: float | None) -> Iterator[str]:
-        """Play the faults for so long (None: without end), and yield what is to be told of each; blocks meanwhile."""
+        """Play the faults for this time (None: without end), and yield the texts about each; blocks meanwhile."""
         begin = time.monotonic()
         pause = _LOOK if self._player is None else _STEP
         while seconds is None or time.monotonic() - begin < seconds:
