@@ -1,1 +1,1 @@
-"""The core in a process of its own: what runs there, and what stands for it in the program."""
+"""The core in a process of its own: the server there, and the program's client for it."""

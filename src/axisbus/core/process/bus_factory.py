@@ -1,4 +1,4 @@
-"""The way to a bus for whoever owns it: its adapter, or the line to simulated drives in another process."""
+"""Opens the bus for its owner: its adapter, or the line to simulated drives in another process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a machine holds of a core in a process of its own (``core.core.CoreInterface``)."""
+"""The program's representation of a core in a process of its own (``core.core.CoreInterface``)."""
 
 from __future__ import annotations
 
@@ -34,26 +34,26 @@ if TYPE_CHECKING:
     from axisbus.core.process.listener import ClientConnection
 
 log = logging.getLogger("axisbus")
-_SLICE = 0.1  # seconds; a wait in slices lets signal handlers run on every platform
-_CLOSE_MARGIN = 5.0  # seconds beyond the stop ladders that leaving may take
-_RESCUE = 10.0  # seconds until a warden has stopped every drive
+_SLICE = 0.1  # seconds; waiting in slices lets signal handlers run on every platform
+_CLOSE_MARGIN = 5.0  # seconds for leaving, in addition to the stop sequences
+_RESCUE = 10.0  # seconds until the watchdog process has stopped every drive
 _FAREWELL = 1.0
-_JOINING = 30.0  # seconds until a core has halted what moves, where the command is taken, and has answered
+_JOINING = 30.0  # seconds until a core has answered, and halted moving axes if control is taken
 
 
 class RemoteCore:
-    """Holds the process, the connection to it, and what is known of its nodes."""
+    """Holds the process, the connection to it, and the facts about its nodes."""
 
     realtime = apart = True
     degree = ""
     process = 0  # the core's ID
-    commanded_by = ""  # who has the command, as it was when this program came
+    commanded_by = ""  # the program with control when this program joined
     in_cycle: Callable[[], bool] | None = None
 
     def __init__(
         self, cell: CellConfig, process: Processes | ClientConnection, wanted: m.OpenCell | m.Attach
     ) -> None:
-        """Let ``process`` open ``cell``, or join it where it is open; blocks until that is done. Raises as ``Machine.open``."""
+        """Make ``process`` open ``cell``, or join it if it is open; blocks until that is done. Raises as ``Machine.open``."""
         self._cell = cell
         self._wanted = wanted
         self.joined = isinstance(wanted, m.Attach)
@@ -74,12 +74,12 @@ class RemoteCore:
         tally = SharedCounters(process.memory, len(cell.axes), len(cell.io))
         self.session = RemoteSession(self._calls, image, io, tally, self._errors, {}, cell.bus.scan_period)
         self._warden_over = threading.Event()
-        if process.warden is None:  # a guest has none, and learns only that the core is gone
+        if process.warden is None:  # a joined program has none, and learns only that the core is gone
             self._warden_over.set()
         control = process.control
         self._control = None if control is None else SimulatedDrivesHandle(control)
         self.stand_ins = {} if self._control is None else self._control.stand_ins(cell.nodes)
-        self._calls.start()  # the core may be gone at once: all that is needed then has been made
+        self._calls.start()  # the core may end at once: all objects needed then exist now
         self._warden = self._watch_warden(process.warden)
         try:
             self._open()
@@ -88,20 +88,20 @@ class RemoteCore:
             raise
 
     def begin(self, joined: Joined, after_cycle: Callable[[], None] = lambda: None) -> None:  # noqa: ARG002  # of virtual time
-        """As ``CoreInterface.begin``; the scan runs already."""
+        """As ``CoreInterface.begin``; the scan already runs."""
         self._joined = joined
 
     def await_values(self) -> None:
-        """As ``CoreInterface.await_values``; the core has done that."""
+        """As ``CoreInterface.await_values``; the core has already done that."""
 
     def leave(self, reason: str) -> list[AxisbusError]:
-        """As ``CoreInterface.leave``; then the process has ended."""
+        """As ``CoreInterface.leave``; afterwards the process has ended."""
         self._calls.send(m.Leave(reason))
         times = [facts.parameters.stop_times.ladder for facts in self.session.axes.values()]
         interruption = self._wait(
             lambda: self._left is not None or self._calls.over, max(times, default=0.0) + _CLOSE_MARGIN
         )
-        if self._left is None:  # it has died: what its warden does is waited for, and not cut off
+        if self._left is None:  # the core has died: wait for its watchdog process, and do not interrupt it
             interruption = self._wait(self._warden_over.is_set, _RESCUE) or interruption
         self._end()
         if interruption is not None:
@@ -109,11 +109,11 @@ class RemoteCore:
         if self._left is not None:
             return list(self._left.failures)
         if self.joined and not self.session.failed:
-            return []  # whoever opened it has left it meanwhile
+            return []  # the program that opened the machine has closed it meanwhile
         return [self._calls.gone("the machine was closed", self.session.rescued)]
 
     def _wait(self, done: Callable[[], bool], seconds: float) -> BaseException | None:
-        """Wait until something has happened; return what interrupts that, to be raised once everything stands."""
+        """Wait for an event; return the exception that interrupts this, to be raised when all axes are at standstill."""
         interruption: BaseException | None = None
         until = time.monotonic() + seconds
         while not done() and time.monotonic() < until:
@@ -143,7 +143,7 @@ class RemoteCore:
         self._process.end()
 
     def _watch_warden(self, line: socket.socket | None) -> RpcClient | None:
-        """Take the messages of the watchdog process."""
+        """Start receiving the messages of the watchdog process."""
         if line is None:
             return None
         stream = MessageStream(line, m.CODEC.pack, "axisbus asks warden")
@@ -191,7 +191,7 @@ class RemoteCore:
             has_objects=self._cell.nodes[node_id].module is None,
         )
 
-    # -- what the core tells -------------------------------------------------------------------------------------------
+    # -- messages of the core ------------------------------------------------------------------------------------------
 
     def _soon(self) -> dict[type, Callable[..., None]]:
         return {
@@ -238,7 +238,7 @@ class RemoteCore:
         self._news.set()
 
     def _gone(self) -> None:
-        """The core has ended: what its warden has made of that is waited for, where it had not been left."""
+        """Handle the end of the core. If it had not left, wait for the result of its watchdog process."""
         if self._left is None:
             self._warden_over.wait(_RESCUE)
         if self._calls.lost:
@@ -248,7 +248,7 @@ class RemoteCore:
 
 
 def _reason(told: m.NotOpened) -> BaseException:
-    """Return why it was not opened."""
+    """Return the error of an open that failed."""
     if not told.message:
         return told.errors[0]
     return ExceptionGroup(told.message, told.errors)

@@ -1,4 +1,4 @@
-"""What one client asks of a core, and what it is told; each kind of message is taken by one function."""
+"""The requests of one client to a core, and the messages to it; each kind of message has one function."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ if TYPE_CHECKING:
     from axisbus.core.process.clients import Clients
 
 log = logging.getLogger("axisbus")
-STOPS = (c.Halt, c.QuickStop)  # what everybody may command
-NUMBERS = 1 << 32  # of the commands of one client
-_ASKED = 64  # questions of one client that may wait for their answers
+STOPS = (c.Halt, c.QuickStop)  # commands that every client may give
+NUMBERS = 1 << 32  # command numbers of one client
+_ASKED = 64  # requests of one client that may wait for their answers
 
 Command = AnyCommand
 
 
 class ClientHandler:
-    """One client of a core; holds the connection, the trajectories that it feeds, and why it commands no more. For one thread."""
+    """One client of a core; holds the connection, its trajectories, and why its commands are refused. For one thread."""
 
     def __init__(
         self, clients: Clients, place: int, stream: MessageStream, reader: ClientOutbox, who: str
     ) -> None:
-        """``place``: its own number among the clients, 0 for the program that opened the cell; ``who`` it is, for people."""
+        """``place``: its number among the clients, 0 for the program that opened the cell; ``who``: its name for messages."""
         self.stream = stream
         self.reader = reader
-        self.name = who  # for people
-        self.watched: set[int] = set()  # nodes whose events it wants to be told
-        self.leaving: str | None = None  # why no command of it is taken any more
+        self.name = who  # for messages
+        self.watched: set[int] = set()  # nodes whose events it wants
+        self.leaving: str | None = None  # why its commands are no longer accepted
         self._clients = clients
         self.place = place
         self._tapped = False
@@ -49,13 +49,12 @@ class ClientHandler:
         self._questions = threading.Semaphore(_ASKED)
 
     def take(self, message: object) -> bool:
-        """Do what a message asks for; return whether that could be done."""
+        """Execute a message; return whether that was possible."""
         try:
             _TAKES[type(message)](self, message)
-        except Exception:  # a mistake in one: the program's others, a stop among them, are taken all the same
-            level = (
-                logging.INFO if self.place else logging.ERROR
-            )  # what a guest sends is not for the program's log
+        except Exception:  # its other messages, possibly a stop, must still be executed
+            # messages of joined programs do not belong in the opener's log
+            level = logging.INFO if self.place else logging.ERROR
             log.log(
                 level,
                 "a message of %s could not be taken: %s",
@@ -67,17 +66,17 @@ class ClientHandler:
         return True
 
     def look(self) -> None:
-        """Ask for the samples that will be wanted, and tell the frames that were; called every few milliseconds."""
+        """Request the samples that will be needed, and send the frames since the last call; called every few milliseconds."""
         self._streams.look()
         if self._tapped:
             self.reader.flush_frames()
 
     def warn(self, text: str) -> None:
-        """Tell the client something by its log."""
+        """Write a warning to the client's log."""
         self.stream.send(m.Logged(log.name, logging.WARNING, text))
 
     def hear(self, event: CommandEvent) -> None:
-        """Tell how a command of this client goes on; what the scan's end has ended, once the client knows of that end."""
+        """Send a status change of this client's command. Ends caused by the end of the scan are sent after that end itself."""
         if self._clients.core.session.ended:
             self.reader.add(event)
         else:
@@ -119,7 +118,7 @@ class ClientHandler:
     def _answer(self, message: m.CoreQuery) -> None:
         try:
             answer = m.CODEC.pack(m.CoreReply(message.number, self._find(message)))
-        except BaseException as error:  # noqa: BLE001  # whatever it was, somebody waits for it
+        except BaseException as error:  # noqa: BLE001  # whatever it was, a caller waits for the answer
             self.stream.send(m.CoreReply(message.number, None, told(error)))
         else:
             self.stream.send(answer)
@@ -170,7 +169,7 @@ class ClientHandler:
             self.reader.frames.hear(frame)
 
     def gone(self) -> None:
-        """The client is gone: nothing is kept for it any more, and it is given no command."""
+        """Release the client's data: it is gone, and gets no control any more."""
         self.leaving = self.leaving or "it is gone"
         self._tap(m.Tap(False))
 
@@ -193,7 +192,7 @@ class ClientHandler:
         self._clients.hold_to_run(self, message.seconds, message.continuous)
 
     def _leave(self, message: m.Leave) -> None:
-        """Only a guest's: the program that opened the cell leaves all of it."""
+        """Leave: only for a joined program, because the program that opened the cell closes the whole machine."""
         self.leaving = message.reason
         self._clients.give_up(self, f"{self.name} left: {message.reason}")
         core = self._clients.core
@@ -214,7 +213,7 @@ _TAKES: dict[type, Callable[[ClientHandler, Any], None]] = {
     m.Leave: ClientHandler._leave,
 }
 
-# What is asked of the clients, and not of the core.
+# Requests about the clients, and not about the core.
 OF_CLIENT: dict[str, Callable[[ClientHandler], object]] = {
     "programs": ClientHandler._programs,
     "has_command": ClientHandler._has_command,
@@ -223,15 +222,15 @@ OF_CLIENT: dict[str, Callable[[ClientHandler], object]] = {
 
 
 def is_stop(command: Command) -> bool:
-    """Whether a command only makes axes stand, so that anybody may give it."""
+    """Whether a command only stops axes, so that any client may give it."""
     each = command.commands.values() if isinstance(command, ForEach) else [command]
     return all(isinstance(one, STOPS) for one in each)
 
 
 def not_commanding(name: str, holder: str, *, guest: bool, passing: bool = False) -> OwnershipError:
-    """Return the error of what its client may not ask for; ``holder`` has the command, or nobody.
+    """Return the error of a request that needs control; ``holder`` has control (empty: no client).
 
-    ``passing``: it is on its way from one to another.
+    ``passing``: control is being passed from one client to another.
     """
     has = f"{holder or 'nobody'} has it"
     if passing:

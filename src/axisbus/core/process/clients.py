@@ -1,15 +1,15 @@
-"""The clients of a core: the program that opened it, and guests that have joined. One of them has the command; all may stop.
+"""The clients of a core: the program that opened it, and programs that have joined. One has control; all may stop.
 
-Theory of operation
--------------------
-Each client has a ``ClientHandler``. Its commands are known to the scan by its own numbers and its place, so that their ends find
-back to it. The command belongs to whoever opened the cell, or to nobody where that shares it; a guest gets it where it is free, or
-takes it. When it changes hands, or its holder is gone, everything that moves halts before anybody else may command.
+Theory of operation ------------------- Each client has a ``ClientHandler``. The scan knows its commands by the client's own numbers
+and its place, so that their ends reach it. Control belongs to the program that opened the cell, or to no client if that program
+shares the cell. A joined program gets control if it is free, or takes it. When control passes to another client, or its holder is
+gone, all moving axes halt before another client may command.
 
-A program that only wants axes to stop (``door.StopRequest``) is no client, and needs no place: however many there are, it is taken.
+A program that only wants axes to stop (``listener.StopRequest``) is no client, and needs no place: its request is always accepted,
+however many clients there are.
 
-A guest can be slow, mad or malicious without disturbing the scan: its messages are short and counted, what it does not read is
-dropped with it, and there are few of them.
+A joined program that is slow, faulty or malicious cannot disturb the scan. Its messages are short and limited in number; if it does
+not read its messages, they are dropped with it; and the number of such programs is limited.
 """
 
 from __future__ import annotations
@@ -52,20 +52,20 @@ from axisbus.session import ClientProgram, CommandEvent, Target
 from axisbus.version import __version__
 
 log = logging.getLogger("axisbus")
-_MOST = 16  # guests
-_MOST_STOPS = 64  # requests to stop whose ends are waited for at the same time
-_HOUSE = 1 << 20  # the place of commands that no client has given
-_LARGEST = 1 << 18  # bytes of a guest's message
-_FEWEST = 0.002  # seconds between two messages of a guest, once it has sent many at a time
+_MOST = 16  # joined programs
+_MOST_STOPS = 64  # stop requests that wait for their result at the same time
+_HOUSE = 1 << 20  # the place of commands that come from no client
+_LARGEST = 1 << 18  # bytes of a joined program's message
+_FEWEST = 0.002  # seconds between two messages of a joined program, after a burst
 _BURST = 200  # messages
-_SHAKE = struct.pack("ll", 5, 0)  # 5 s for the first message, and for what is sent to it
+_SHAKE = struct.pack("ll", 5, 0)  # 5 s for the first message, and for sending to the program
 _FOR_EVER = struct.pack("ll", 0, 0)
-_MARGIN = 2.0  # seconds beyond the stop ladders
+_MARGIN = 2.0  # seconds in addition to the stop sequences
 _FAREWELL = 1.0  # seconds
 
 
 class _End:
-    """The end of a command that no client has given: ``come`` once it has, then ``event``."""
+    """The end of a command that comes from no client: ``come`` is set when it has ended, then ``event``."""
 
     def __init__(self) -> None:
         self.come = threading.Event()
@@ -77,13 +77,13 @@ _Stop = dict[str, _End | None]  # axis -> the end of its stop; None: its node ha
 
 
 class Clients:
-    """Holds the desks, who has the command, and the questions that are being answered; for any thread."""
+    """Holds the client handlers, the client with control, and the pending requests; for any thread."""
 
     def __init__(self, core: Core, outlet: Publisher, pool: ThreadPoolExecutor) -> None:
         self.core = core
         self.outlet = outlet
         self.pool = pool
-        self._lock = threading.Lock()  # of who is there; what goes through them takes the last whole list
+        self._lock = threading.Lock()  # of the clients; loops over them use the last complete dictionary
         self._merging = DuplicateCommands()
         self._condition = m.CoreCondition()
         self._desks: dict[int, ClientHandler] = {}
@@ -91,29 +91,28 @@ class Clients:
         self._numbers = itertools.count(1)
         self._waits: dict[int, _End] = {}
         self._watched: set[int] = set()
-        self._passing = threading.Lock()  # of the command from one to another
-        self.giving = (
-            threading.Lock()
-        )  # of a command: held from the look whether its client may until the scan has it
+        self._passing = threading.Lock()  # held while control passes from one client to another
+        # of a command: held from the check whether its client may give it until the scan has it
+        self.giving = threading.Lock()
         self._opener: ClientHandler | None = None
         self._holder: ClientHandler | None = None
         core.session.listen(self._hear)
 
-    # -- who is there --------------------------------------------------------------------------------------------------
+    # -- clients -------------------------------------------------------------------------------------------------------
 
     def admit(self, stream: MessageStream, who: str) -> ClientHandler:
-        """Take in a client."""
+        """Add a client."""
         with self._lock:
             desk = ClientHandler(self, next(self._places), stream, self.outlet.admit(stream), who)
             self._desks = {**self._desks, desk.place: desk}
         return desk
 
     def open_for(self, program: ClientHandler, shared: bool) -> None:
-        """Let the program that opened the cell have the command, unless it shares it."""
+        """Give control to the program that opened the cell, unless it shares the cell."""
         self._opener = self._holder = None if shared else program
 
     def dismiss(self, desk: ClientHandler) -> None:
-        """A client is gone: if it had the command, what moves halts. Blocks until that is done."""
+        """Remove a client that is gone. If it had control, moving axes halt. Blocks until that is done."""
         desk.gone()
         self.give_up(desk, f"{desk.name}, which had the command, is gone")
         with self._lock:
@@ -121,26 +120,26 @@ class Clients:
             self._desks = {place: one for place, one in self._desks.items() if one is not desk}
 
     def tell(self, message: m.Message) -> None:
-        """Tell every client something."""
+        """Send a message to every client."""
         for desk in self._desks.values():
             desk.stream.send(message)
 
     def tell_condition(self) -> None:
-        """Tell every client how the core is, where that has changed; then, once the scan is over, what ended with it."""
+        """Send the core's condition to every client if it has changed; after the end of the scan, then flush the command events."""
         now = condition_of(self.core.session)
         if now != self._condition:
             self.tell(now)
             self._condition = now
-        if now.ended:  # after that, so that who sees the end of a command sees why
+        if now.ended:  # afterwards, so that a client that sees the end of a command knows the reason
             self.outlet.flush()
 
     def look(self) -> None:
-        """What must be done every few milliseconds."""
+        """Do the work that is due every few milliseconds."""
         for desk in self._desks.values():
             desk.look()
 
     def watch(self, node_id: int) -> None:
-        """Let who asked for them have the events of a node."""
+        """Send the events of a node to the clients that requested them."""
         if node_id in self._watched:
             return
         self._watched.add(node_id)
@@ -153,33 +152,33 @@ class Clients:
             if node_id in desk.watched:
                 desk.stream.send(message)
 
-    # -- who commands --------------------------------------------------------------------------------------------------
+    # -- control -------------------------------------------------------------------------------------------------------
 
     @property
     def commanded_by(self) -> str:
-        """Who has the command, for people; empty where nobody has."""
+        """The client with control, as text; empty if there is none."""
         return "" if self._holder is None else self._holder.name
 
     @property
     def programs(self) -> tuple[ClientProgram, ...]:
-        """Who is there: the program that opened the cell first, then the guests as they came."""
+        """The clients: the program that opened the cell first, then the joined ones in their order."""
         return tuple(
             ClientProgram(desk.name, desk is self._holder, desk.reader.lost, desk.reader.frames.lost)
             for desk in self._desks.values()
         )
 
     def refusal(self, desk: ClientHandler, name: str) -> OwnershipError | None:
-        """Return why a client may not command, None where it may."""
+        """Return why a client may not command, None if it may."""
         if desk is self._holder:
             return None
         return not_commanding(name, self.commanded_by, guest=desk.place != 0, passing=self._passing.locked())
 
     def give_command(self, desk: ClientHandler, take: bool) -> None:
-        """Let a client have the command; where it is taken from another, what moves halts first. Blocks until that is done.
+        """Give control to a client. If it is taken from another client, moving axes halt first. Blocks until that is done.
 
-        Harmless where it has it. Raises:
-            OwnershipError: another has it, and it is not to be taken.
-            StateError: an axis does not come to rest. Stopped: the client is gone, or on its way out.
+        Harmless if the client has control. Raises:
+            OwnershipError: another client has control, and ``take`` is not set.
+            StateError: an axis does not come to rest. Stopped: the client is gone, or is leaving.
         """
         with self._passing:
             if desk is self._holder:
@@ -200,7 +199,7 @@ class Clients:
             )
 
     def give_up(self, desk: ClientHandler, reason: str, quick: bool = False) -> None:
-        """Take the command from whoever has it no more; what moves halts first. Blocks until that is done."""
+        """Take control from a client that must not have it any more; moving axes halt first. Blocks until that is done."""
         with self._passing:
             if desk is not self._holder or desk is self._opener:
                 return
@@ -214,7 +213,7 @@ class Clients:
             self.core.scan.hold_to_run(None, "")
 
     def halt(self, reason: str, quick: bool = False) -> bool:
-        """Halt (or quick-stop) every axis that was set going; return whether all of them ended well. Blocks."""
+        """Halt (or quick-stop) every axis that was set in motion; return whether all of these stops ended in time. Blocks."""
         ends = []
         for name, snapshot in self.core.session.snapshots.items():
             moves = snapshot.state in MOVING or snapshot.state is AxisState.STOPPING
@@ -225,12 +224,12 @@ class Clients:
 
     @property
     def stop_within(self) -> float:
-        """The seconds that a stop of all axes may take."""
+        """The maximum duration of a stop of all axes, in seconds."""
         times = [facts.parameters.stop_times.ladder for facts in self.core.session.axes.values()]
         return max(times, default=0.0) + _MARGIN
 
     def begin_stop(self, axes: Sequence[str], quick: bool, who: str) -> _Stop:
-        """Quick-stop or halt these axes, or all of the cell where none is named, for ``who``; does not block."""
+        """Quick-stop or halt these axes, or all of the cell if ``axes`` is empty, for ``who``; does not block."""
         verb, there = "quick_stop" if quick else "halt", self.core.session.axes
         names = list(axes or self.core.cell.axes)
         ends = {
@@ -241,7 +240,7 @@ class Clients:
         return {name: ends.get(name) for name in names}
 
     def await_stop(self, ends: _Stop, quick: bool) -> list[StopResult]:
-        """Return how each axis was left by the commands of ``begin_stop``; blocks."""
+        """Return the results of ``begin_stop`` for each axis; blocks."""
         until = time.monotonic() + self.stop_within
         return [self._stopped(name, end, until, quick) for name, end in ends.items()]
 
@@ -267,13 +266,13 @@ class Clients:
         return StopResult(name, True, f"stands at {at:.4f} {units.position.unit}")
 
     def _seen(self, name: str, since: float) -> Snapshot:
-        """Return an axis as of the first cycle that began after ``since``; blocks for a cycle."""
+        """Return the snapshot of an axis from the first cycle after ``since``; blocks for a cycle."""
         session = self.core.session
         session.waiter.wait(lambda: session.ended or session.snapshots[name].now > since, _MARGIN)
         return session.snapshots[name]
 
     def _give(self, name: str, command: Command, text: str) -> _End:
-        """Give the scan a command that no client has given."""
+        """Give the scan a command that comes from no client."""
         number, end = next(self._numbers), _End()
         self._waits[number] = end
         over = self.submit(_HOUSE * NUMBERS + number, name, command, text)
@@ -282,7 +281,7 @@ class Clients:
         return end
 
     def request_stop(self, desk: ClientHandler, reason: str, quick: bool) -> None:
-        """A client has been told to stop all that it has commanded, and commands nothing more."""
+        """Stop all axes that a client has commanded; the client gives no more commands."""
         if desk.place == 0:
             self.core.session.request_stop(reason, quick)
             return
@@ -291,13 +290,13 @@ class Clients:
             threading.Thread(target=self.halt, args=(f"{desk.name}: {reason}", quick), name="halting").start()
 
     def request_halt(self, desk: ClientHandler, reason: str, number: int) -> None:
-        """A client was interrupted and goes on: what it has commanded halts. One that commands nothing has set nothing going."""
+        """Halt the axes that a client has commanded, because it was interrupted. A client without control has moved none."""
         if desk is self._holder:
             by = f"{desk.name}: {reason}" if desk.place else reason
             self.core.session.request_halt(by, desk.place * NUMBERS + number)
 
     def hold_to_run(self, desk: ClientHandler, seconds: float | None, continuous: float | None) -> None:
-        """A client promises to say this again in time, or no more. One that commands nothing has nothing to hold."""
+        """Renew or end a client's promise to call again in time. It has no effect for a client without control."""
         with self.giving:
             if desk is self._holder:
                 self.core.scan.hold_to_run(seconds, desk.name, continuous)
@@ -305,7 +304,7 @@ class Clients:
     # -- commands ------------------------------------------------------------------------------------------------------
 
     def submit(self, number: int, target: Target, command: Command, name: str) -> CommandEvent | None:
-        """Let a command wait for the scan; return how it has ended, where it is one with another that has."""
+        """Queue a command for the scan; if it is identical to another that has ended meanwhile, return that end."""
         kept = self.core.session.submit(number, target, command, name)
         return None if kept == number else self._merging.join(number, kept)
 
@@ -326,7 +325,7 @@ class Clients:
 
 
 class Guests:
-    """Takes programs in at the door, each with a thread of its own: those that join, and those that only want axes to stop."""
+    """Admits other programs, each with a thread of its own: those that join, and those that only want axes to stop."""
 
     def __init__(
         self,
@@ -336,23 +335,22 @@ class Guests:
         opened: Callable[[], m.CellOpened],
         text: str,
     ) -> None:
-        """``image``: the descriptor of the images; ``opened``: what guests are told; ``text``: of the file (``m.Attach``)."""
+        """``image``: the images' descriptor; ``opened``: the message for joined programs; ``text``: as in ``m.Attach``."""
         self._door = door
         self._clients = clients
         self._image = image
         self._opened = opened
         self._text = text
         self._there = threading.Semaphore(_MOST)
-        self._stops = ThreadPoolExecutor(
-            _MOST_STOPS, "axisbus stop"
-        )  # further requests wait for their answer only
+        # further requests only wait for their result
+        self._stops = ThreadPoolExecutor(_MOST_STOPS, "axisbus stop")
 
     def start(self) -> None:
-        """Begin to let them in."""
+        """Begin to admit programs."""
         threading.Thread(target=self._run, name="axisbus door", daemon=True).start()
 
     def close(self) -> None:
-        """Let nobody in any more."""
+        """Admit no more programs."""
         self._door.close()
 
     def _run(self) -> None:
@@ -367,19 +365,19 @@ class Guests:
                 ).start()
 
     def _take_stop(self, line: socket.socket, process: int, request: StopRequest) -> None:
-        """Give the commands at once: however many wait for the end of theirs, none keeps another from being done."""
+        """Give the stop commands at once: waiting for their end, by however many requests, must not delay another one."""
         try:
             begun = self._clients.begin_stop(request.axes, request.quick, described(process, kept=True))
-        except Exception:  # the next request is taken all the same
+        except Exception:  # the next request must still be executed
             log.exception("a request to stop could not be taken")
             line.close()
             return
-        with suppress(OSError):  # its asker may be gone; a new connection has room for so few bytes
+        with suppress(OSError):  # the program may be gone; a new connection has room for these few bytes
             answer_stop(line, self._clients.stop_within)
         self._stops.submit(self._stop, line, begun, request.quick)
 
     def _stop(self, line: socket.socket, begun: _Stop, quick: bool) -> None:
-        """Wait until axes have stopped, and report it to the client; a client that has gone, or does not read, changes nothing."""
+        """Wait until axes have stopped, and report it to the program. A program that is gone, or does not read, changes nothing."""
         with line:
             line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _SHAKE)
             stopped = self._clients.await_stop(begun, quick)
@@ -393,7 +391,7 @@ class Guests:
         try:
             welcome(line, self._image)
             self._talk(line, stream, described(process, kept=True))
-        except Exception as error:  # noqa: BLE001  # whatever it sent: it is gone, and nobody else is
+        except Exception as error:  # noqa: BLE001  # whatever it sent: only this connection ends
             log.info("the connection of process %d is given up: %s", process, error)
         finally:
             stream.close(_FAREWELL)
@@ -441,7 +439,7 @@ class Guests:
 
 
 def _read(desk: ClientHandler, messages: map[object]) -> None:
-    """Take a guest's messages, not too many in too short a time, until it leaves or sends what no guest has to say."""
+    """Execute a joined program's messages, at a limited rate, until it leaves or sends an invalid one."""
     free, before = float(_BURST), time.monotonic()
     for message in messages:
         now = time.monotonic()

@@ -1,4 +1,4 @@
-"""Commands that are one with another that waits: what happens to that one happens to them."""
+"""Commands that are identical to a queued one: they share its events."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ import threading
 from axisbus.motion.command_status import ENDED
 from axisbus.session import CommandEvent
 
-_REMEMBERED = 256  # commands that have ended
+_REMEMBERED = 256  # ended commands
 
 
 class DuplicateCommands:
-    """Holds who is one with whom, and how the last commands have ended; for any thread."""
+    """Holds the identical commands, and the ends of the last commands; for any thread."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._same: dict[int, list[int]] = {}  # by the number of the one that waits
+        self._same: dict[int, list[int]] = {}  # by the number of the queued one
         self._over: dict[int, CommandEvent] = {}
 
     def join(self, number: int, kept: int) -> CommandEvent | None:
-        """Let ``number`` be one with ``kept``; return how that has ended, where it has meanwhile."""
+        """Make ``number`` share the events of ``kept``; return the end of that, if it has ended meanwhile."""
         with self._lock:
             over = self._over.get(kept)
             if over is not None:
@@ -28,7 +28,7 @@ class DuplicateCommands:
         return None
 
     def all_of(self, event: CommandEvent) -> list[CommandEvent]:
-        """Return what is to be told: the event of a command, and the same of each that is one with it."""
+        """Return the event of a command, and a copy for each command that is identical to it."""
         with self._lock:
             same = self._same.get(event.number, [])
             if event.status in ENDED:

@@ -1,4 +1,4 @@
-"""Starting a core in a process of its own, and the program's hold on it."""
+"""Start a core in a process of its own, and hold the program's connections to it."""
 
 from __future__ import annotations
 
@@ -31,9 +31,7 @@ from axisbus.core.realtime_setup import (
 )
 from axisbus.ipc.own_socket import inode_of
 
-_END = (
-    15.0  # seconds that core and warden may take to end once they have been left: a rescue may be under way
-)
+_END = 15.0  # seconds for core and watchdog process to end after leaving: a rescue may be in progress
 
 
 _PERMIT = {
@@ -44,13 +42,13 @@ _PERMIT = {
 
 
 def wanted(bus: BusConfig) -> bool:
-    """Whether the core of a cell is to run in its own process: as the cell says, else ``AXISBUS_PROCESS``, else where it can."""
-    can = sys.platform == "linux" and bus.interface != "virtual"  # that exists in one process only
+    """Whether the core of a cell runs in its own process: as the cell says, else ``AXISBUS_PROCESS``, else if possible."""
+    can = sys.platform == "linux" and bus.interface != "virtual"  # that bus exists in one process only
     return can and (bus.process or os.environ.get("AXISBUS_PROCESS", "own")) == "own"
 
 
 def expected(bus: BusConfig) -> str:
-    """Say how surely the cycles of a cell's core would come in time, as ``Machine.real_time_status`` does, and what would help."""
+    """Return the expected real-time status, as ``Machine.real_time_status``, and the permissions that are missing."""
     if not wanted(bus):
         return IN_A_THREAD
     got = [*permitted(), *([APART] if isolated() else [])]
@@ -59,16 +57,16 @@ def expected(bus: BusConfig) -> str:
 
 
 class Processes:
-    """A core's warden, which becomes the core and the simulated drives too; holds this end of the connections, and the memory.
+    """A core's watchdog process, which forks the core and the simulated drives; holds this end of the connections, and the memory.
 
-    ``line`` leads to the core, ``warden`` to what tells of its death, ``control`` to the simulated drives, where there are such.
+    ``line`` leads to the core, ``warden`` to the watchdog process, ``control`` to the simulated drives, if there are any.
     """
 
     def __init__(self, cell: CellConfig, signals: int) -> None:
-        """Start them; they import and read what they need while the program goes on. The core is told later that it may open it.
+        """Start the processes, which import and read while the program continues. The core opens the cell only on a later message.
 
-        They have a session of their own, so that Ctrl-C reaches the program alone. ``signals``: the descriptor out of which this
-        program takes its signals, which the core looks at (``core.process.signal_forwarding``).
+        They have a session of their own, so that Ctrl-C reaches only the program. ``signals``: the descriptor from which this
+        program reads its signals, and which the core checks (``core.process.signal_forwarding``).
 
         Raises:
             SecondMasterError: another program has the channel. ConfigError: as ``history_path``.
@@ -76,7 +74,7 @@ class Processes:
         bus, axes = cell.bus, len(cell.axes)
         simulated = bus.interface == SIMULATED
         if simulated:
-            history_path(cell)  # before anything is opened: its drives could only die of it
+            history_path(cell)  # before anything is opened: it would end the simulated drives
         lock = ownership.hold(
             bus.interface, bus.channel, path_of(cell), beside=bus.beside, door=True, simulated=simulated
         )
@@ -100,7 +98,7 @@ class Processes:
                 passed.close()
 
     def end(self) -> None:
-        """See them end, now that the core has been left; one that hangs is killed. Blocks at most a few seconds."""
+        """Wait for the end of the processes after leaving; kill a process that hangs. Blocks at most 15 s."""
         _see_end(self._warden)
 
     def abandon(self) -> None:
@@ -112,7 +110,7 @@ class Processes:
         self._warden.wait()
 
     def disown(self) -> None:
-        """Let go of them in a forked child, which may neither wait for them nor kill them."""
+        """Release them in a forked child, which must neither wait for them nor kill them."""
         self._warden.returncode = 0
 
 
@@ -144,7 +142,7 @@ def _see_end(process: subprocess.Popen[bytes]) -> None:
 
 
 def _environment() -> dict[str, str]:
-    """Return the environment in which it finds this very axisbus, however this program did."""
+    """Return an environment in which the process finds this same axisbus, however this program found it."""
     home = Path(axisbus.__file__).parents[1]
     if home.name in ("site-packages", "dist-packages"):
         return dict(os.environ)

@@ -1,15 +1,14 @@
-"""The door of a running core: the socket of its claim, by which other programs of this computer come in.
+"""The acceptor of a running core: the socket of its claim, by which other programs of this computer connect.
 
-Theory of operation
--------------------
-A program finds a machine by its claim (``bus.link.claims``), which depends on no environment and on no file. Both sides look at the
-user of the other one, which the kernel tells: a core lets in its own user and root; a program goes in to a core of its own user,
-and root also to one of the user that owns the cell file. Nobody else's claim is taken for a machine.
+Theory of operation ------------------- A program finds a machine by its claim (``bus.link.claims``), which depends on no
+environment and on no file. Both sides check the user of the other one, which the kernel reports. A core admits its own user and
+root. A program connects to a core of its own user; root also connects to a core of the user that owns the cell file. No other claim
+counts as a machine.
 
-The first byte says what the program comes for. ``a``: it joins; it is handed the images of the cycles, read only, and ``m.Attach``
-follows. ``s``: it wants axes to stop, and says which in the same message; it needs no place among the clients, and
-neither the same version nor the same text of the cell file. Who does not say it in time is sent away; where there are too many of
-those, the one who came first is.
+The first byte is the purpose. ``a``: the program joins; it gets the images of the cycles, read only, and sends ``m.Attach``. ``s``:
+the program wants axes to stop, and names them in the same message; it needs no place among the clients, and neither the same
+version nor the same text of the cell file. A program that sends no purpose in time is disconnected; if there are too many of these,
+the oldest is disconnected.
 """
 
 from __future__ import annotations
@@ -38,19 +37,19 @@ _ROOT = 0
 _JOINS, _STOPS = b"a", b"s"
 _FULL = b"f"
 _LENGTH = struct.Struct("<H")
-_BOOTING = 10.0  # seconds that a program which joins waits for a core: it may be booting its nodes
-_FIRST_WORDS = 5.0  # seconds that a program may take to say what it comes for
-_MOST_NEW = 128  # programs that have not said it
-_BATCH = 8  # programs that are taken in at a time
-_PAUSE = 0.002  # seconds after each batch, so that a crowd leaves the scan its time
-_LONGEST = 60.0  # seconds that an answer to a request to stop is waited for
+_BOOTING = 10.0  # seconds that a joining program waits for a core, which may be booting its nodes
+_FIRST_WORDS = 5.0  # seconds for a program to send its purpose
+_MOST_NEW = 128  # programs that have not sent it
+_BATCH = 8  # programs that are accepted at a time
+_PAUSE = 0.002  # seconds after each batch, so that many programs do not delay the scan
+_LONGEST = 60.0  # maximum seconds to wait for the answer to a stop request
 _ROUND = 100  # milliseconds
 _READ = 1 << 12
 
 
 @dataclass(frozen=True, slots=True)
 class StopRequest:
-    """What a program wants to stop: these axes, or all where none is named, by quick stop or by halt."""
+    """The stop that a program requests: these axes, or all if it is empty, by quick stop or by halt."""
 
     axes: tuple[str, ...] = ()
     quick: bool = True
@@ -62,7 +61,7 @@ class StopRequest:
 
     @classmethod
     def read(cls, text: bytes) -> StopRequest:
-        """Return what a program has said; raises ValueError where it is no request."""
+        """Return the request of a program; raises ValueError if it is none."""
         try:
             found = json.loads(text)
         except RecursionError:
@@ -74,7 +73,7 @@ class StopRequest:
 
 @dataclass(frozen=True, slots=True)
 class StopAnswer:
-    """How a core has stopped axes; ``text`` is the digest of its cell file as it was opened."""
+    """The result of a stop by a core; ``text`` is the digest of its cell file at the time of opening."""
 
     axes: tuple[StopResult, ...]
     text: str = ""
@@ -82,7 +81,7 @@ class StopAnswer:
 
 @dataclass(frozen=True, slots=True)
 class Caller:
-    """A program that has come in: its connection, its process, and what it wants to stop; None where it joins."""
+    """A connected program: its connection, its process, and the axes to stop; None if it joins."""
 
     line: socket.socket
     process: int
@@ -90,7 +89,7 @@ class Caller:
 
 
 class _New:
-    """A program that has not yet said what it comes for; holds what it has said."""
+    """A program that has not sent its purpose; holds the bytes received so far."""
 
     def __init__(self, line: socket.socket, process: int) -> None:
         self.line = line
@@ -99,7 +98,7 @@ class _New:
         self._said = b""
 
     def hear(self) -> Caller | None:
-        """Return the caller once it has said all of it; raises OSError or ValueError where it is gone or says something else."""
+        """Return the caller when its message is complete; raises OSError or ValueError if it is gone or sends something else."""
         part = self.line.recv(_READ if self._said else 1)
         if not part:
             raise ConnectionResetError
@@ -121,10 +120,10 @@ class _New:
 
 
 class ClientListener:
-    """The core's side; holds the programs that have not yet said what they come for."""
+    """The core's side; holds the programs that have not sent their purpose."""
 
     def __init__(self, listening: socket.socket) -> None:
-        """``listening``: the socket of the claim, which stays open when the door is closed: it says that the core lives."""
+        """``listening``: the socket of the claim, which stays open after ``close``: it shows that the core lives."""
         self._listening = listening
         self._listening.setblocking(False)
         self._new: dict[int, _New] = {}
@@ -133,7 +132,7 @@ class ClientListener:
         self._open = True
 
     def callers(self) -> Iterator[Caller]:
-        """Yield each program that has said what it comes for, until the door is closed; blocks in between."""
+        """Yield each program that has sent its purpose, until ``close``; blocks in between."""
         while self._open:
             ready = {number for number, _ in self._poll.poll(_ROUND)}
             for number in ready & self._new.keys():
@@ -148,7 +147,7 @@ class ClientListener:
             self._send_away(new)
 
     def close(self) -> None:
-        """Let nobody in any more."""
+        """Admit no more programs."""
         self._open = False
 
     def _take_in(self) -> None:
@@ -194,7 +193,7 @@ class ClientListener:
 
 
 def welcome(line: socket.socket, image: int) -> None:
-    """Hand the images, by their descriptor, to a program that joins, read only; raises OSError."""
+    """Pass the images, by their descriptor, read only, to a joining program; raises OSError."""
     looked_at = os.open(f"/proc/self/fd/{image}", os.O_RDONLY | os.O_CLOEXEC)
     try:
         socket.send_fds(line, [_JOINS], [looked_at])
@@ -203,13 +202,13 @@ def welcome(line: socket.socket, image: int) -> None:
 
 
 def refuse(line: socket.socket) -> None:
-    """Tell a program that would join that there are too many, and close its connection."""
+    """Report to a joining program that there are too many, and close its connection."""
     with line, suppress(OSError):
         line.send(_FULL)
 
 
 def answer_stop(line: socket.socket, answer: float | StopAnswer) -> None:
-    """Tell a program within how many seconds its axes will have stopped, or how they have; raises OSError."""
+    """Report to a program the maximum duration of its stop in seconds, or the results; raises OSError."""
     said: object = answer
     if isinstance(answer, StopAnswer):
         said = [[[each.axis, each.ok, each.text] for each in answer.axes], answer.text]
@@ -217,7 +216,7 @@ def answer_stop(line: socket.socket, answer: float | StopAnswer) -> None:
 
 
 class ClientConnection:
-    """A guest's side: what ``launch.Processes`` is to the program that opened the cell. Holds the connection, and the images."""
+    """A joined program's counterpart to ``launch.Processes``. Holds the connection, and the images."""
 
     warden = control = None
 
@@ -228,19 +227,19 @@ class ClientConnection:
         os.close(image)
 
     def end(self) -> None:
-        """Nothing is left to be ended: the core goes on."""
+        """Do nothing: the core continues."""
 
     def disown(self) -> None:
-        """Nothing is to be let go of in a forked child."""
+        """Do nothing: a forked child has nothing to release."""
 
 
 def machines_of(cell: str) -> list[ChannelClaim]:
-    """Return the claims of machines of this cell file that run on this computer, whoever's they are, the oldest first."""
+    """Return the claims of running machines of this cell file on this computer, of any user, oldest first."""
     return claims(cell=CellFileId.of(cell)) if sys.platform == "linux" else []
 
 
 def found_of(cell: CellConfig) -> list[ChannelClaim]:
-    """Return the claims of a cell's machines, and that of whoever has its CAN channel."""
+    """Return the claims of a cell's machines, and that of the holder of its CAN channel."""
     found, bus = machines_of(cell.file), cell.bus
     held = None if bus.interface == SIMULATED else holder(bus.interface, bus.channel)
     known = [each.name for each in found]
@@ -248,7 +247,7 @@ def found_of(cell: CellConfig) -> list[ChannelClaim]:
 
 
 def is_trusted(claim: ChannelClaim, cell: str) -> bool:
-    """Whether this program may take what holds a claim for a machine of this cell file: by its user."""
+    """Whether this program may accept the holder of a claim as a machine of this cell file: by its user."""
     if claim.user == os.geteuid():
         return True
     with suppress(OSError):
@@ -257,19 +256,19 @@ def is_trusted(claim: ChannelClaim, cell: str) -> bool:
 
 
 def why_not(claim: ChannelClaim, cell: str) -> str:
-    """Return why a program cannot come in to what holds a claim, for people; empty where it can."""
+    """Return why a program cannot connect to the holder of a claim, as text; empty if it can."""
     if not is_trusted(claim, cell):
         return f"of user {user_name(claim.user)}, to which only programs of that user can come in"
     return "" if claim.door else "in itself, so that no other program can come in"
 
 
 def connect(cell: str) -> tuple[socket.socket, int] | None:
-    """Go in to the core of this cell file; return the connection, and the descriptor of its images. Blocks for a moment.
+    """Connect to the core of this cell file; return the connection, and the descriptor of its images. Blocks for a moment.
 
-    None where no core of this user is found that can be joined.
+    None if no core of this user is found that can be joined.
 
     Raises:
-        ScanError: it lets nobody in.
+        ScanError: it admits no program.
     """
     for claim in machines_of(cell):
         if claim.door and is_trusted(claim, cell):
@@ -281,10 +280,10 @@ def connect(cell: str) -> tuple[socket.socket, int] | None:
 
 
 def ask_to_stop(claim: ChannelClaim, request: StopRequest, patience: float) -> StopAnswer:
-    """Have the machine of a claim stop its axes; blocks until it says how, or nothing has been heard for ``patience`` seconds.
+    """Request the machine of a claim to stop its axes; blocks until the result, or for ``patience`` seconds without any answer.
 
     Raises:
-        ScanError: it cannot be reached, or does not say so in time.
+        ScanError: it cannot be reached, or does not answer in time.
     """
     line = _enter(claim, request.pack(), patience)
     if line is None:
@@ -304,21 +303,21 @@ def ask_to_stop(claim: ChannelClaim, request: StopRequest, patience: float) -> S
 
 
 def text_of(cell: str) -> str:
-    """Return what stands for the text of a cell's file, so that both ends know whether they mean the same."""
+    """Return a digest of a cell's file, so that both ends can check that they have the same text."""
     return hashlib.sha256(Path(cell).read_bytes()).hexdigest()
 
 
 def _enter(claim: ChannelClaim, words: bytes, patience: float) -> socket.socket | None:
-    """Connect to the holder of a claim and say something; None where it is gone.
+    """Connect to the holder of a claim and send ``words``; None if it is gone.
 
     Raises:
-        ScanError: it does not answer within ``patience`` seconds, or is another user's than the claim was.
+        ScanError: it does not answer within ``patience`` seconds, or its user differs from that of the claim.
     """
     line = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     until = time.monotonic() + patience
     line.settimeout(patience)
     try:
-        while not _connects(line, claim):  # so many are waiting to be let in
+        while not _connects(line, claim):  # too many programs are waiting to be accepted
             if time.monotonic() > until:
                 raise _unreached(
                     claim, "it does not answer: it hangs, or too many programs want to be let in"
@@ -345,7 +344,7 @@ def _connects(line: socket.socket, claim: ChannelClaim) -> bool:
 
 
 def _admitted(line: socket.socket, claim: ChannelClaim, cell: str) -> tuple[socket.socket, int] | None:
-    """Return the connection and the images that a core hands over; None where it ends meanwhile."""
+    """Return the connection and the images from a core; None if it ends meanwhile."""
     why = ""
     try:
         hello, descriptors, _, _ = socket.recv_fds(line, 1, 1)

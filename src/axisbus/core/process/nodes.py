@@ -1,4 +1,4 @@
-"""A node whose core is another process, as direct access sees it: each look is a question to the core."""
+"""A node of a core in another process, for direct access: each access is a request to the core."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from axisbus.core.process.rpc_client import RpcClient
 
 
 class _OfNode:
-    """Something of a node; what it tells is asked of the core."""
+    """A part of a node; its values are requested from the core."""
 
     def __init__(self, calls: RpcClient, node_id: int) -> None:
         self._calls = calls
@@ -46,7 +46,7 @@ class RemoteObjects(_OfNode):
         self._ask("write", key, subindex, value)
 
     def write_unchecked(self, key: int, subindex: int, value: int) -> None:
-        """Set an integer without asking the EDS for its limits; blocks."""
+        """Set an integer without checking the limits of the EDS; blocks."""
         self._ask("write_unchecked", key, subindex, value)
 
     def upload(self, index: int, subindex: int = 0) -> bytes:
@@ -63,14 +63,14 @@ class RemoteObjects(_OfNode):
         way: SdoTransferType = SdoTransferType.AUTO,
         progress: Progress | None = None,
     ) -> None:
-        """Set an object's bytes; blocks; ``progress`` is told when all have arrived."""
+        """Set an object's bytes; blocks. ``progress`` is called when all have arrived."""
         self._ask("download", index, subindex, bytes(data), way)
         if progress is not None:
             progress(len(data), len(data))
 
 
 class RemoteNmt(_OfNode):
-    """What is known of a node by its heartbeats."""
+    """The NMT state of a node by its heartbeats."""
 
     @property
     def state(self) -> NmtState:
@@ -80,7 +80,7 @@ class RemoteNmt(_OfNode):
 
     @property
     def reports(self) -> int:
-        """How often it has reported its state."""
+        """The number of its reports."""
         reports: int = self._ask("reports")
         return reports
 
@@ -115,13 +115,13 @@ class RemoteNode(_OfNode):
 
     @property
     def pdo_events(self) -> list[PdoEvent]:
-        """TPDOs that stopped coming, and came again."""
+        """TPDOs that timed out, and returned."""
         found: list[PdoEvent] = self._ask("pdo_events")
         return found
 
 
 class RemoteEvents(_OfNode):
-    """What error control tells of a node; holds who hears it."""
+    """The events of error control for a node; holds its listeners."""
 
     def __init__(self, calls: RpcClient, node_id: int) -> None:
         super().__init__(calls, node_id)
@@ -134,12 +134,12 @@ class RemoteEvents(_OfNode):
         return found
 
     def hear(self, call: Callable[[NodeEvent], None]) -> None:
-        """Have ``call`` called with every event from now on, in the thread of this program that tells events."""
+        """Call ``call`` with every event from now on, in the thread of this program that delivers events."""
         if not self._hear:
             self._ask("watch")
         self._hear = (*self._hear, call)
 
     def tell(self, event: NodeEvent) -> None:
-        """Let everybody hear an event."""
+        """Deliver an event to all listeners."""
         for hear in self._hear:
             hear(event)

@@ -1,4 +1,4 @@
-"""What a core tells after each cycle: the image for all, to each client the ends of its commands, and all images if it records."""
+"""The output of a core after each cycle: the image for all, command events for each client, and all images for a recording."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from axisbus.ipc.stream import MessageStream
 from axisbus.motion.snapshot import Snapshot
 from axisbus.session import CommandEvent
 
-_EVERY = 0.1  # seconds between two messages with images: each wakes who records
-_MOST = 2000  # messages that wait: then images are left out, and counted
+_EVERY = 0.1  # seconds between two messages with images: each wakes the recording program
+_MOST = 2000  # queued messages; above this, images are left out and counted
 
 
 class ClientOutbox:
-    """One client as the outlet sees it; holds the events that wait for the image of their cycle, and images for a recording.
+    """The publisher's view of a client; holds the events that wait for the image of their cycle, and images for a recording.
 
-    An event that the scan tells is sent once the image of its cycle can be read: who waits for a command's end then sees what it
-    has come to.
+    An event from the scan is sent when the image of its cycle can be read: a program that waits for a command's end then sees the
+    values of its end.
     """
 
     def __init__(self, stream: MessageStream) -> None:
@@ -33,31 +33,31 @@ class ClientOutbox:
         self.frames = FrameQueue()
         self._events: deque[CommandEvent] = deque()
         self._images: list[tuple[float, bytes]] = []
-        self.lost = 0  # images that were left out, of all that were wanted
+        self.lost = 0  # wanted images that were left out
         self._told_lost = 0
 
     def add(self, event: CommandEvent) -> None:
-        """Let an event wait for ``flush``."""
+        """Queue an event for ``flush``."""
         self._events.append(event)
 
     def flush(self) -> None:
-        """Send the events that wait."""
+        """Send the queued events."""
         events = []
-        with suppress(IndexError):  # that is the end, whoever else takes them
+        with suppress(IndexError):  # no more events; another thread may take them too
             while True:
                 events.append(self._events.popleft())
         if events:
             self.stream.send(CommandEvents(tuple(events)))
 
     def flush_frames(self) -> None:
-        """Send the frames that wait, where the client takes what it is sent."""
+        """Send the queued frames, if the client reads its messages."""
         if self.stream.waiting <= _MOST:
             packed, lost = self.frames.take()
             if packed or lost:
                 self.stream.send(Frames(packed, lost))
 
     def after_cycle(self, now: float, outlet: Publisher) -> None:
-        """Send what waited for the image that is there now; does not block."""
+        """Send the data that waited for the present image; does not block."""
         if self._events:
             self.flush()
         if self.observed:
@@ -80,10 +80,10 @@ class ClientOutbox:
 
 
 class Publisher:
-    """Writes the images; holds who reads, and which errors they were told. ``after_cycle`` belongs to the scan's thread."""
+    """Writes the images; holds the clients, and the errors they have got. ``after_cycle`` belongs to the scan's thread."""
 
     def __init__(self, memory: mmap.mmap, names: Sequence[str]) -> None:
-        """``names``: of all axes of the cell."""
+        """``names``: all axes of the cell."""
         self._image = ImageWriter(memory, names)
         self._readers: tuple[ClientOutbox, ...] = ()
         self._scan: int | None = None
@@ -98,36 +98,36 @@ class Publisher:
 
     @property
     def faulty(self) -> KeysView[str]:
-        """The axes that have an error, as of the last cycle."""
+        """The axes with an error in the last cycle."""
         return self._numbers.keys()
 
     def admit(self, stream: MessageStream) -> ClientOutbox:
-        """Take in a client, and tell it the errors that images call by their numbers now."""
+        """Add a client, and send it the errors with a number in the present image."""
         reader = ClientOutbox(stream)
         self._readers = (*self._readers, reader)
         for name, number in list(self._numbers.items()):
             told = self._told.get(name)
-            if told is not None:  # the scan goes on meanwhile
+            if told is not None:  # the scan continues meanwhile
                 stream.send(ErrorTold(number, told[0]))
         return reader
 
     def dismiss(self, reader: ClientOutbox) -> None:
-        """Tell a client nothing more."""
+        """Send nothing more to a client."""
         self._readers = tuple(one for one in self._readers if one is not reader)
 
     def hear(self, reader: ClientOutbox, event: CommandEvent) -> None:
-        """Take how a command of this client goes on; in the scan's thread it waits for the end of the cycle."""
+        """Send a command event to this client; in the scan's thread it waits for the end of the cycle."""
         reader.add(event)
         if threading.get_ident() != self._scan:
             reader.flush()
 
     def flush(self) -> None:
-        """Send all events that wait: no cycle will come any more."""
+        """Send all queued events: there will be no further cycle."""
         for reader in self._readers:
             reader.flush()
 
     def after_cycle(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:
-        """Publish the image of this cycle, and what waited for it; does not block."""
+        """Publish the image of this cycle, and the events that waited for it; does not block."""
         self._scan = threading.get_ident()
         for name, snapshot in snapshots.items():
             if snapshot.error is not None:
@@ -139,7 +139,7 @@ class Publisher:
             reader.after_cycle(now, self)
 
     def _tell(self, name: str, error: AxisbusError) -> None:
-        """Tell an error once, and again where something was added to it."""
+        """Send an error once, and again if something was added to it."""
         told, text = self._told.get(name, (None, ""))
         if told is error and text == str(error):
             return

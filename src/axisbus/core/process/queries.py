@@ -1,4 +1,4 @@
-"""What a program may ask a core for beside commands: one row for each question, answered by plain values."""
+"""The requests of a program to its core, apart from commands: one row for each, answered by plain values."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ OF_CORE: Mapping[str, Callable[[MachineSession], Any]] = {
     "commands": lambda session: session.commands,
     "drops": lambda session: session.drops,
     "sdo_counts": lambda session: session.sdo_counts,
-    "programs": lambda session: session.programs,  # while the core lives its clients tell (``desk``)
+    "programs": lambda session: session.programs,  # while the core runs, ``clients`` answers this
     "bus_time": lambda session: session.bus_time,
 }
 
-# Of one node; what follows are the arguments of the question.
+# Of one node; the further parameters are the arguments of the request.
 OF_NODE: Mapping[str, Callable[..., Any]] = {
     "read": lambda parts, *key: parts.objects.read(*key),
     "write": lambda parts, *what: parts.objects.write(*what),
@@ -40,15 +40,15 @@ OF_NODE: Mapping[str, Callable[..., Any]] = {
 }
 
 
-# Those that change something: for whoever has the command.
+# Requests that change something: only for the client with control.
 COMMANDING = frozenset({"write", "write_unchecked", "download", "command"})
 
-# What is worth to be known of a node when its core has ended.
+# Requests about a node that are still of interest after the core has ended.
 _KEPT = ("nmt", "reports", "emcy", "incidents", "pdo_events", "events")
 
 
 def last_words(session: MachineSession, nodes: Mapping[int, NodeParts]) -> dict[tuple[int, str], Any]:
-    """Return what would be answered now to each question that needs no transfer, by node (0: the core) and question."""
+    """Return the present answers to all requests without a transfer, by node (0: the core) and request."""
     found: dict[tuple[int, str], Any] = {(0, what): answer(session) for what, answer in OF_CORE.items()}
     for node_id, parts in nodes.items():
         found.update({(node_id, what): OF_NODE[what](parts) for what in _KEPT})
@@ -60,12 +60,12 @@ def _command(parts: NodeParts, command: object, timeout: float) -> None:
 
 
 def condition_of(session: MachineSession) -> CoreCondition:
-    """Return how a core is now."""
+    """Return the present condition of a core."""
     return CoreCondition(session.dead, session.ended, session.failed, session.left)
 
 
 def told(error: BaseException) -> AxisbusError:
-    """Return an error that can cross: what is none of the tree becomes one, with what it was as its cause."""
+    """Return an error that can be sent: one outside the tree becomes the cause of a ScanError."""
     if isinstance(error, AxisbusError):
         return error
     made = ScanError(

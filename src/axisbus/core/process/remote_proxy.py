@@ -1,9 +1,8 @@
-"""A stand-in in another process, looked at and turned as if it were here: each attribute is asked for when it is used.
+"""A simulated drive in another process, used as if it were here: each attribute is requested when it is used.
 
-Theory of operation
--------------------
-What is plain crosses as a value. What is not, such as a drive or its dials, is named by the way that leads to it from the stand-in,
-and the way is gone anew each time. Names with an underscore are not asked for: what is private there is not there at all.
+Theory of operation ------------------- A plain value is sent. Any other object, such as a drive or its fault settings, is
+identified by its path from the simulated node; the path is evaluated again at each access. Names with an underscore are not
+requested: private members do not exist for the proxy.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from axisbus.ipc.messages import CODEC, CoreQuery, CoreReply
 from axisbus.ipc.stream import MessageStream
 from axisbus.ipc.values import NotForCrossing
 
-if TYPE_CHECKING:  # its proxy needs nothing of a simulation
+if TYPE_CHECKING:  # its proxy needs no simulation
     from axisbus.core.simulated_nodes import SimulatedNode
 
 Step = tuple[str, tuple[Any, ...] | None]  # an attribute, or with arguments the call of one
@@ -29,11 +28,11 @@ Way = tuple[Step, ...]
 _VALUE, _CALL, _THING = "value", "call", "thing"
 _ITEM = "[]"
 _NODES = "nodes"
-_END = 2.0  # seconds that drives may take to end when nobody looks at them any more
+_END = 2.0  # seconds for the drives to end when no program uses them any more
 
 
 def look(root: object, what: str, way: Way, *arguments: Any) -> tuple[str, Any]:
-    """Do what is asked of the thing at the end of ``way``; return whether that is a value, a method or a thing, and the value."""
+    """Execute a request on the object at the end of ``way``; return its kind (a value, a method or an object), and the value."""
     thing = root
     for name, given in way:
         thing = _step(thing, name, given)
@@ -41,7 +40,7 @@ def look(root: object, what: str, way: Way, *arguments: Any) -> tuple[str, Any]:
         setattr(thing, _public(arguments[0]), arguments[1])
         return _VALUE, None
     if what == "len":
-        return _VALUE, len(thing)  # type: ignore[arg-type]  # raises, where it has none
+        return _VALUE, len(thing)  # type: ignore[arg-type]  # raises if it has no length
     return _shown(thing)
 
 
@@ -60,7 +59,7 @@ def _public(name: str) -> str:
 
 
 def _shown(thing: object) -> tuple[str, Any]:
-    if isinstance(thing, IntEnum):  # one of the stand-in's own
+    if isinstance(thing, IntEnum):  # an enum of the simulated node
         return _VALUE, int(thing)
     if callable(thing):
         return _CALL, None
@@ -72,7 +71,7 @@ def _shown(thing: object) -> tuple[str, Any]:
 
 
 def answer_all(stream: MessageStream, stand_ins: Mapping[int, SimulatedNode]) -> None:
-    """Answer what is asked of stand-ins until nobody asks any more, or nonsense; blocks."""
+    """Answer requests about simulated nodes until the connection ends, or an invalid one comes; blocks."""
     for message in map(CODEC.unpack, stream.messages()):
         if not isinstance(message, CoreQuery):
             return
@@ -82,7 +81,7 @@ def answer_all(stream: MessageStream, stand_ins: Mapping[int, SimulatedNode]) ->
 def _answer(message: CoreQuery, stand_ins: Mapping[int, SimulatedNode]) -> CoreReply:
     try:
         return CoreReply(message.number, _found(stand_ins, message))
-    except Exception as error:  # noqa: BLE001  # whatever it was, somebody waits for it
+    except Exception as error:  # noqa: BLE001  # whatever it was, a caller waits for the answer
         return CoreReply(message.number, None, _told(error))
 
 
@@ -95,7 +94,7 @@ def _found(stand_ins: Mapping[int, SimulatedNode], message: CoreQuery) -> Any:
 
 
 def _told(error: Exception) -> AxisbusError:
-    """Return an error that can cross."""
+    """Return an error that can be sent."""
     if isinstance(error, AxisbusError):
         return error
     made = StateError("the simulated drive could not do that", observed=one_line(error))
@@ -104,17 +103,17 @@ def _told(error: Exception) -> AxisbusError:
 
 
 class RemoteProxy:
-    """A thing in another process, at the end of a way."""
+    """An object in another process, at the end of a path."""
 
     __slots__ = ("_ask", "_way")
 
     def __init__(self, ask: Callable[..., Any], way: Way = ()) -> None:
-        """``ask(what, way, ...)`` does ``look`` there."""
+        """``ask(what, way, ...)`` executes ``look`` there."""
         object.__setattr__(self, "_ask", ask)
         object.__setattr__(self, "_way", way)
 
     def __getattr__(self, name: str) -> Any:
-        """Ask for an attribute; AttributeError where it is private."""
+        """Request an attribute; AttributeError if it is private."""
         if name.startswith("_"):
             raise AttributeError(name)
         return self._go(name, None)
@@ -138,7 +137,7 @@ class RemoteProxy:
 
 
 class SimulatedDrivesHandle:
-    """A program's hold on its simulated drives: they live as long as somebody has it, or one of them."""
+    """A program's handle of its simulated drives: they live while the handle, or one of them, is referenced."""
 
     def __init__(self, line: socket.socket) -> None:
         """``line`` leads to their process."""
@@ -147,20 +146,20 @@ class SimulatedDrivesHandle:
         self._end = weakref.finalize(self, self._calls.part, _END)
 
     def stand_ins(self, nodes: Iterable[int]) -> dict[int, SimulatedNode]:
-        """Return the stand-ins of these nodes."""
+        """Return the proxies of these nodes."""
         return {node_id: cast("SimulatedNode", RemoteProxy(partial(self._ask, node_id))) for node_id in nodes}
 
     def nodes(self) -> list[int]:
-        """Return the nodes that there are; blocks for a moment."""
+        """Return the existing nodes; blocks for a moment."""
         found: list[int] = self._calls.ask(_NODES)
         return found
 
     def end(self) -> None:
-        """Ask nothing more; blocks for at most 2 s. Harmless when repeated."""
+        """Request nothing more; blocks for at most 2 s. Harmless when repeated."""
         self._end()
 
     def disown(self) -> None:
-        """Let go of a forked child's copy."""
+        """Release a forked child's copy."""
         self._end.detach()
         self._calls.disown()
 
@@ -169,4 +168,4 @@ class SimulatedDrivesHandle:
 
 
 def _nothing() -> None:
-    """Do nothing: the program asked for the end."""
+    """Do nothing: the program requested the end."""

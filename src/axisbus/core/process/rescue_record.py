@@ -1,10 +1,9 @@
-"""Keeping the lifeline of a core: what its warden needs to stop its drives, noted after each cycle, and whether that warden runs.
+"""Maintain the lifeline of a core: the data for a rescue, stored after each cycle, and the check that its watchdog process runs.
 
-Theory of operation
--------------------
-The warden sends a byte every ``BEAT`` seconds. A byte that stays away may be a warden that was stopped (SIGSTOP, a debugger) or
-hangs, and then nobody would stop the axes in the core's place; or a computer that is too busy to let it run. So only time counts in
-which the core itself looked in time, and a warden that waits for a processor or a disk is given longer.
+Theory of operation ------------------- The watchdog process sends a byte every ``BEAT`` seconds. A missing byte may mean that the
+process was stopped (SIGSTOP, a debugger) or hangs; then nothing would stop the axes in place of the core. Or the computer is too
+busy to run it. Therefore only time counts in which the core itself checked on time, and a watchdog process that waits for a
+processor or a disk gets more time.
 """
 
 from __future__ import annotations
@@ -22,24 +21,24 @@ from axisbus.motion.snapshot import Snapshot
 BEAT = 0.1  # seconds
 NOBODY = "nobody would stop the axes in its place"
 _SILENCE = 0.6  # seconds without a byte
-_STARVED = 5.0  # the same of a warden that waits
-_ON_TIME = 3 * BEAT  # seconds between two looks; more shows that this computer did not run
-_WAITING = ("R", "D")  # states of a process that would run: for a processor, for a disk (proc(5))
-_SEEN = 2  # looks at which it does not wait: at the first one its byte may be on its way
+_STARVED = 5.0  # the same for a watchdog process that waits
+_ON_TIME = 3 * BEAT  # seconds between two checks; more shows that this computer did not run
+_WAITING = ("R", "D")  # states of a process that waits for a processor or for a disk (proc(5))
+_SEEN = 2  # checks without waiting: at the first one its byte may be on its way
 
 
 class WardenWatch:
-    """Judges by the bytes of a warden whether it runs; holds for how long none has come. Times in seconds."""
+    """Decides by the bytes of a watchdog process whether it runs; holds the time without a byte. Times in seconds."""
 
     def __init__(self, now: float, state: Callable[[], str]) -> None:
-        """``state`` returns the state of the warden's process, a letter of proc(5), empty where it is not known."""
+        """``state`` returns the state of its process, a letter of proc(5), empty if unknown."""
         self._state = state
         self._before = now
         self._silent = 0.0
         self._seen = 0
 
     def look(self, now: float, came: bool) -> str | None:
-        """Return why axes must be stopped now, None while the warden runs; ``came``: a byte, since the last look."""
+        """Return why axes must be stopped now, None while the process runs; ``came``: a byte, since the last check."""
         passed, self._before = now - self._before, now
         if came:
             self._silent, self._seen = 0.0, 0
@@ -57,7 +56,7 @@ class WardenWatch:
 
 
 def state_of(process: int) -> str:
-    """Return the state of a process as a letter of proc(5), empty where it is not known."""
+    """Return the state of a process as a letter of proc(5), empty if unknown."""
     try:
         return (
             Path(f"/proc/{process}/stat")
@@ -70,14 +69,14 @@ def state_of(process: int) -> str:
 
 
 class Lifeline:
-    """Notes what was sent last, and which axes were commanded; holds the axes that it knows. Belongs to the scan's thread.
+    """Stores the last sent frames, and the commanded axes; holds the axes that it has entered. Belongs to the scan's thread.
 
-    Virtual axes are none of its own: there is no drive that would go on without the core. Of a module there is no frame to be kept:
-    what stops it is the same at any time, and a rescue makes it.
+    Virtual axes are not included: no drive would keep moving without the core. For a module no frame is stored: the frames that
+    stop it are always the same, and a rescue makes them.
     """
 
     def __init__(self, memory: mmap.mmap, at: int, core: Core, names: Sequence[str]) -> None:
-        """``names``: of all axes of the cell, as they are numbered."""
+        """``names``: all axes of the cell, in the order of their numbers."""
         self._writer = LifelineWriter(memory, at)
         self._core = core
         self._numbers = {name: number for number, name in enumerate(names)}
@@ -87,11 +86,11 @@ class Lifeline:
             self._enter(name)
 
     def stage(self, stage: CoreStage) -> None:
-        """Say how far the core is; before the scan begins, and after it has ended."""
+        """Store the stage of the core; before the scan begins, and after it has ended."""
         self._writer.stage(stage)
 
     def after_cycle(self, _now: float, snapshots: Mapping[str, Snapshot]) -> None:
-        """Note what this cycle has sent; does not block."""
+        """Store the frames of this cycle; does not block."""
         if len(snapshots) > len(self._known) + len(self._virtual):
             for name in snapshots.keys() - self._known.keys() - self._virtual:
                 self._enter(name)

@@ -1,4 +1,4 @@
-"""A program's end of the connection: what it asks and is answered, and what is told, each in the thread that is right for it."""
+"""A program's end of the connection: its requests and their answers, and other messages, each in its proper thread."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from axisbus.motion.stop.diagnosis import join_remedies
 
 log = logging.getLogger("axisbus")
 _MOMENT = 0.01  # seconds
-_SLICE = 0.1  # seconds; a wait in slices lets signal handlers run on every platform
+_SLICE = 0.1  # seconds; waiting in slices lets signal handlers run on every platform
 
 Take = Callable[[Any], None]
 
 
 class RpcClient:
-    """Holds the connection, the questions that wait for their answers, and what is to be done with each kind of message.
+    """Holds the connection, the pending requests, and the function for each kind of message.
 
-    ``soon`` are done by the reading thread at once, and must not block; ``later`` by another one, one after the other, in which the
-    program's own callbacks run. ``gone`` is called once when the connection has ended.
+    The functions in ``soon`` run in the reading thread at once, and must not block; those in ``later`` run in another thread, one
+    after the other, which also runs the program's own callbacks. ``gone`` is called once when the connection has ended.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class RpcClient:
         self._told: UnboundedQueue[object] = UnboundedQueue()
         self._numbers = itertools.count(1)
         self._waiting: dict[int, tuple[threading.Event, list[m.CoreReply]]] = {}
-        self.last: dict[tuple[int, str], Any] = {}  # answers of a core that has been left
+        self.last: dict[tuple[int, str], Any] = {}  # answers of a core that has left
         self._over = False
         self._inherited = False
 
@@ -68,15 +68,15 @@ class RpcClient:
         return self._stream.lost
 
     def send(self, message: m.Message | bytes) -> None:
-        """Send a message, which may be packed already; does not block, and is dropped where the connection has ended."""
+        """Send a message, which may be packed already; does not block. After the end of the connection it is dropped."""
         if not self._inherited:
             self._stream.send(message)
 
     def ask(self, what: str, node: int = 0, *arguments: Any) -> Any:
-        """Ask the core, and return its answer; blocks for as long as that takes. One that has been left has said its last.
+        """Send a request to the core, and return its answer; blocks meanwhile. After the core has left, its last answers are used.
 
         Raises:
-            AxisbusError: what it came to there; ScanError where the core is gone, StateError in a forked child.
+            AxisbusError: the error there; ScanError if the core is gone, StateError in a forked child.
         """
         if self._inherited:
             raise inherited(what)
@@ -85,9 +85,8 @@ class RpcClient:
         number, answered, answers = next(self._numbers), threading.Event(), list[m.CoreReply]()
         self._waiting[number] = (answered, answers)
         try:
-            self.send(
-                m.CODEC.pack(m.CoreQuery(number, what, node, arguments))
-            )  # here: what cannot cross is raised
+            # packed here, so that a value that cannot be sent raises here
+            self.send(m.CODEC.pack(m.CoreQuery(number, what, node, arguments)))
             while not _wait_a_moment(answered) and not self._over:
                 pass
         finally:
@@ -99,15 +98,15 @@ class RpcClient:
         return answers[0].value
 
     def gone(self, what: str, rescued: m.Rescued | None = None) -> ScanError:
-        """Return the error of what cannot be done any more, because the connection has ended; ``rescued``: see ``gone``."""
+        """Return the error of an action that the end of the connection makes impossible; ``rescued``: see ``gone``."""
         return _lost(what) if self._stream.lost else gone(what, rescued)
 
     def close(self, wait: float = 0.0) -> None:
-        """End the connection, at most ``wait`` seconds after what waits was to be sent."""
+        """End the connection, at most ``wait`` seconds later, after the queue has been sent."""
         self._stream.close(wait)
 
     def part(self, wait: float) -> None:
-        """Ask nothing more, and let the far end go first; at most ``wait`` seconds from now the connection ends anyway. Blocks."""
+        """Request nothing more, and let the far end close first; close the connection after at most ``wait`` seconds. Blocks."""
         self._stream.say_no_more()
         until = time.monotonic() + wait
         while not self._over and time.monotonic() < until:
@@ -115,7 +114,7 @@ class RpcClient:
         self._stream.close()
 
     def disown(self) -> None:
-        """Let go of a forked child's copy."""
+        """Release a forked child's copy."""
         self._inherited = self._over = True
         self._stream.disown()
 
@@ -152,7 +151,8 @@ class RpcClient:
     def _do(self, take: Take, message: object) -> None:
         try:
             take(message)
-        except Exception as error:  # of a program's own callback: what comes next must be told all the same
+        # raised by the program's own callback: later messages must still be delivered
+        except Exception as error:
             log.error("while the program was told of something: %s", one_line(error), exc_info=error)
 
     def _answered(self, answer: m.CoreReply) -> None:
@@ -162,13 +162,13 @@ class RpcClient:
             waiting[0].set()
 
 
-@sheltered  # who answers takes its lock too
+@sheltered  # the answering thread uses its lock too
 def _wait_a_moment(answered: threading.Event) -> bool:
     return answered.wait(_SLICE)
 
 
 def _lost(what: str) -> ScanError:
-    """Return the error of what a program cannot do that has closed its own connection to the core."""
+    """Return the error of an action after this program has closed its own connection to the core."""
     return ScanError(
         f"{what}, and this program has no connection to its core any more: the core stops the axes",
         observed="a descriptor of the connection was closed or replaced in this process, and not by axisbus",
@@ -178,7 +178,7 @@ def _lost(what: str) -> ScanError:
 
 
 def gone(what: str, rescued: m.Rescued | None = None) -> ScanError:
-    """Return the error of what cannot be done any more; ``rescued``: what the warden has told of it."""
+    """Return the error of an action that is impossible now; ``rescued``: the report of the watchdog process."""
     if rescued is None:
         return ScanError(
             f"{what}, and the core of this machine is gone",
@@ -194,7 +194,7 @@ def gone(what: str, rescued: m.Rescued | None = None) -> ScanError:
 
 
 def _lines_of(rescued: m.Rescued) -> list[str]:
-    """Return what its warden has done, line by line."""
+    """Return the actions of its watchdog process, line by line."""
     texts = [f"{each.axis}: {each.text}" for each in rescued.stopped]
     stopped = ["its warden stopped the drives:", *texts] if texts else ["no axis had been commanded"]
     safe = [f"its warden made outputs safe: {', '.join(rescued.safe)}"] if rescued.safe else []

@@ -1,11 +1,9 @@
-"""The core in a process of its own: it opens a cell for a program, does what that and its guests ask for, and stops without it.
+"""The server of the core in its own process: it opens a cell for a program, serves all clients, and stops without them.
 
-Theory of operation
--------------------
-The main thread reads the program's messages. Commands go to the scan at once; what takes its time (SDO, NMT) is done in threads of
-a pool. Guests, who come in at the door, have threads of their own (``clients``). Three things end the process, each by the stop
-ladder: ``Leave``, the end of the connection (the program has ended, by whatever way, or closed it), and SIGTERM or SIGHUP. A
-program that is stopped, or busy for long, ends nothing: the axes go on with what they were commanded.
+Theory of operation ------------------- The main thread reads the program's messages. Commands go to the scan at once; slow requests
+(SDO, NMT) are executed in threads of a pool. Joined programs have threads of their own (``clients``). Three events end the process,
+each by the stop sequence: ``Leave``, the end of the connection (the program has ended, for any reason, or closed it), and SIGTERM
+or SIGHUP. A program that is stopped, or busy for a long time, ends nothing: the axes continue with their commands.
 """
 
 from __future__ import annotations
@@ -57,15 +55,15 @@ from axisbus.version import __version__
 
 log = logging.getLogger("axisbus")
 _ROUND = 0.02  # seconds
-_ASKED = 64  # questions that are answered at a time
-_FAREWELL = 2.0  # seconds that the last message may take
-_WORDS = 64  # bytes of the warden that are taken at a time
+_ASKED = 64  # requests that are executed at a time
+_FAREWELL = 2.0  # seconds for the last message
+_WORDS = 64  # bytes of the watchdog process that are read at a time
 _WARDEN_GONE = f"the warden of the core is gone: {NOBODY}"
 _WAYS_OUT = {signal.SIGTERM: "SIGTERM", signal.SIGHUP: "SIGHUP"}
 
 
 class CoreServer:
-    """One program's core; holds the machine once it is open."""
+    """One program's core; holds the machine when it is open."""
 
     def __init__(
         self,
@@ -78,10 +76,10 @@ class CoreServer:
         who: str = "the program that opened it",
         listening: socket.socket | None = None,
     ) -> None:
-        """``stream`` and ``warden`` lead to the program and to the warden, ``drives`` to simulated drives, where there are such.
-        ``who`` the program is, for people. Other programs come in at ``listening``, where there is such.
+        """``stream`` and ``warden`` lead to the program and the watchdog process, ``drives`` to simulated drives, if any.
 
-        ``memory`` (its descriptor: ``image``) is for the images and the lifeline, of so many ``axes``.
+        ``who``: the program, as text. Other programs connect at ``listening``, if it is given. ``memory`` (its descriptor:
+        ``image``) contains the images and the lifeline, for the number of ``axes``.
         """
         self._stream = stream
         self._memory = memory
@@ -101,12 +99,12 @@ class CoreServer:
         self._guests: Guests | None = None
         self._program: ClientHandler | None = None
         self._asked = ThreadPoolExecutor(_ASKED, "axisbus asked")
-        self._deaf: int | None = None  # the warden, once it has been found not to run
+        self._deaf: int | None = None  # the watchdog process, after it was found not to run
         self._leaving = threading.Lock()
         self._left = threading.Event()
 
     def run(self) -> None:
-        """Serve the program until one of both is gone; blocks."""
+        """Serve the program until one of the two is gone; blocks."""
         messages = self._messages()
         wanted = next(messages, None)
         try:
@@ -118,10 +116,10 @@ class CoreServer:
                 self._left.wait()
             self._stream.close(_FAREWELL)
             if self._deaf is not None and self._deaf == os.getppid():
-                os.kill(self._deaf, signal.SIGKILL)  # else the program would wait for its end
+                os.kill(self._deaf, signal.SIGKILL)  # otherwise the program would wait for its end
 
     def _messages(self) -> Iterator[object]:
-        """Yield what the program sends, until it is gone or sends what is no message of ours."""
+        """Yield the program's messages, until it is gone or sends an invalid one."""
         try:
             for data in self._stream.messages():
                 yield m.CODEC.unpack(data)
@@ -129,11 +127,11 @@ class CoreServer:
             log.error("the program's connection is given up: %s", error)
 
     def listen(self, signals: socket.socket) -> None:
-        """Hear the signals that the program cannot take: what it takes them out of."""
+        """Listen for the signals that the program cannot handle; ``signals`` is the socket from which it reads them."""
         self._ear = SignalForwarder(signals, STOPPING)
 
     def watch(self, pidfd: int, end: FarEnd) -> None:
-        """Leave when the process of ``pidfd`` is gone or has lost its end of the connection, though others may hold that too."""
+        """Leave when the process of ``pidfd`` is gone or has lost its end of the connection, even if others still hold that."""
         poll = select.poll()
         poll.register(pidfd, select.POLLIN)
         threading.Thread(
@@ -152,19 +150,19 @@ class CoreServer:
     def _open(self, wanted: m.OpenCell) -> bool:
         try:
             self._require_same(wanted.version)
-            cell, dictionaries = read_once(wanted.cell)  # it has been checked by the program
+            cell, dictionaries = read_once(wanted.cell)  # checked by the program
             self._begin(cell.beside(wanted.beside), dictionaries, wanted)
         except BaseExceptionGroup as group:
             self._stream.send(m.NotOpened(tuple(map(told, group.exceptions)), group.message))
             return False
-        except BaseException as error:  # noqa: BLE001  # the program is told whatever it was
+        except BaseException as error:  # noqa: BLE001  # the program gets whatever error it was
             self._stream.send(m.NotOpened((told(error),)))
             return False
         return True
 
     def _begin(self, cell: CellConfig, dictionaries: Mapping[int, Eds], wanted: m.OpenCell) -> None:
         self._await_warden()
-        gc.collect()  # now: from the boot-up on, drives and master expect each other's heartbeats
+        gc.collect()  # now, because after boot-up the drives and the master monitor each other's heartbeats
         link = CanLink(cell, dictionaries, channel=reach(cell, self._drives))
         runtime = Runtime(link, sorted(cell.nodes), link.stand_ins)
         core = runtime.use(lambda booted: Core(cell, booted, realtime=True))
@@ -196,7 +194,7 @@ class CoreServer:
         threading.Thread(target=self._watch_condition, name="axisbus condition", daemon=True).start()
 
     def _await_warden(self) -> None:
-        """Nothing may begin before the warden is able to stop it, and simulated drives hear; once it is gone, axes are stopped."""
+        """Wait until the watchdog process can stop the axes, and simulated drives listen; then start monitoring the process."""
         if not self._warden.recv(1):
             raise ScanError(
                 "the warden of the core has ended",
@@ -205,7 +203,7 @@ class CoreServer:
         threading.Thread(target=self._watch_warden, name="axisbus warden", daemon=True).start()
 
     def _watch_warden(self) -> None:
-        """Leave when the warden has ended, or does not run."""
+        """Leave when the watchdog process has ended, or does not run."""
         warden = os.getppid()
         watch = WardenWatch(time.monotonic(), partial(state_of, warden))
         self._warden.settimeout(BEAT)
@@ -218,7 +216,7 @@ class CoreServer:
                 return
 
     def _came(self) -> bool | None:
-        """Wait a moment for a word of the warden; return whether one came, None where none will any more."""
+        """Wait a moment for a byte of the watchdog process; return whether one came, None if none can come any more."""
         try:
             return True if self._warden.recv(_WORDS) else None
         except TimeoutError:
@@ -241,7 +239,7 @@ class CoreServer:
         return m.CellOpened(nodes, axes, self._degree, os.getpid(), holder)
 
     def _let_in(self, cell: str) -> None:
-        """Open the door for guests."""
+        """Begin to admit other programs."""
         assert self._clients is not None
         if self._listening is not None:
             door = ClientListener(self._listening)
@@ -256,7 +254,7 @@ class CoreServer:
     def _take_signals(self) -> None:
         for number, name in _WAYS_OUT.items():
             signal.signal(number, lambda *_, name=name: self._leave(f"{name} to the core"))
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the program's own affair
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # handled by the program
 
     # -- serving -------------------------------------------------------------------------------------------------------
 
@@ -268,7 +266,7 @@ class CoreServer:
             else:
                 self._program.take(message)
 
-    # -- telling -------------------------------------------------------------------------------------------------------
+    # -- messages to clients -------------------------------------------------------------------------------------------
 
     def _joined(self, booted: Booted) -> None:
         assert self._core is not None
@@ -278,7 +276,7 @@ class CoreServer:
         self._clients.tell(m.NodeJoined(node_id, self._facts(node_id, booted), axes))
 
     def _watch_condition(self) -> None:
-        """Tell when the scan has ended, failed, or been asked to stop; and what it told when it did."""
+        """Report the end, a failure, or a requested stop of the scan to the clients; and do their periodic work."""
         assert self._clients is not None
         while not self._left.wait(_ROUND):
             self._clients.tell_condition()
@@ -298,7 +296,7 @@ class CoreServer:
     # -- leaving -------------------------------------------------------------------------------------------------------
 
     def _leave(self, reason: str) -> None:
-        """Begin to leave, in a thread of its own: the program may still ask for a quicker stop."""
+        """Begin to leave, in a thread of its own: the program may still request a faster stop."""
         if self._core is not None and self._leaving.acquire(blocking=False):
             log.info("leaving: %s", reason)
             self._core.session.request_stop(reason)
@@ -314,7 +312,7 @@ class CoreServer:
         failures: tuple[AxisbusError, ...] = ()
         try:
             failures = tuple(self._core.leave(reason))
-        except BaseException as error:  # noqa: BLE001  # the program is told whatever it was
+        except BaseException as error:  # noqa: BLE001  # the program gets whatever error it was
             failures = (told(error),)
         self._stage(CoreStage.LEFT)
         if self._faults is not None:
@@ -327,7 +325,7 @@ class CoreServer:
             if self._clients is not None:
                 self._clients.tell_condition()
             self._stream.send(m.Left(failures, last_words(self._core.session, self._core.nodes)))
-        except Exception:  # whatever cannot be told any more: the end comes all the same
+        except Exception:  # whatever cannot be sent any more: the process ends nevertheless
             log.exception("the end of the core could not be told")
             self._stream.send(m.Left(failures))
         finally:
@@ -336,7 +334,7 @@ class CoreServer:
 
 
 def serve(duty: StartupArgs, warden: socket.socket) -> None:
-    """Be the core of a program until one of both is gone; blocks. ``warden`` leads to who watches."""
+    """Run the core of a program until one of the two is gone; blocks. ``warden`` leads to the watchdog process."""
     stream = MessageStream(socket.socket(fileno=duty.line), m.CODEC.pack, "axisbus answers")
     log.addHandler(StreamHandler(stream))
     line = socket.socket(fileno=duty.drives) if duty.simulates else None
@@ -350,7 +348,7 @@ def serve(duty: StartupArgs, warden: socket.socket) -> None:
         described(duty.program, kept=True),
         socket.socket(fileno=duty.lock) if duty.lock >= 0 else None,
     )
-    with suppress(OSError):  # it is gone already, which the connection tells
+    with suppress(OSError):  # it is already gone, which the end of the connection shows
         server.watch(os.pidfd_open(duty.program), FarEnd(duty.program, duty.end, duty.inode))
     server.listen(socket.socket(fileno=duty.signals))
     with journal(duty.cell):
@@ -363,7 +361,7 @@ class StreamHandler(logging.Handler):
     """Sends the core's log to the program."""
 
     def __init__(self, stream: MessageStream) -> None:
-        super().__init__(logging.WARNING)  # what is less is for the journal
+        super().__init__(logging.WARNING)  # lower levels are only for the journal
         self._stream = stream
 
     def emit(self, record: logging.LogRecord) -> None:

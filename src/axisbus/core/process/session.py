@@ -1,4 +1,4 @@
-"""The way to a core in a process of its own (``session.MachineSession``): commands as messages, values from shared memory."""
+"""The session with a core in a process of its own (``session.MachineSession``): commands as messages, values from shared memory."""
 
 from __future__ import annotations
 
@@ -42,26 +42,26 @@ from axisbus.session import (
 )
 
 log = logging.getLogger("axisbus")
-_PATIENCE = 0.5  # seconds in which the text of an error must have followed its number
+_PATIENCE = 0.5  # seconds within which an error must follow its number
 _GONE = "the core of this machine is gone: its process has ended"
 
 
 class Errors:
-    """The errors that images call by their numbers; holds those that were told."""
+    """The errors that images contain by number; holds those received."""
 
     def __init__(self) -> None:
         self._found: dict[int, AxisbusError] = {}
         self._arrived = threading.Condition()
 
     def take(self, told: m.ErrorTold) -> None:
-        """Take one; only the newest are kept."""
+        """Store an error, and wake the waiting threads."""
         with self._arrived:
             self._found[told.number] = told.error
             self._arrived.notify_all()
 
-    @sheltered  # who tells the next one takes the condition too
+    @sheltered  # the thread that stores the next one uses the condition too
     def of(self, number: int) -> AxisbusError | None:
-        """Return an error by its number; blocks while it is on its way, which is shorter than a cycle."""
+        """Return an error by its number; blocks until it has arrived, which takes less than a cycle."""
         found = self._found.get(number)
         if found is None:
             with self._arrived:
@@ -70,12 +70,12 @@ class Errors:
         return found if found is not None else gone("why this axis is in ErrorStop was asked")
 
     def disown(self) -> None:
-        """Be usable in a forked child, where whoever had the lock does not run."""
+        """Make this object usable in a forked child, where the thread that held the lock does not run."""
         self._arrived = threading.Condition()
 
 
 class RemoteSession:
-    """Holds what the core has told last, who listens, and which commands are under way."""
+    """Holds the last messages of the core, the listeners, and the active commands."""
 
     def __init__(
         self,
@@ -87,7 +87,7 @@ class RemoteSession:
         axes: Mapping[str, AxisFacts],
         period: float,
     ) -> None:
-        """``axes``: those that are there; ``period``: of the scan, in seconds."""
+        """``axes``: the present axes; ``period``: of the scan, in seconds."""
         self._calls = calls
         self._image = image
         self._io = io
@@ -102,11 +102,11 @@ class RemoteSession:
         self._observers: tuple[Observer, ...] = ()
         self._taps: dict[HearFrames, frozenset[int]] = {}
         self._busy: dict[int, str] = {}
-        self.rescued: m.Rescued | None = None  # by its warden: the core has died
-        self._asked: tuple[float, str] | None = None  # for the stop, by this program
+        self.rescued: m.Rescued | None = None  # by its watchdog process: the core has died
+        self._asked: tuple[float, str] | None = None  # the stop requested by this program
         self._inherited = False
 
-    # -- as of the core ------------------------------------------------------------------------------------------------
+    # -- state of the core ---------------------------------------------------------------------------------------------
 
     @property
     def axes(self) -> Mapping[str, AxisFacts]:
@@ -177,7 +177,7 @@ class RemoteSession:
         """As ``MachineSession.carried``, up to the last cycle."""
         return self._tally.carried
 
-    # -- questions -----------------------------------------------------------------------------------------------------
+    # -- requests ------------------------------------------------------------------------------------------------------
 
     @property
     def node_events(self) -> list[NodeEvent]:
@@ -227,7 +227,7 @@ class RemoteSession:
     # -- commands ------------------------------------------------------------------------------------------------------
 
     def submit(self, number: int, target: Target, command: AnyCommand, name: str) -> int:
-        """As ``Session.submit``; a command that is the same as one that waits ends as that one does."""
+        """As ``Session.submit``; a command that is identical to a queued one ends together with it."""
         if self._inherited:
             raise inherited(name)
         message = m.CODEC.pack(self.trajectories.submit(number, target, command, name))
@@ -238,7 +238,7 @@ class RemoteSession:
         return number
 
     def listen(self, hear: Callable[[CommandEvent], None]) -> None:
-        """As ``Session.listen``; in the thread that tells events."""
+        """As ``Session.listen``; in the thread that delivers events."""
         self._listeners = (*self._listeners, hear)
 
     def add_group(self, key: Target, members: Sequence[str]) -> None:
@@ -259,7 +259,7 @@ class RemoteSession:
         self._calls.send(m.HoldToRunMessage(seconds, continuous))
 
     def observe(self, observer: Observer) -> None:
-        """As ``Session.observe``; in the thread that tells events, a few cycles at a time."""
+        """As ``Session.observe``; in the thread that delivers events, a few cycles at a time."""
         self._observers = (*self._observers, observer)
         self._calls.send(m.Observe(True))
 
@@ -270,7 +270,7 @@ class RemoteSession:
             self._calls.send(m.Observe(False))
 
     def tap(self, hear: HearFrames, can_ids: Collection[int] = ()) -> None:
-        """As ``MachineSession.tap``; in the thread that tells events."""
+        """As ``MachineSession.tap``; in the thread that delivers events."""
         self._taps = {**self._taps, hear: frozenset(can_ids)}
         self._want_frames()
 
@@ -284,10 +284,10 @@ class RemoteSession:
         all_of_them = tuple(sorted(frozenset().union(*sets))) if all(sets) else ()
         self._calls.send(m.Tap(bool(self._taps), all_of_them))
 
-    # -- what the core tells -------------------------------------------------------------------------------------------
+    # -- messages of the core ------------------------------------------------------------------------------------------
 
     def tell(self, told: m.CommandEvents) -> None:
-        """Let who listens have the events of a cycle."""
+        """Deliver the command events of a cycle to the listeners."""
         for event in told.events:
             if event.status in ENDED:
                 self._busy.pop(event.number, None)
@@ -296,7 +296,7 @@ class RemoteSession:
         self._waiter.notify()
 
     def show(self, cycles: m.CycleImages) -> None:
-        """Let who observes have the images of some cycles."""
+        """Deliver the images of some cycles to the observers."""
         if cycles.lost:
             log.warning(
                 "%d cycles are missing in what is recorded: this program did not take them in time",
@@ -308,7 +308,7 @@ class RemoteSession:
                 observer(now, image)
 
     def show_frames(self, told: m.Frames) -> None:
-        """Let who taps the bus have some frames."""
+        """Deliver frames to the taps."""
         if told.lost:
             log.warning("%d frames are missing: this program did not take them in time", told.lost)
         frames = list(unpacked(told.packed))
@@ -318,16 +318,16 @@ class RemoteSession:
                 hear(wanted)
 
     def take(self, condition: m.CoreCondition) -> None:
-        """Note how the core is now."""
+        """Store the condition of the core."""
         self._condition = condition
         self._waiter.notify()
 
     def join(self, axes: Mapping[str, AxisFacts]) -> None:
-        """Take in the axes of an optional node that has come later."""
+        """Add the axes of an optional node that has come up late."""
         self._axes = {**self._axes, **axes}
 
     def end_all(self) -> None:
-        """End every command that the core has not ended: it is gone."""
+        """End every command that the core has not ended, because the core is gone."""
         while self._busy:
             number, name = self._busy.popitem()
             error = self._calls.gone(f"{name} was ended", self.rescued)
@@ -335,7 +335,7 @@ class RemoteSession:
         self._waiter.notify()
 
     def disown(self) -> None:
-        """Be of no use in a forked child."""
+        """Make this object unusable in a forked child."""
         self._inherited = True
         self._waiter.disown()
         self.trajectories.feeder.disown()

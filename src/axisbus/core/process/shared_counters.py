@@ -1,9 +1,7 @@
-"""What a core counts, its cycles' lateness and what the bus has carried, in shared memory behind the images: no reader asks it.
+"""Counters of a core in shared memory after the images: lateness of the cycles and bus traffic. Readers need no request.
 
-Theory of operation
--------------------
-``Lateness`` counts in place: a reader finds each number as it is at that moment. What the bus has carried is written after each
-cycle, between two copies of its time; a reader looks again where they differ.
+Theory of operation ------------------- ``Lateness`` counts in place: a reader gets each number as it is at that moment. The bus
+traffic is written after each cycle, between two copies of its time; if these differ, a reader reads again.
 """
 
 from __future__ import annotations
@@ -23,26 +21,26 @@ SIZE = 8 * COUNTS + _CARRIED.size
 
 
 def offset(axes: int, points: int) -> int:
-    """Return where it begins, in the memory of a machine with so many axes, and inputs and outputs."""
+    """Return its start in the memory of a machine with these numbers of axes, and of inputs and outputs."""
     return io_image.offset(axes) + io_image.size_of(points)
 
 
 class SharedCounters:
-    """The numbers in ``memory``, for their one writer and for any reader of any process."""
+    """The counters in ``memory``, for one writer and for any reader of any process."""
 
     def __init__(self, memory: mmap.mmap, axes: int, points: int) -> None:
-        """``axes``, and inputs and outputs, of the machine."""
+        """``axes``: number of axes of the machine; ``points``: number of inputs and outputs."""
         at = offset(axes, points)
         self._memory = memory
         self._at = at + 8 * COUNTS
         self._lateness = Lateness(memoryview(memory)[at : self._at].cast("d"))
 
     def take(self, lateness: Lateness) -> None:
-        """Let what a scan counts stand here from now on; for the thread of the scan, or before it runs."""
+        """Let a scan count here from now on; for the thread of the scan, or before it runs."""
         lateness.share(self._lateness)
 
     def writer(self, carried: Callable[[], BusTraffic | None]) -> Callable[..., None]:
-        """Return what notes, after each cycle, what the bus has carried."""
+        """Return a function that stores, after each cycle, the bus traffic."""
         pack, memory, at = _CARRIED.pack_into, self._memory, self._at
 
         def write(*_: object) -> None:
@@ -54,12 +52,12 @@ class SharedCounters:
 
     @property
     def lateness(self) -> LatenessReport:
-        """How late the cycles were, up to now."""
+        """The lateness of the cycles until now."""
         return self._lateness.report()
 
     @property
     def carried(self) -> BusTraffic | None:
-        """What the bus had carried after the last cycle; None before the first."""
+        """The bus traffic after the last cycle; None before the first."""
         for _ in range(_TRIES):
             time, frames, octets, again = _CARRIED.unpack_from(self._memory, self._at)
             if time == again:

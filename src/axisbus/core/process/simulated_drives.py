@@ -1,9 +1,9 @@
-"""Simulated drives in a process of their own: they live on while the core or the program is gone, and end with both.
+"""Simulated drives in a process of their own: they continue without the core or the program, and end after both.
 
 Theory of operation
 -------------------
-They hang on one end of a line (``bus.link.socketpair_bus``), whose other end the core holds, and answer what their program asks of
-the stand-ins (``far``). When both connections have ended, so do they: what becomes of a drive whose master is gone can be seen.
+They are connected to one end of a line (``bus.link.socketpair_bus``), and the core to the other. They also answer the program's
+requests (``remote_proxy``). They end when both connections have ended. Thus a test can observe a drive after its master is gone.
 """
 
 from __future__ import annotations
@@ -33,13 +33,14 @@ _NOTED = 0.01  # seconds between two lines of a history
 
 
 def serve(duty: StartupArgs, ready: socket.socket) -> None:
-    """Let the drives of a cell live until its core and its program are gone; blocks. ``ready`` is closed when they hear."""
+    """Run the drives of a cell until its core and its program are gone; blocks. ``ready`` is closed when they listen."""
     line, control = socket.socket(fileno=duty.far), socket.socket(fileno=duty.control)
     config, dictionaries = read_once(duty.cell)
     made, guests = devices(config, dictionaries), modules(config)
-    take_priority()  # as the core, lest a busy computer looks like silent drives; only now, for what is made keeps a processor
+    # as for the core, so that a busy computer does not make drives look lost; not earlier, because making them needs a processor
+    take_priority()
     gone = select.poll()
-    gone.register(line, 0)  # for the end of the line alone
+    gone.register(line, 0)  # only for the end of the line
     bus = PairBus(line, of_drives=True)
     with StandIns("line", list(made.values()), bus=bus, guests=list(guests.values())) as network:
         ready.close()
@@ -60,6 +61,6 @@ def serve(duty: StartupArgs, ready: socket.socket) -> None:
 def _history(
     cell: CellConfig, stand_ins: Mapping[int, SimulatedNode]
 ) -> AbstractContextManager[PlantLog | None]:
-    """Return the file that ``history`` in ``[bus.options]`` names, from the cell's folder; None where it names none."""
+    """Return the log file of ``history`` in ``[bus.options]``, in the cell's folder; None if there is none."""
     path = history_path(cell)
     return nullcontext() if path is None else PlantLog(path, stand_ins)

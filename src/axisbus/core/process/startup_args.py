@@ -1,4 +1,4 @@
-"""What a warden is told by who starts it."""
+"""The start-up arguments of a watchdog process."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class StartupArgs:
-    """What a warden is told by who starts it: descriptors (-1: none), the cell's file, and how many axes it has.
+    """The arguments of a watchdog process: descriptors (-1: none), the cell's file, and its number of axes.
 
-    ``line`` leads from the core to its program and ``tell`` from the warden to it. Where drives are simulated, ``drives`` is the
-    core's end of the line to them and ``far`` their own, and ``control`` leads from them to the program. ``lock`` says that this
-    machine runs, keeps others off the adapter, and lets clients in; ``mark`` shows that its link is open. Out of ``signals`` the
-    program takes its own. Its end of ``line`` has the number ``end`` there, and ``inode``.
+    ``line`` leads from the core to its program, and ``tell`` from the watchdog process to it. If drives are simulated, ``drives``
+    is the core's end of the line to them and ``far`` their own, and ``control`` leads from them to the program. ``lock`` shows that
+    this machine runs, reserves the adapter, and accepts clients; ``mark`` shows that its link is open. From ``signals`` the program
+    reads its signals. The program's end of ``line`` has the descriptor ``end`` there, and ``inode``.
     """
 
     line: int
@@ -32,7 +32,7 @@ class StartupArgs:
 
     @property
     def simulates(self) -> bool:
-        """Whether there are drives to be simulated."""
+        """Whether drives are simulated."""
         return self.far >= 0
 
     @property
@@ -47,12 +47,12 @@ class StartupArgs:
 
     @property
     def of_warden(self) -> set[int]:
-        """The descriptors of the warden itself."""
+        """The descriptors of the watchdog process itself."""
         return self._there(self.tell, self.memory, self.drives, self.lock, self.mark)
 
     @property
     def all(self) -> set[int]:
-        """The descriptors of all of them."""
+        """The descriptors of all three."""
         return self.of_core | self.of_drives | self.of_warden
 
     def _there(self, *numbers: int) -> set[int]:

@@ -1,6 +1,6 @@
-"""Stopping the drives of a core that is gone: its last frames as quick stop, SYNC, then by SDO until each axis is seen to stand.
+"""Stop the drives of a dead core: its last frames as quick stop, SYNC, then by SDO until each axis is seen at standstill.
 
-Modules that speak CAN Simple are stopped at the same time as those that SDO reaches, by messages of their own.
+CAN Simple modules are stopped at the same time, by messages of their own.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from axisbus.ipc.messages import CODEC, Rescued
 from axisbus.ipc.stream import MessageStream
 from axisbus.link import StopResult, Unsafe
 
-TRIES_FOR = 1.0  # seconds: a driver may take a moment to see that its last user is dead
+TRIES_FOR = 1.0  # seconds: a driver may take a moment to notice that its last user is dead
 _PAUSE = 0.05
-_HUNG = 0.5  # seconds without a cycle, at least, after which a core that should run hangs
-_FAREWELL = 2.0  # seconds that telling the program may take
+_HUNG = 0.5  # seconds without a cycle, at least, after which a core that should run counts as hung
+_FAREWELL = 2.0  # seconds for the report to the program
 
 
 class CrashStop:
-    """What a warden needs for a rescue, read while the core boots; holds the memory in which the core says how far it is."""
+    """The data of a watchdog process for a rescue, read while the core boots; holds the memory with the core's stage."""
 
     def __init__(self, duty: StartupArgs) -> None:
         self._duty = duty
@@ -54,16 +54,16 @@ class CrashStop:
 
     @property
     def runs(self) -> bool:
-        """Whether the core's scan ought to run."""
+        """Whether the core's scan should run."""
         return rescue_memory.stage_of(self._memory, self._at) is rescue_memory.CoreStage.RUNNING
 
     @property
     def is_needed(self) -> bool:
-        """Whether the core, which is dead, has not left its drives as it ought to."""
+        """Whether the dead core has not left its drives properly."""
         return self.runs or rescue_memory.stage_of(self._memory, self._at) is rescue_memory.CoreStage.LEAVING
 
     def rescue(self, why: str) -> Rescued:
-        """Stop the drives, make outputs safe, tell the program, and return what was told; blocks. ``why``: how the core ended."""
+        """Stop the drives, make outputs safe, report to the program, and return the report; blocks. ``why``: how the core ended."""
         found = rescue_memory.found(self._memory, self._at)
         names = [list(self._cell.axes)[axis] for axis in found.axes]
         stream = MessageStream(socket.socket(fileno=self._duty.tell), CODEC.pack, "axisbus warden")
@@ -82,7 +82,7 @@ class CrashStop:
         return Rescued(why, tuple(stopped), tuple(unsafe), safe)
 
     def _outputs(self) -> list[IoPoint]:
-        """The outputs that had been set."""
+        """Return the outputs that had been set."""
         readings = IoImage(self._memory, self._duty.axes, tuple(self._cell.io)).read()
         points = all_points(self._cell, self._dictionaries)
         return [
@@ -102,10 +102,10 @@ def stop(
     frames: Sequence[tuple[int, bytes]],
     outputs: Sequence[IoPoint] = (),
 ) -> tuple[list[StopResult], list[Unsafe]]:
-    """Stop the axes of these names, and return how each was left; blocks until they stand, at most about 6 s.
+    """Stop the axes of these names, and return the result of each; blocks until standstill, at most about 6 s.
 
-    Then ``outputs`` are led to their safe states; those of which that is not confirmed are returned too. ``frames``: what stops the
-    axes by PDO. Their nodes are left as they are: their own watch over our heartbeat is the last net.
+    Then ``outputs`` are set to their safe states; those without confirmation are returned too. ``frames`` stop the axes by PDO. The
+    nodes are left as they are, because their own monitoring of our heartbeat is the last protection.
     """
     try:
         channel = _opened(open_channel)
@@ -134,7 +134,7 @@ def _opened(open_channel: Callable[[], Channel]) -> Channel:
 
 
 def _sync(cell: CellConfig) -> list[tuple[int, bytes]]:
-    """The SYNC with which the drives take a quick stop by PDO; another device's goes on by itself."""
+    """Return the SYNC that makes the PDO quick stop effective; another device's SYNC continues without the core."""
     bus = cell.bus
     return [(bus.sync_cob_id, b"\1" if bus.sync_counter else b"")] if bus.sync and not bus.hears_sync else []
 

@@ -1,4 +1,4 @@
-"""The trajectories that a core follows for its program: heads become trajectories, and samples are asked for in time."""
+"""The trajectories that a core follows for its program: it makes trajectories from their heads, and requests samples in time."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _HEAD = 2.0  # seconds of a trajectory that are sent with its command
 
 
 class Streams:
-    """In the core: the trajectories under way by their numbers, as long as somebody follows them."""
+    """In the core: the active trajectories by their numbers, while they are followed."""
 
     def __init__(self, send: Callable[[m.Message], None]) -> None:
         self._send = send
         self._found: dict[int, weakref.ref[Streamed]] = {}
 
     def take(self, submit: m.Submit) -> AnyCommand:
-        """Return the command, with the trajectory that its head begins; raises ArgumentError for a bad head."""
+        """Return the command, with the trajectory that its head begins; raises ArgumentError for an invalid head."""
         command = submit.command
         if not isinstance(command, FollowTrajectory):
             return command
@@ -33,7 +33,7 @@ class Streams:
         return FollowTrajectory(stream)
 
     def feed(self, samples: m.TrajectorySamples) -> None:
-        """Give samples to the trajectory that they are of; it ends where they do not fit it."""
+        """Add samples to their trajectory; if they do not fit, it ends."""
         stream = self._stream(samples.stream)
         if stream is None:
             return
@@ -49,7 +49,7 @@ class Streams:
             stream.fail(told.error)
 
     def look(self) -> None:
-        """Ask for what will be wanted, and let go of what nobody follows; called every few milliseconds."""
+        """Request the samples needed next, and drop trajectories that are no longer followed; called every few milliseconds."""
         for number in list(self._found):
             stream = self._stream(number)
             if stream is None:
@@ -65,7 +65,7 @@ class Streams:
 
 
 class Trajectories:
-    """In the program: those that its core follows; holds the numbers given."""
+    """In the program: the trajectories that its core follows; holds the last number."""
 
     def __init__(self, send: Callable[[m.Message], None], period: float) -> None:
         """``period``: of the scan, in seconds."""
@@ -77,7 +77,7 @@ class Trajectories:
         )
 
     def submit(self, number: int, target: Target, command: AnyCommand, name: str) -> m.Submit:
-        """Return the message of a command, with the head of the trajectory that it follows, which is fed from now on.
+        """Return the message of a command, with the head of its trajectory; the further samples are sent on request.
 
         Raises:
             ArgumentError: the trajectory gives no position.

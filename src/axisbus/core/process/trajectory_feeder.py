@@ -1,11 +1,10 @@
-"""Sampling trajectories for the core, ahead of their use: a program's own code runs in the program.
+"""Samples trajectories for the core, ahead of their use: the user's code runs in the program.
 
-Theory of operation
--------------------
-The first samples go with the command (``Sampler.head``), and are taken in the thread that gives it. Then the core asks, and one
-thread answers for all trajectories of a machine: each in its turn, for a short time, so that a slow one does not keep the others
-waiting any longer than that. A trajectory's samples are sent in order, each once. What its code raises ends it, with the error that
-``CheckedTrajectory`` makes of it. A core that gets no answer brakes the axis along what it has.
+Theory of operation ------------------- The first samples go with the command (``Sampler.head``), and are computed in the thread
+that gives it. Later the core sends requests, and one thread answers for all trajectories of a machine: each in turn, for a short
+time, so that a slow one delays the others no longer than that. A trajectory's samples are sent in order, each once. An exception of
+its code ends it, with the error that ``CheckedTrajectory`` makes of it. If a core gets no answer, it brakes the axis along the
+samples that it has.
 """
 
 from __future__ import annotations
@@ -24,24 +23,24 @@ from axisbus.motion.numbers import number, told
 from axisbus.motion.path_limit_check import Ramped
 from axisbus.motion.trajectory import Trajectory
 
-_TURN = 0.01  # seconds for one trajectory, then it is the next one's turn
-_PATIENCE = 1.0  # seconds that the thread may take to end
+_TURN = 0.01  # seconds for one trajectory before the next one's turn
+_PATIENCE = 1.0  # seconds for the thread to end
 
 Send = Callable[[int, int, tuple[float, ...]], None]
 SendFailure = Callable[[int, AxisbusError], None]
 
 
 class Sampler:
-    """Takes the samples of one trajectory, in order; holds the number of the next (``next``) and its time."""
+    """Computes the samples of one trajectory, in order; holds the number of the next (``next``) and its time."""
 
     def __init__(self, trajectory: Trajectory, step: float, name: str) -> None:
         """``step`` in seconds; ``name``: the axis.
 
         Raises:
-            ArgumentError: the trajectory tells no duration.
+            ArgumentError: the trajectory has no duration.
         """
         self._trajectory = CheckedTrajectory(trajectory, name)
-        self._told = trajectory  # itself, for what it tells of itself in advance
+        self._told = trajectory  # the original, for the facts known in advance
         self._name = name
         self._step = step
         self._time = 0.0
@@ -52,7 +51,7 @@ class Sampler:
         """Return the head of the trajectory, with the samples of its first ``seconds``: once, before any other.
 
         Raises:
-            ArgumentError: the trajectory gives no position, or what it tells of itself is no number.
+            ArgumentError: the trajectory gives no position, or one of its facts is no number.
         """
         assert not self.next
         known, span, speed, hardest = self._told, None, None, None
@@ -68,7 +67,7 @@ class Sampler:
         return StreamHead(self._trajectory.duration, self._step, positions, span, speed, hardest)
 
     def take(self, count: int, goes_on: Callable[[], bool] = lambda: True) -> tuple[float, ...]:
-        """Return the next samples: at most ``count``, up to the end, and as long as it ``goes_on``; at least one.
+        """Return the next samples: at most ``count``, up to the end, and while ``goes_on()`` is true; at least one.
 
         Raises:
             ArgumentError: the trajectory gives no position.
@@ -97,7 +96,7 @@ class Sampler:
 
 
 class _Fed:
-    """One trajectory: its samples, and up to which number they have been asked for."""
+    """One trajectory: its samples, and the number up to which they were requested."""
 
     def __init__(self, sampler: Sampler) -> None:
         self.sampler = sampler
@@ -109,7 +108,7 @@ class _Fed:
 
 
 class Feeder:
-    """Answers what the core asks of the trajectories that are under way; holds them, and a thread (started with the first request).
+    """Answers the core's requests for active trajectories; holds them, and a thread (started with the first request).
 
     All methods may be called in any thread, and none calls a program's code.
     """
@@ -119,7 +118,8 @@ class Feeder:
     ) -> None:
         """``send(number, first, positions)`` and ``send_failure(number, error)`` are called in the thread.
 
-        What they raise ends the feeding of that trajectory: there is no way to its core any more, which then brakes the axis.
+        If one of them raises, this trajectory gets no more samples: the connection to its core is gone, and the core brakes the
+        axis.
         """
         self._send = send
         self._send_failure = send_failure
@@ -131,13 +131,13 @@ class Feeder:
         self._thread: threading.Thread | None = None
 
     def add(self, number: int, sampler: Sampler) -> None:
-        """Have a trajectory fed, by the ``number`` of its command, before that is given; its head is sent with the command."""
+        """Add a trajectory, by the ``number`` of its command, before the command is given; its head is sent with the command."""
         with self._wanted:
             if not sampler.over and not self._closed:
                 self._fed[number] = _Fed(sampler)
 
     def request(self, number: int, first: int, count: int) -> None:
-        """Let the samples up to number ``first + count - 1`` be sent; one that is fed no more is left alone. Does not block."""
+        """Request the samples up to number ``first + count - 1``; ignored for an unknown trajectory. Does not block."""
         with self._wanted:
             fed = self._fed.get(number)
             if fed is None:
@@ -149,12 +149,12 @@ class Feeder:
                 self._wanted.notify()
 
     def drop(self, number: int) -> None:
-        """Forget a trajectory: its command has ended. Another number changes nothing."""
+        """Drop a trajectory, because its command has ended. An unknown number is ignored."""
         with self._wanted:
             self._fed.pop(number, None)
 
     def close(self) -> None:
-        """Forget all, and end the thread. Blocks up to 1 s where a trajectory's code does not come back."""
+        """Drop all, and end the thread. Blocks up to 1 s if a trajectory's code does not return."""
         with self._wanted:
             self._closed = True
             self._fed.clear()
@@ -165,7 +165,7 @@ class Feeder:
             thread.join(_PATIENCE)
 
     def disown(self) -> None:
-        """Do nothing any more, in a forked child: the thread does not run there, and whoever had the lock does not either."""
+        """Do nothing any more, in a forked child: neither the thread nor the holder of the lock runs there."""
         self._wanted = threading.Condition()
         self._closed = True
         self._thread = None
@@ -183,7 +183,7 @@ class Feeder:
             number, fed = turn
             try:
                 self._serve(number, fed)
-            except Exception:  # noqa: BLE001  # nobody hears us: the core brakes the axis and says why
+            except Exception:  # noqa: BLE001  # the error cannot be sent: the core brakes the axis and reports why
                 self.drop(number)
 
     def _next(self) -> tuple[int, _Fed] | None:
@@ -212,11 +212,11 @@ class Feeder:
             self._go_on(number, fed)
 
     def _is_fed(self, number: int, fed: _Fed) -> bool:
-        """Whether it has not been forgotten meanwhile."""
+        """Whether it has not been dropped meanwhile."""
         return self._fed.get(number) is fed
 
     def _go_on(self, number: int, fed: _Fed) -> None:
-        """Give a trajectory that is asked for more its next turn, after the others; forget one that is over."""
+        """Give a trajectory with further requests its next turn, after the others; drop one that is over."""
         with self._wanted:
             if fed.sampler.over:
                 self._fed.pop(number, None)

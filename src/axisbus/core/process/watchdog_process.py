@@ -1,17 +1,17 @@
-"""The warden of a core: a small process that forks it, sees it end or hang, and then stops the drives in its place.
+"""The watchdog process of a core: a small process that forks the core, detects its end or hang, and then stops the drives.
 
-Theory of operation
--------------------
-A program that is busy in a long call notices a dead core only when that returns; the warden does nothing else. It imports and reads
-what the core, the simulated drives and a rescue need, once for all of them, and then forks: it has one thread and nothing of the
-program's. So what a rescue needs is there before a drive is enabled; the core waits for the warden's word all the same.
+Theory of operation ------------------- A program that is busy in a long call notices a dead core only when the call returns; the
+watchdog process has no other task. It imports and reads the data that the core, the simulated drives and a rescue need, once for
+all of them, and then forks: it has one thread and no data of the program. So the data for a rescue is available before a drive is
+enabled; the core also waits for the watchdog process's first byte.
 
-The core's end is seen by its process, and whether it hangs by the number of its images: one that stands still for ``patience``,
-while the warden itself was on time (both asleep is a suspension), is of a core that is stuck as a whole, its own supervisor
-included. It is killed, and seen to be dead, before anything is sent: two masters would be one too many.
+The process's state shows the end of the core, and the number of its images shows whether it hangs. If the number does not change
+for ``patience`` while the watchdog process itself ran on time (if both sleep, the computer is suspended), the core is stuck as a
+whole, its own supervisor included. It is killed, and seen to be dead, before anything is sent: two masters must never send at the
+same time.
 
-The core in turn sees the end of the connection to its warden, or that nothing comes by it any more (``lifeline``), and stops the
-axes: nobody would save them from its own death.
+The core in turn detects the end of the connection to its watchdog process, or that no bytes arrive any more (``rescue_record``),
+and stops the axes: after its own death nothing would stop them.
 """
 
 from __future__ import annotations
@@ -36,17 +36,17 @@ from axisbus.errors import AxisbusError
 
 log = logging.getLogger("axisbus")
 _ROUND = 0.02  # seconds
-_ON_TIME = 0.1  # seconds; a round that takes longer shows that this computer did not run
+_ON_TIME = 0.1  # seconds; a longer round shows that this computer did not run
 _READY = b"r"
-_PATIENCE = 5.0  # seconds; drives that are not there by then are missed by whoever boots them
+_PATIENCE = 5.0  # seconds; drives that are absent by then are reported by the boot
 
 
 def main(text: str) -> None:
-    """Do what the JSON of a ``StartupArgs`` says, as the warden or as one of those that it becomes; blocks until that is done."""
+    """Run a ``StartupArgs`` (as JSON), as the watchdog process or as one of the processes that it forks; blocks until the end."""
     duty = StartupArgs(**json.loads(text))
-    with suppress(AxisbusError):  # whoever needs it will say so
+    with suppress(AxisbusError):  # the process that needs it reports the error
         read_once(duty.cell)
-    gc.freeze()  # what is there now is there for ever, and shared by all of them
+    gc.freeze()  # the present objects stay for ever, shared by all processes
     hears, ready = socket.socketpair()
     if duty.simulates and not os.fork():
         hears.close()
@@ -68,21 +68,21 @@ def main(text: str) -> None:
 
 
 def _become(name: str, duty: StartupArgs, kept: set[int]) -> None:
-    """Keep what is one's own, so that the others see the end of what they hold; and be known by one's name."""
+    """Keep only this process's own descriptors, so that the others see its end, and set its name."""
     for number in duty.all - kept:
         os.close(number)
     call_process(name)
 
 
 def _guard(core: int, line: socket.socket, duty: StartupArgs, drives_hear: socket.socket) -> None:
-    """Watch the core, a child, to its end; ``line`` leads to it. ``drives_hear`` ends when simulated drives hear their bus."""
+    """Watch the core, a child, to its end; ``line`` leads to it. ``drives_hear`` ends when simulated drives listen on their bus."""
     for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
-        signal.signal(number, signal.SIG_IGN)  # the core's affair
-    with line:  # its end tells the core that nobody watches any more
+        signal.signal(number, signal.SIG_IGN)  # handled by the core
+    with line:  # its end shows the core that it is no longer watched
         rescuer = CrashStop(duty)
-        take_priority()  # a computer that is busy beyond bearing is where a core may hang
+        take_priority()  # an overloaded computer is where a core may hang
         _await_end(drives_hear)
-        with suppress(OSError):  # it has ended already
+        with suppress(OSError):  # it has already ended
             line.sendall(_READY)
         line.setblocking(False)
         _watch(core, rescuer, duty.cell, line)
@@ -95,19 +95,19 @@ def _await_end(line: socket.socket) -> None:
 
 
 def _exit_code(core: int) -> int | None:
-    """Return the exit code of the core, negative for a signal, once it has ended, and reap it; None before."""
+    """Return the exit code of the core, negative for a signal, when it has ended, and reap it; None before."""
     ended, status = os.waitpid(core, os.WNOHANG)
     return os.waitstatus_to_exitcode(status) if ended else None
 
 
 def _kill(core: int) -> None:
-    """Kill the core, and see it dead; blocks."""
+    """Kill the core, and wait for its death; blocks."""
     os.kill(core, signal.SIGKILL)
     os.waitpid(core, 0)
 
 
 def _watch(core: int, rescuer: CrashStop, cell: str, line: socket.socket) -> None:
-    """Wait for the end of the core, or make one; then stop its drives, if it has left any, and write down what came of it."""
+    """Wait for the end of the core, or kill it; then stop its drives, if it has left any moving, and log the results."""
     why = _end_of(core, rescuer, line)
     if rescuer.is_needed:
         rescued = rescuer.rescue(why)
@@ -129,7 +129,7 @@ def _end_of(core: int, rescuer: CrashStop, line: socket.socket) -> str:
         before = now
         if now >= due:
             due = now + BEAT
-            with suppress(OSError):  # a core that hangs takes none
+            with suppress(OSError):  # a core that hangs accepts no bytes
                 line.send(_READY)
         if rescuer.number != number or not rescuer.runs:
             number, idle = rescuer.number, 0.0

@@ -1,1 +1,1 @@
-"""What a core leaves for whoever comes later: its journal, what the axes did around faults, what simulated motors did."""
+"""The files of a core for later analysis: its journal, recordings of faults, and the history of simulated motors."""

@@ -1,9 +1,8 @@
-"""What the axes did around a fault, kept by the core itself: the newest of them, whatever the program does.
+"""Recordings of the axes around a fault, made by the core itself: the newest of them, whatever the program does.
 
-Theory of operation
--------------------
-In each cycle the image is put into a ring, nothing else. When an axis has come into ErrorStop, ``_AFTER`` s go by, or the machine
-is left; then a thread turns the ring into a file, asks what has happened meanwhile, and lets the oldest file go.
+Theory of operation ------------------- In each cycle the image is put into a ring buffer, nothing else. After an axis has entered
+ErrorStop, ``_AFTER`` s pass, or the machine is closed. Then a thread writes the ring buffer to a file, with the events of that
+time, and deletes the oldest file.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ Images = list[tuple[float, bytes]]
 
 
 class Faults:
-    """Holds the last images, which axes are in ErrorStop, and until when what follows belongs to it."""
+    """Holds the last images, the axes in ErrorStop, and the time until which the recording continues."""
 
     def __init__(
         self,
@@ -71,7 +70,7 @@ class Faults:
         self._thread.start()
 
     def after_cycle(self, now: float, _: Mapping[str, Snapshot]) -> None:
-        """Keep the image of this cycle, and see whether an axis has come into ErrorStop; does not block."""
+        """Store the image of this cycle, and check whether an axis has entered ErrorStop; does not block."""
         outlet = self._outlet
         self._ring.append((now, outlet.newest))
         faulty = outlet.faulty
@@ -83,14 +82,14 @@ class Faults:
             self._hand_over()
 
     def close(self) -> None:
-        """Keep what has happened last; no cycle comes any more. Blocks, at most 3 s."""
+        """Write the last recording; there will be no further cycle. Blocks, at most 3 s."""
         if self._until is not None:
             self._hand_over()
         self._work.put(None)
         self._thread.join(_PATIENCE)
 
     def node(self, node_id: int) -> _Node:
-        """Return what is told of a node."""
+        """Return the events of a node."""
         return _Node(self._nodes[node_id])
 
     def _hand_over(self) -> None:
@@ -101,7 +100,7 @@ class Faults:
         while (images := self._work.get()) is not None:
             try:
                 self._keep(images)
-            except Exception as error:  # noqa: BLE001  # a disk that is full, as a rule: the next one is tried again
+            except Exception as error:  # noqa: BLE001  # usually a full disk: the next recording is tried again
                 log.warning("what the axes did around a fault was not kept: %s", error)
 
     def _keep(self, images: Images) -> None:
@@ -111,7 +110,7 @@ class Faults:
         rows = bytearray()
         for now, data in images:
             image = self._reader.image(data)
-            if all(name in image for name in forms):  # not yet those of a node that has come later
+            if all(name in image for name in forms):  # without the axes of a node that has come up later
                 rows += row.struct.pack(*row.values(now, [image[name] for name in forms]))
         began = images[0][0]
         offset = time.time_ns() - round(time.monotonic() * _NANO)
@@ -130,7 +129,7 @@ class Faults:
 
     @property
     def cell_path(self) -> str:
-        """The path by which the cell's file is known."""
+        """The absolute path of the cell's file."""
         return str(Path(self.cell.file).absolute())
 
     def _free_path(self) -> Path:
@@ -142,7 +141,7 @@ class Faults:
 
 
 class _Node:
-    """What is told of a node (``record.events.OfNode``)."""
+    """The events of a node (``record.events.OfNode``)."""
 
     def __init__(self, parts: NodeParts) -> None:
         self._parts = parts
@@ -154,7 +153,7 @@ class _Node:
 
     @property
     def pdo_events(self) -> list[PdoEvent]:
-        """What became of its TPDOs."""
+        """The events of its TPDOs."""
         return list(self._parts.node.pdo_events)
 
     def incident_words(self, incident: Incident) -> list[str]:

@@ -1,9 +1,7 @@
-"""What a core and its warden write down for whoever comes later: a bounded file for each cell, in the user's own folder for such.
+"""The journal of a core and its watchdog process: a file of limited size for each cell, in the user's state folder.
 
-Theory of operation
--------------------
-What is logged goes into a queue, which a thread empties into the file: a disk that is slow never keeps the scan. A file that cannot
-be written is done without.
+Theory of operation ------------------- Log records go into a queue, which a thread writes to the file: a slow disk never delays the
+scan. If the file cannot be written, there is no journal.
 """
 
 from __future__ import annotations
@@ -20,13 +18,13 @@ from pathlib import Path
 from axisbus.errors import StateError, one_line
 from axisbus.wording import PrintableFormatter
 
-_LARGEST = 500_000  # bytes; as many again are kept of before
-FAULT = ".fault"  # what the name of a kept fault ends in
+_LARGEST = 500_000  # bytes; an older file of the same size is kept
+FAULT = ".fault"  # the end of a fault file's name
 _FORM = "%(asctime)s %(process)d %(levelname)s %(message)s"
 
 
 def path_of(cell: str) -> Path:
-    """Return where the journal of a cell file is: in ``$XDG_STATE_HOME/axisbus``, else ``~/.local/state/axisbus``.
+    """Return the path of a cell file's journal: in ``$XDG_STATE_HOME/axisbus``, else ``~/.local/state/axisbus``.
 
     Raises:
         StateError: this user has no home, as in some containers.
@@ -44,18 +42,18 @@ def path_of(cell: str) -> Path:
 
 
 def folder_of(cell: str) -> Path:
-    """Return the folder of a cell's faults, beside its journal; ``cell``: the path of its file. Raises as ``path_of``."""
+    """Return the folder of a cell's faults, next to its journal; ``cell``: the path of its file. Raises as ``path_of``."""
     return path_of(cell).with_suffix(".faults")
 
 
 def faults_of(cell: str) -> list[Path]:
-    """Return the faults of a cell that were kept, oldest first. Raises as ``path_of``."""
+    """Return the stored faults of a cell, oldest first. Raises as ``path_of``."""
     return sorted(folder_of(cell).glob("*" + FAULT))
 
 
 @contextmanager
 def journal(cell: str) -> Iterator[None]:
-    """Keep the journal of a cell while the block runs: all that is logged from INFO on."""
+    """Write the journal of a cell while the block runs: all log records from INFO on."""
     log = logging.getLogger("axisbus")
     try:
         file = _file(path_of(cell))

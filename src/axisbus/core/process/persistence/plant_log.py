@@ -1,4 +1,4 @@
-"""What simulated motors and modules did, as lines of a file: it is there when everybody who might have looked is dead."""
+"""The history of simulated motors and modules, as lines of a file that remains after the end of all processes."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _KEY = "history"
 
 
 def history_path(cell: CellConfig) -> Path | None:
-    """Return the file that ``history`` in ``[bus.options]`` names, from the cell's folder; None where it names none.
+    """Return the file of ``history`` in ``[bus.options]``, in the cell's folder; None if there is none.
 
     Raises:
-        ConfigError: there is another file, which a cell file from elsewhere must not replace.
+        ConfigError: another file is there, which a foreign cell file must not replace.
     """
     name = cell.bus.options.get(_KEY)
     if not isinstance(name, str):
@@ -54,10 +54,10 @@ def _not_written(cell: CellConfig, path: Path, why: str) -> ConfigError:
 
 
 class PlantLog:
-    """A CSV file under way: seconds of the monotonic clock, position and velocity in increments, the power stage by its number.
+    """An open CSV file: seconds of the monotonic clock, position and velocity in increments, the power stage by its number.
 
-    A module of inputs and outputs has a line too, in which only ``outputs`` stands: ``6200h:01=8 6200h:02=0``. Of one that speaks
-    CAN Simple the stage is the state of its axis: 1 is idle, 8 closed loop.
+    A module of inputs and outputs has a line too, in which only ``outputs`` is set: ``6200h:01=8 6200h:02=0``. For a CAN Simple
+    module the stage is the state of its axis: 1 is idle, 8 closed loop.
     """
 
     def __init__(self, path: Path, stand_ins: Mapping[int, SimulatedNode]) -> None:
