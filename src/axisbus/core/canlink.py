@@ -55,7 +55,7 @@ OnProgram = Callable[[int, int, int | None], None]
 
 
 class CanLink:
-    """A ``Link`` over a CAN bus with CANopen nodes and CAN Simple modules; holds the channel, and the boot result of each node."""
+    """A ``CellConnection`` over a CAN bus with CANopen nodes and CAN Simple modules; holds the channel and the boot results."""
 
     in_threads = True
 
@@ -190,7 +190,7 @@ class CanLink:
             self._consumer.await_steady()
 
     def rescue(self, names: Collection[str]) -> list[StopResult]:
-        """As ``CellConnection.rescue``, for nodes by SDO and for modules at the same time; blocks as ``NodeStop.run``."""
+        """As ``CellConnection.rescue``, nodes by SDO and modules at once; blocks as ``NodeStop.run`` and ``stop_modules``."""
         with self.cycle.keep_stopping():
             return stop_drives(self._cell, self._channel, self._nodes.values(), names)
 

@@ -39,7 +39,7 @@ _PARTS = (
 
 
 class InProcess:
-    """A ``Session`` with the scan of this process; holds the listeners for command events."""
+    """A ``MachineSession`` with the scan of this process; holds the listeners for command events."""
 
     def __init__(self, scan: Scan, waiter: Waiter, runtime: Runtime) -> None:
         """``waiter``: how this process waits for ``scan``; ``runtime``: the runtime of the scan."""
@@ -57,7 +57,7 @@ class InProcess:
 
     @property
     def snapshots(self) -> Mapping[str, Snapshot]:
-        """As ``Session.snapshots``."""
+        """As ``AxisSession.snapshots``."""
         return self._scan.snapshots
 
     @property
@@ -67,27 +67,27 @@ class InProcess:
 
     @property
     def dead(self) -> str | None:
-        """As ``Session.dead``."""
+        """As ``AxisSession.dead``."""
         return self._scan.dead
 
     @property
     def silent(self) -> str | None:
-        """As ``Session.silent``."""
+        """As ``AxisSession.silent``."""
         return self._scan.silent
 
     @property
     def ended(self) -> bool:
-        """As ``Session.ended``."""
+        """As ``AxisSession.ended``."""
         return self._scan.ended
 
     @property
     def failed(self) -> bool:
-        """As ``Session.failed``."""
+        """As ``AxisSession.failed``."""
         return self._scan.failure is not None
 
     @property
     def leaving_because(self) -> str | None:
-        """As ``Session.leaving_because``."""
+        """As ``AxisSession.leaving_because``."""
         return self._scan.leaving_because
 
     @property
@@ -147,16 +147,16 @@ class InProcess:
 
     @property
     def lateness(self) -> LatenessReport:
-        """As ``Session.lateness``."""
+        """As ``AxisSession.lateness``."""
         return self._scan.lateness.report()
 
     @property
     def waiter(self) -> Waiter:
-        """As ``Session.waiter``."""
+        """As ``AxisSession.waiter``."""
         return self._waiter
 
     def submit(self, number: int, target: Target, command: AnyCommand, name: str) -> int:
-        """As ``Session.submit``."""
+        """As ``AxisSession.submit``."""
         if not isinstance(command, _PARTS):
             self._ledger.give(number, name)  # before it may end
         kept = self._scan.submit(target, command, CommandStatus(name, self._tell, number)).number
@@ -165,31 +165,31 @@ class InProcess:
         return kept
 
     def listen(self, hear: Callable[[CommandEvent], None]) -> None:
-        """As ``Session.listen``."""
+        """As ``AxisSession.listen``."""
         self._listeners = (*self._listeners, hear)
 
     def add_group(self, key: Target, members: Sequence[str]) -> None:
-        """As ``Session.add_group``."""
+        """As ``AxisSession.add_group``."""
         self._scan.add_group(key, members)
 
     def request_stop(self, reason: str, quick: bool = False) -> None:
-        """As ``Session.request_stop``."""
+        """As ``AxisSession.request_stop``."""
         self._scan.request_stop(reason, quick)
 
     def request_halt(self, reason: str, number: int) -> None:
-        """As ``Session.request_halt``."""
+        """As ``AxisSession.request_halt``."""
         self._scan.request_halt(reason, number)
 
     def hold_to_run(self, seconds: float | None, continuous: float | None = None) -> None:
-        """As ``Session.hold_to_run``."""
+        """As ``AxisSession.hold_to_run``."""
         self._scan.hold_to_run(seconds, "its program", continuous)
 
     def observe(self, observer: Observer) -> None:
-        """As ``Session.observe``."""
+        """As ``AxisSession.observe``."""
         self._scan.observers.append(observer)
 
     def forget(self, observer: Observer) -> None:
-        """As ``Session.forget``."""
+        """As ``AxisSession.forget``."""
         self._scan.observers.remove(observer)
 
     def tap(self, hear: HearFrames, can_ids: Collection[int] = ()) -> None:

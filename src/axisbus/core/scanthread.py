@@ -42,7 +42,7 @@ class ScanThread:
         return self._thread.is_alive()
 
     def stop(self) -> None:
-        """Wait until the scan has ended, after its ``quit``; blocks at most 2 s."""
+        """Wait until the scan has ended, after ``Scan.quit``; blocks at most 2 s."""
         self._supervisor.stop()
         if self._thread.is_alive():
             self._thread.join(_JOIN)

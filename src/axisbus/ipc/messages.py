@@ -100,7 +100,7 @@ class NotOpened:
 
 @dataclass(frozen=True, slots=True)
 class Submit:
-    """``Session.submit``; ``stream``: the number of the trajectory to be followed, whose head the command contains (0: none)."""
+    """``AxisSession.submit``; ``stream``: the number of the trajectory to be followed; the command contains its head (0: none)."""
 
     number: int
     target: Target
@@ -144,7 +144,7 @@ class StreamOver:
 
 @dataclass(frozen=True, slots=True)
 class AddGroup:
-    """``Session.add_group``."""
+    """``AxisSession.add_group``."""
 
     key: Target
     members: tuple[str, ...]
@@ -152,7 +152,7 @@ class AddGroup:
 
 @dataclass(frozen=True, slots=True)
 class RequestStop:
-    """``Session.request_stop``."""
+    """``AxisSession.request_stop``."""
 
     reason: str
     quick: bool = False
@@ -160,7 +160,7 @@ class RequestStop:
 
 @dataclass(frozen=True, slots=True)
 class RequestHalt:
-    """``Session.request_halt``."""
+    """``AxisSession.request_halt``."""
 
     reason: str
     number: int
@@ -168,7 +168,7 @@ class RequestHalt:
 
 @dataclass(frozen=True, slots=True)
 class HoldToRunMessage:
-    """``Session.hold_to_run``."""
+    """``AxisSession.hold_to_run``."""
 
     seconds: float | None
     continuous: float | None = None
@@ -272,7 +272,7 @@ class Frames:
 
 @dataclass(frozen=True, slots=True)
 class CoreCondition:
-    """The condition of the core: see ``Session`` for each field."""
+    """The condition of the core: see ``MachineSession`` for each field."""
 
     dead: str | None = None
     ended: bool = False

@@ -144,7 +144,7 @@ class _Stage:
         """Do nothing: the commands of a group are checked axis by axis."""
 
     def hold_to_run(self, seconds: float | None, continuous: float | None = None) -> None:
-        """As ``Session.hold_to_run``, without effect: nothing moves here."""
+        """As ``AxisSession.hold_to_run``, without effect: nothing moves here."""
 
     def request_halt(self, reason: str, number: int) -> None:
         """Do nothing: nothing moves."""

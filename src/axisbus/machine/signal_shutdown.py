@@ -6,20 +6,20 @@ There is one owner of the signals (``EXIT``), however many machines are open and
 installed with the first machine, and restored when the last is closed (only the main thread can do either). A signal stops every
 machine.
 
-The scans do the stopping in their own threads, whatever the main thread does meanwhile. A listening thread (``wakeup``) requests
-the stop as soon as the signal arrives. Python runs the handler only in the main thread. If the handler runs first, it requests the
-stop as well. It then raises ``KeyboardInterrupt`` (``SystemExit`` 143 for SIGTERM) in the main thread, so that ``time.sleep``,
-``handle.wait`` or an event loop ends and the ``with`` block is left. While the main thread is closing a machine, the exception is
-held back until all axes are at standstill, because the machine is already being closed. A second signal makes the stop a quick
-stop.
+The scans do the stopping in their own threads, whatever the main thread does meanwhile. A listening thread (``signal_thread``)
+requests the stop as soon as the signal arrives. Python runs the handler only in the main thread. If the handler runs before the
+listening thread, the handler requests the stop. In both cases the handler raises ``KeyboardInterrupt`` (``SystemExit`` 143 for
+SIGTERM) in the main thread, so that ``time.sleep``, ``handle.wait`` or an event loop ends and the ``with`` block is left. While the
+main thread is closing a machine, the exception is held back until all axes are at standstill. A second signal makes the stop a
+quick stop.
 
 Closing begins with the *call* of the closing function. If two signals come together, the second may be handled on the first
 instruction of ``__exit__``, before any of its lines could set a flag, or on the first instruction of the first signal's handler,
-which must not be interrupted by it. Therefore the handler examines the interrupted frames.
+which must not be interrupted. Therefore the handler examines the interrupted frames.
 
-If the program runs in cells, as in a notebook, Ctrl-C does not close the machines: it ends a cell, and the program continues. It is
-then a halt, and the machines stay open (``interrupts``). A second Ctrl-C while an axis still moves is a quick stop. If it comes
-while a machine is being closed, it has the same effect as in any other program.
+If the program runs in cells, as in a notebook, Ctrl-C does not close the machines: it ends a cell, and the program continues.
+Ctrl-C is then a halt, and the machines stay open (``notebook_interrupts``). A second Ctrl-C while an axis still moves is a quick
+stop. If Ctrl-C comes while a machine is being closed, it has the same effect as in any other program.
 
 SIGHUP (the terminal is closed) and SIGQUIT would end the program at once. If the core has a process of its own, the core detects
 this and stops the axes. Otherwise these signals are handled here as well, unless the program handles or ignores them (``nohup``).

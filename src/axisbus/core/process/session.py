@@ -110,12 +110,12 @@ class RemoteSession:
 
     @property
     def axes(self) -> Mapping[str, AxisFacts]:
-        """As ``Session.axes``."""
+        """As ``AxisSession.axes``."""
         return self._axes
 
     @property
     def snapshots(self) -> Mapping[str, Snapshot]:
-        """As ``Session.snapshots``."""
+        """As ``AxisSession.snapshots``."""
         return self._image.read()
 
     @property
@@ -125,7 +125,7 @@ class RemoteSession:
 
     @property
     def dead(self) -> str | None:
-        """As ``Session.dead``."""
+        """As ``AxisSession.dead``."""
         if self._inherited:
             return "this process was forked from the one that has the machine: nothing is received here"
         if self._condition.dead is None and self._calls.over and not self._condition.ended:
@@ -134,7 +134,7 @@ class RemoteSession:
 
     @property
     def silent(self) -> str | None:
-        """As ``Session.silent``."""
+        """As ``AxisSession.silent``."""
         if self.dead is not None:
             return self.dead
         if self._condition.ended:
@@ -143,17 +143,17 @@ class RemoteSession:
 
     @property
     def ended(self) -> bool:
-        """As ``Session.ended``."""
+        """As ``AxisSession.ended``."""
         return self._condition.ended or self._calls.over
 
     @property
     def failed(self) -> bool:
-        """As ``Session.failed``."""
+        """As ``AxisSession.failed``."""
         return self._condition.failed or (self._calls.over and not self._condition.ended)
 
     @property
     def leaving_because(self) -> str | None:
-        """As ``Session.leaving_because``."""
+        """As ``AxisSession.leaving_because``."""
         left = self.left
         return None if left is None else left[1]
 
@@ -164,12 +164,12 @@ class RemoteSession:
 
     @property
     def waiter(self) -> Waiter:
-        """As ``Session.waiter``."""
+        """As ``AxisSession.waiter``."""
         return self._waiter
 
     @property
     def lateness(self) -> LatenessReport:
-        """As ``Session.lateness``."""
+        """As ``AxisSession.lateness``."""
         return self._tally.lateness
 
     @property
@@ -227,7 +227,7 @@ class RemoteSession:
     # -- commands ------------------------------------------------------------------------------------------------------
 
     def submit(self, number: int, target: Target, command: AnyCommand, name: str) -> int:
-        """As ``Session.submit``; a command that is identical to a queued one ends together with it."""
+        """As ``AxisSession.submit``; a command that is identical to a queued one ends together with it."""
         if self._inherited:
             raise inherited(name)
         message = m.CODEC.pack(self.trajectories.submit(number, target, command, name))
@@ -238,33 +238,33 @@ class RemoteSession:
         return number
 
     def listen(self, hear: Callable[[CommandEvent], None]) -> None:
-        """As ``Session.listen``; in the thread that delivers events."""
+        """As ``AxisSession.listen``; in the thread that delivers events."""
         self._listeners = (*self._listeners, hear)
 
     def add_group(self, key: Target, members: Sequence[str]) -> None:
-        """As ``Session.add_group``."""
+        """As ``AxisSession.add_group``."""
         self._calls.send(m.AddGroup(key, tuple(members)))
 
     def request_stop(self, reason: str, quick: bool = False) -> None:
-        """As ``Session.request_stop``."""
+        """As ``AxisSession.request_stop``."""
         self._asked = self._asked or (time.monotonic(), reason)
         self._calls.send(m.RequestStop(reason, quick))
 
     def request_halt(self, reason: str, number: int) -> None:
-        """As ``Session.request_halt``."""
+        """As ``AxisSession.request_halt``."""
         self._calls.send(m.RequestHalt(reason, number))
 
     def hold_to_run(self, seconds: float | None, continuous: float | None = None) -> None:
-        """As ``Session.hold_to_run``."""
+        """As ``AxisSession.hold_to_run``."""
         self._calls.send(m.HoldToRunMessage(seconds, continuous))
 
     def observe(self, observer: Observer) -> None:
-        """As ``Session.observe``; in the thread that delivers events, a few cycles at a time."""
+        """As ``AxisSession.observe``; in the thread that delivers events, a few cycles at a time."""
         self._observers = (*self._observers, observer)
         self._calls.send(m.Observe(True))
 
     def forget(self, observer: Observer) -> None:
-        """As ``Session.forget``."""
+        """As ``AxisSession.forget``."""
         self._observers = tuple(one for one in self._observers if one != observer)
         if not self._observers:
             self._calls.send(m.Observe(False))
