@@ -1,9 +1,11 @@
 """The time in which this program, or its simulated drives, did not run: checked before a drive or a cable is blamed.
 
-Theory of operation ------------------- Code that is due at known times reports its lateness (``note``). A busy computer, another
-thread that holds the interpreter, and a suspended process all look the same from inside: as missing time. During missing time
-nothing is received, no heartbeat and no SYNC is sent, and every time-out continues. Therefore observations right afterwards say
-little about the machine. Simulated drives need the same computer: while they get no time, they look like lost drives.
+Theory of operation
+-------------------
+Code that is due at known times reports its lateness (``note``). A busy computer, another thread that holds the interpreter, and a
+suspended process all look the same from inside: as missing time. During missing time nothing is received, no heartbeat and no SYNC
+is sent, and every time-out continues. Therefore observations right afterwards say little about the machine. Simulated drives need
+the same computer: while they get no time, they look like lost drives.
 """
 
 from __future__ import annotations

@@ -135,7 +135,7 @@ class AxisbusError(Exception):
         return "\n".join([*lines, *added_notes(self)])
 
     @property
-    def __notes__(self) -> list[str]:  # type: ignore[override]  # never kept: it is made for each traceback, by the codes of then
+    def __notes__(self) -> list[str]:  # type: ignore[override]  # never stored: made for each traceback, by the codes then known
         """The lines that a traceback prints below the text of the error: the line that names the page."""
         return [help_line(self)]
 

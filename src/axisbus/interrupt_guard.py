@@ -1,10 +1,11 @@
 """Tell whether an exception or a thread belongs to axisbus, and protect functions from interrupts if the program continues.
 
-Theory of operation ------------------- In a notebook an interrupt ends a cell, and the machine keeps running
-(``machine.notebook_interrupts``). Therefore the interrupt must not be raised while a lock is held that a thread of axisbus also
-takes, or during a cycle in virtual time. Such functions are ``sheltered``: an interrupt within one is postponed until the function
-has returned. These functions are short, or wait in slices. If one does not return, because user code that it calls does not return,
-the next interrupt is raised within it nevertheless.
+Theory of operation
+-------------------
+In a notebook an interrupt ends a cell, and the machine keeps running (``machine.notebook_interrupts``). Therefore the interrupt
+must not be raised while a lock is held that a thread of axisbus also takes, or during a cycle in virtual time. Such functions are
+``sheltered``: an interrupt within one is postponed until the function has returned. These functions are short, or wait in slices.
+If one does not return, because user code that it calls does not return, the next interrupt is raised within it nevertheless.
 """
 
 from __future__ import annotations

@@ -1,9 +1,11 @@
 """The interface between a user's program and its core: commands and requests in; process images, command ends and samples out.
 
-Theory of operation ------------------- ``Axis``, ``Group``, ``Machine``, ``Recorder`` and the command line use the core only
-through this interface. A command goes in with a number that its caller chose, and comes back as ``CommandEvent``s with that number:
-one when it has control of its axis, one when it has ended. Values come as whole process images of a cycle, so that they are
-consistent with each other. Only ``waiter`` blocks. ``core.inprocess`` runs the core in the process of the program.
+Theory of operation
+-------------------
+``Axis``, ``Group``, ``Machine``, ``Recorder`` and the command line use the core only through this interface. A command goes in with
+a number that its caller chose, and comes back as ``CommandEvent``s with that number: one when it has control of its axis, one when
+it has ended. Values come as whole process images of a cycle, so that they are consistent with each other. Only ``waiter`` blocks.
+``core.inprocess`` runs the core in the process of the program.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """The queue of commands from a program's threads to the scan: limited, and never an obstacle to a stop.
 
-Theory of operation ------------------- A cycle takes at most ``AT_ONCE`` commands, in the order of submission; the others wait for
-the next cycle. At most ``MOST`` commands are queued, and any further one is refused: neither the scan nor the memory can be
-flooded. Two rules make this harmless.
+Theory of operation
+-------------------
+A cycle takes at most ``AT_ONCE`` commands, in the order of submission; the others wait for the next cycle. At most ``MOST``
+commands are queued, and any further one is refused: neither the scan nor the memory can be flooded. Two rules make this harmless.
 
 - **A stop never waits.** Halt, stop, quick stop and disable are taken in the present cycle, however many commands are queued before
   them. Queued commands for the same axes end as stopped and are not begun. A stop is accepted even if the queue is full.

@@ -1,9 +1,11 @@
 """The lateness of a scan's cycles, and its causes: counted in classes, so that the cost does not grow with time.
 
-Theory of operation ------------------- A delay falls into one of eight classes per doubling, from a microsecond on, so that a
-quantile is off by an eighth at most. The cause of a skipped cycle is derived from values that are known anyway. If the garbage
-collector ran for at least half of the delay, it is the collector. Otherwise, if the previous cycle ended so late that it explains
-at least half of the delay, it is the sending or the work of that cycle. Otherwise this program did not get a processor in time.
+Theory of operation
+-------------------
+A delay falls into one of eight classes per doubling, from a microsecond on, so that a quantile is off by an eighth at most. The
+cause of a skipped cycle is derived from values that are known anyway. If the garbage collector ran for at least half of the delay,
+it is the collector. Otherwise, if the previous cycle ended so late that it explains at least half of the delay, it is the sending
+or the work of that cycle. Otherwise this program did not get a processor in time.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
 """Stop one node without the scan: a lasting quick stop by SDO, even if another master is on the bus.
 
-Theory of operation ------------------- The quick stop is sent to every axis of the node before any waiting: an axis that does not
-answer delays no other. It is also sent to a drive that reports power off, which ignores it. Then each axis is checked until it is
-seen stopped:
+Theory of operation
+-------------------
+The quick stop is sent to every axis of the node before any waiting: an axis that does not answer delays no other. It is also sent
+to a drive that reports power off, which ignores it. Then each axis is checked until it is seen stopped:
 
 1. Another master may be alive and send *enable operation* by PDO in every cycle, which ends a quick stop at once (transition 16).
-If
-   a drive is enabled again, its node is set to pre-operational, where PDOs have no effect, and the quick stop is sent once more.
+   If a drive is enabled again, its node is set to pre-operational, where PDOs have no effect, and the quick stop is sent once more.
 2. A drive that has not stopped within its ``quick_stop_time`` gets *disable voltage*, unless this lets a load fall.
 3. If an axis of the node is not seen stopped in the end, the node gets NMT stop, with the same exception. This may stop its drives,
    but it cannot be verified, because a stopped node answers no SDO. The result remains *not confirmed*.

@@ -1,9 +1,10 @@
 """The process image of a cycle in shared memory: the snapshots of all axes, of one cycle, for any number of readers.
 
-Theory of operation ------------------- The writer never waits: it fills one slot after the other and then publishes the number of
-the newest. A slot begins and ends with its number. A reader copies the newest slot and compares both numbers. If the writer has
-changed the slot meanwhile, which needs a full round through all slots, the reader repeats this. A slow, stopped or faulty reader
-can thus disturb no other process.
+Theory of operation
+-------------------
+The writer never waits: it fills one slot after the other and then publishes the number of the newest. A slot begins and ends with
+its number. A reader copies the newest slot and compares both numbers. If the writer has changed the slot meanwhile, which needs a
+full round through all slots, the reader repeats this. A slow, stopped or faulty reader can thus disturb no other process.
 
 Errors are texts of any length: the image contains the number of an axis's error; the error itself is sent separately
 (``messages.ErrorTold``).

@@ -1,10 +1,11 @@
 """The data for a rescue after the death of a core, in shared memory: the stage of the core, and the last frames with a controlword.
 
-Theory of operation ------------------- A drive is stopped by the last frame that it got, with another controlword. Any other value
-in the frame, such as a target, is one that the drive already has. Only offsets of feed-forward become 0, because they belong to a
-motion that is over. The core stores each such frame here when the adapter has accepted it. A table that is made once contains the
-location of the controlword and of the offsets in it. A frame is copied in one piece of eight bytes: a reader after the core's death
-never finds half a frame.
+Theory of operation
+-------------------
+A drive is stopped by the last frame that it got, with another controlword. Any other value in the frame, such as a target, is one
+that the drive already has. Only offsets of feed-forward become 0, because they belong to a motion that is over. The core stores
+each such frame here when the adapter has accepted it. A table that is made once contains the location of the controlword and of the
+offsets in it. A frame is copied in one piece of eight bytes: a reader after the core's death never finds half a frame.
 """
 
 from __future__ import annotations

@@ -1,8 +1,10 @@
 """Messages over a stream socket, each preceded by its length; sending never blocks the caller.
 
-Theory of operation ------------------- ``send`` puts a message into a queue; a thread converts the messages to bytes and sends
-them. Therefore ``send`` may be called in a scan's thread, and in a signal handler: it takes no lock, and wakes the thread by a byte
-in a socket. If the far end reads nothing, the queue grows: ``waiting`` is its length, which a sender of many messages checks.
+Theory of operation
+-------------------
+``send`` puts a message into a queue; a thread converts the messages to bytes and sends them. Therefore ``send`` may be called in a
+scan's thread, and in a signal handler: it takes no lock, and wakes the thread by a byte in a socket. If the far end reads nothing,
+the queue grows: ``waiting`` is its length, which a sender of many messages checks.
 
 A connection whose sockets the process has lost (see ``own_socket``) has ended. ``look`` lets both ends notice that soon.
 """

@@ -1,9 +1,10 @@
 """Frozen values as MessagePack bytes: numbers, texts, collections, enums, dataclasses, named tuples, and errors of the tree.
 
-Theory of operation ------------------- A value that is not a plain number, text or bytes is a list that begins with its kind. The
-permitted classes are those in the type hints of the roots of a ``Codec``: both sides refuse any other class. Reading executes
-nothing but the constructors of these classes. Both ends have the same version of this package (``messages.OpenCell``), so fields
-need no versions.
+Theory of operation
+-------------------
+A value that is not a plain number, text or bytes is a list that begins with its kind. The permitted classes are those in the type
+hints of the roots of a ``Codec``: both sides refuse any other class. Reading executes nothing but the constructors of these
+classes. Both ends have the same version of this package (``messages.OpenCell``), so fields need no versions.
 
 A function in a field is not sent: the other end has the field's default.
 """

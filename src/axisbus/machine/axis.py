@@ -243,9 +243,10 @@ class Axis:
 
     @property
     def promises(self) -> tuple[Promise, ...]:
-        """How each limit is kept in each mode, according to the drive's objects at boot; one entry for each limit and mode.
+        """How the position and velocity limits are kept in each mode, according to the drive's objects at boot.
 
-        An entry has ``limit`` (its key in the cell file), ``mode`` (such as ``pv``), ``kept``, ``why`` and ``remedy``.
+        One entry for each limit and mode, with ``limit`` (its key in the cell file), ``mode`` (such as ``pv``), ``kept``, ``why``
+        and ``remedy``.
         """
         return promises(self._parameters)
 
@@ -451,7 +452,10 @@ class Axis:
         timeout: float | None = None,
         buffer: bool | str = False,
     ) -> Handle:
-        """Move by ``distance`` from the last commanded position (MC_MoveAdditive); raises as ``move_absolute``."""
+        """Move by ``distance`` from the last commanded position (MC_MoveAdditive); raises as ``move_absolute``.
+
+        If there is no last commanded position, the move starts from the actual position.
+        """
         ways = velocity, acceleration, deceleration, timeout, jerk
         return self._move_by(c.TargetReference.ADDITIVE, distance, ways, buffer=buffer)
 

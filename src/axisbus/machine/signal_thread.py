@@ -1,9 +1,11 @@
 """Listening for signals in a thread: Python runs handlers only in the main thread, which may be in a long call.
 
-Theory of operation ------------------- Python writes the number of each signal to a file descriptor as soon as it arrives
-(``signal.set_wakeup_fd``), whichever thread the operating system has chosen for it. A thread reads the number and calls ``heard``
-at once. If the handler has not run a moment later, the main thread may be asleep while the signal went to another thread. In that
-case this thread sends the signal again, to the main thread. That second signal is an echo and is not counted again.
+Theory of operation
+-------------------
+Python writes the number of each signal to a file descriptor as soon as it arrives (``signal.set_wakeup_fd``), whichever thread the
+operating system has chosen for it. A thread reads the number and calls ``heard`` at once. If the handler has not run a moment
+later, the main thread may be asleep while the signal went to another thread. In that case this thread sends the signal again, to
+the main thread. That second signal is an echo and is not counted again.
 """
 
 from __future__ import annotations

@@ -1,9 +1,11 @@
 """The clients of a core: the program that opened it, and programs that have joined. One has control; all may stop.
 
-Theory of operation ------------------- Each client has a ``ClientHandler``. The scan knows its commands by the client's own numbers
-and its place, so that their ends reach it. Control belongs to the program that opened the cell, or to no client if that program
-shares the cell. A joined program gets control if it is free, or takes it. When control passes to another client, or its holder is
-gone, all moving axes halt before another client may command.
+Theory of operation
+-------------------
+Each client has a ``ClientHandler``. The scan knows its commands by the client's own numbers and its place, so that their ends reach
+it. Control belongs to the program that opened the cell, or to no client if that program shares the cell. A joined program gets
+control if it is free, or takes it. When control passes to another client, or its holder is gone, all moving axes halt before
+another client may command.
 
 A program that only wants axes to stop (``listener.StopRequest``) is no client, and needs no place: its request is always accepted,
 however many clients there are.

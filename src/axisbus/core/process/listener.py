@@ -1,9 +1,10 @@
 """The acceptor of a running core: the socket of its claim, by which other programs of this computer connect.
 
-Theory of operation ------------------- A program finds a machine by its claim (``bus.link.claims``), which depends on no
-environment and on no file. Both sides check the user of the other one, which the kernel reports. A core admits its own user and
-root. A program connects to a core of its own user; root also connects to a core of the user that owns the cell file. No other claim
-counts as a machine.
+Theory of operation
+-------------------
+A program finds a machine by its claim (``bus.link.claims``), which depends on no environment and on no file. Both sides check the
+user of the other one, which the kernel reports. A core admits its own user and root. A program connects to a core of its own user;
+root also connects to a core of the user that owns the cell file. No other claim counts as a machine.
 
 The first byte is the purpose. ``a``: the program joins; it gets the images of the cycles, read only, and sends ``m.Attach``. ``s``:
 the program wants axes to stop, and names them in the same message; it needs no place among the clients, and neither the same

@@ -1,8 +1,9 @@
 """A simulated drive in another process, used as if it were here: each attribute is requested when it is used.
 
-Theory of operation ------------------- A plain value is sent. Any other object, such as a drive or its fault settings, is
-identified by its path from the simulated node; the path is evaluated again at each access. Names with an underscore are not
-requested: private members do not exist for the proxy.
+Theory of operation
+-------------------
+A plain value is sent. Any other object, such as a drive or its fault settings, is identified by its path from the simulated node;
+the path is evaluated again at each access. Names with an underscore are not requested: private members do not exist for the proxy.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """Maintain the lifeline of a core: the data for a rescue, stored after each cycle, and the check that its watchdog process runs.
 
-Theory of operation ------------------- The watchdog process sends a byte every ``BEAT`` seconds. A missing byte may mean that the
-process was stopped (SIGSTOP, a debugger) or hangs; then nothing would stop the axes in place of the core. Or the computer is too
-busy to run it. Therefore only time counts in which the core itself checked on time, and a watchdog process that waits for a
-processor or a disk gets more time.
+Theory of operation
+-------------------
+The watchdog process sends a byte every ``BEAT`` seconds. A missing byte may mean that the process was stopped (SIGSTOP, a debugger)
+or hangs; then nothing would stop the axes in place of the core. Or the computer is too busy to run it. Therefore only time counts
+in which the core itself checked on time, and a watchdog process that waits for a processor or a disk gets more time.
 """
 
 from __future__ import annotations

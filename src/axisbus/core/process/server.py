@@ -1,9 +1,11 @@
 """The server of the core in its own process: it opens a cell for a program, serves all clients, and stops without them.
 
-Theory of operation ------------------- The main thread reads the program's messages. Commands go to the scan at once; slow requests
-(SDO, NMT) are executed in threads of a pool. Joined programs have threads of their own (``clients``). Three events end the process,
-each by the stop sequence: ``Leave``, the end of the connection (the program has ended, for any reason, or closed it), and SIGTERM
-or SIGHUP. A program that is stopped, or busy for a long time, ends nothing: the axes continue with their commands.
+Theory of operation
+-------------------
+The main thread reads the program's messages. Commands go to the scan at once; slow requests (SDO, NMT) are executed in threads of a
+pool. Joined programs have threads of their own (``clients``). Three events end the process, each by the stop sequence: ``Leave``,
+the end of the connection (the program has ended, for any reason, or closed it), and SIGTERM or SIGHUP. A program that is stopped,
+or busy for a long time, ends nothing: the axes continue with their commands.
 """
 
 from __future__ import annotations

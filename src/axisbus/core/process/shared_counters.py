@@ -1,7 +1,9 @@
 """Counters of a core in shared memory after the images: lateness of the cycles and bus traffic. Readers need no request.
 
-Theory of operation ------------------- ``Lateness`` counts in place: a reader gets each number as it is at that moment. The bus
-traffic is written after each cycle, between two copies of its time; if these differ, a reader reads again.
+Theory of operation
+-------------------
+``Lateness`` counts in place: a reader gets each number as it is at that moment. The bus traffic is written after each cycle,
+between two copies of its time; if these differ, a reader reads again.
 """
 
 from __future__ import annotations

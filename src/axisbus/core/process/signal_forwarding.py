@@ -1,9 +1,10 @@
 """Signals that a program cannot handle, because it is in a call that holds Python's interpreter, so that none of its threads runs.
 
-Theory of operation ------------------- Python writes the number of each signal into a socket as soon as it arrives
-(``signal.set_wakeup_fd``); a thread of the program reads it and requests the stop. The core holds the same end and only peeks. If a
-number stays there for ``_PATIENCE``, no thread reads it at present, so the core stops the axes. When the call is over, the program
-handles the signal as usual.
+Theory of operation
+-------------------
+Python writes the number of each signal into a socket as soon as it arrives (``signal.set_wakeup_fd``); a thread of the program
+reads it and requests the stop. The core holds the same end and only peeks. If a number stays there for ``_PATIENCE``, no thread
+reads it at present, so the core stops the axes. When the call is over, the program handles the signal as usual.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
 """Samples trajectories for the core, ahead of their use: the user's code runs in the program.
 
-Theory of operation ------------------- The first samples go with the command (``Sampler.head``), and are computed in the thread
-that gives it. Later the core sends requests, and one thread answers for all trajectories of a machine: each in turn, for a short
-time, so that a slow one delays the others no longer than that. A trajectory's samples are sent in order, each once. An exception of
-its code ends it, with the error that ``CheckedTrajectory`` makes of it. If a core gets no answer, it brakes the axis along the
-samples that it has.
+Theory of operation
+-------------------
+The first samples go with the command (``Sampler.head``), and are computed in the thread that gives it. Later the core sends
+requests, and one thread answers for all trajectories of a machine: each in turn, for a short time, so that a slow one delays the
+others no longer than that. A trajectory's samples are sent in order, each once. An exception of its code ends it, with the error
+that ``CheckedTrajectory`` makes of it. If a core gets no answer, it brakes the axis along the samples that it has.
 """
 
 from __future__ import annotations

@@ -1,9 +1,11 @@
 """The watchdog process of a core: a small process that forks the core, detects its end or hang, and then stops the drives.
 
-Theory of operation ------------------- A program that is busy in a long call notices a dead core only when the call returns; the
-watchdog process has no other task. It imports and reads the data that the core, the simulated drives and a rescue need, once for
-all of them, and then forks: it has one thread and no data of the program. So the data for a rescue is available before a drive is
-enabled; the core also waits for the watchdog process's first byte.
+Theory of operation
+-------------------
+A program that is busy in a long call notices a dead core only when the call returns; the watchdog process has no other task. It
+imports and reads the data that the core, the simulated drives and a rescue need, once for all of them, and then forks: it has one
+thread and no data of the program. So the data for a rescue is available before a drive is enabled; the core also waits for the
+watchdog process's first byte.
 
 The process's state shows the end of the core, and the number of its images shows whether it hangs. If the number does not change
 for ``patience`` while the watchdog process itself ran on time (if both sleep, the computer is suspended), the core is stuck as a

@@ -1,10 +1,11 @@
 """Convert points of a workspace, which arrive one by one, to spans of the axes' motion.
 
-Theory of operation ------------------- The curve through the points is computed in the workspace, so the tool's position between
-two points is defined there. Its time is divided until, in the middle of each part, the axes' own curve deviates by no more than one
-increment of an axis moves the tool. The motion of the axes at the ends of a part follows only from position, velocity and
-acceleration of the tool there. It is the same from both sides, so that neither velocity nor acceleration of an axis jumps. Each
-part is checked as a span of axes is.
+Theory of operation
+-------------------
+The curve through the points is computed in the workspace, so the tool's position between two points is defined there. Its time is
+divided until, in the middle of each part, the axes' own curve deviates by no more than one increment of an axis moves the tool. The
+motion of the axes at the ends of a part follows only from position, velocity and acceleration of the tool there. It is the same
+from both sides, so that neither velocity nor acceleration of an axis jumps. Each part is checked as a span of axes is.
 
 The user's own kinematics are asked for positions close to each other, each time near their previous answer: from the axes' position
 at a point to the end of the span.

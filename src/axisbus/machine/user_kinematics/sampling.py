@@ -1,11 +1,12 @@
 """Convert segments of a path in a workspace to the axes' positions along it, with the user's own kinematics.
 
-Theory of operation ------------------- Along each segment the inverse is called at equal distances and in the middle between, each
-time near its previous answer. Five neighbours give slope and curvature of every axis at a sample. If two segments join without a
-stop, both get the mean of their values there. Then the polynomials between the samples are checked against the path: at a quarter,
-the middle and three quarters of each interval, ``forward`` of the axes' positions must be within the allowed deviation from the
-path. If not, the segment is sampled twice as finely. If no resolution is enough, the inverse jumps: to another solution, or where
-an axis has to turn too fast.
+Theory of operation
+-------------------
+Along each segment the inverse is called at equal distances and in the middle between, each time near its previous answer. Five
+neighbours give slope and curvature of every axis at a sample. If two segments join without a stop, both get the mean of their
+values there. Then the polynomials between the samples are checked against the path: at a quarter, the middle and three quarters of
+each interval, ``forward`` of the axes' positions must be within the allowed deviation from the path. If not, the segment is sampled
+twice as finely. If no resolution is enough, the inverse jumps: to another solution, or where an axis has to turn too fast.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Recordings of the axes around a fault, made by the core itself: the newest of them, whatever the program does.
 
-Theory of operation ------------------- In each cycle the image is put into a ring buffer, nothing else. After an axis has entered
-ErrorStop, ``_AFTER`` s pass, or the machine is closed. Then a thread writes the ring buffer to a file, with the events of that
-time, and deletes the oldest file.
+Theory of operation
+-------------------
+In each cycle the image is put into a ring buffer, nothing else. After an axis has entered ErrorStop, ``_AFTER`` s pass, or the
+machine is closed. Then a thread writes the ring buffer to a file, with the events of that time, and deletes the oldest file.
 """
 
 from __future__ import annotations

@@ -1,7 +1,9 @@
 """The journal of a core and its watchdog process: a file of limited size for each cell, in the user's state folder.
 
-Theory of operation ------------------- Log records go into a queue, which a thread writes to the file: a slow disk never delays the
-scan. If the file cannot be written, there is no journal.
+Theory of operation
+-------------------
+Log records go into a queue, which a thread writes to the file: a slow disk never delays the scan. If the file cannot be written,
+there is no journal.
 """
 
 from __future__ import annotations
