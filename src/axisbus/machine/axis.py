@@ -229,7 +229,7 @@ class Axis:
 
     @property
     def limits(self) -> AxisLimits:
-        """The limits that the master keeps: position, velocity, acceleration in units, torque in N·m (None: no limit)."""
+        """Limits kept by the master (or None): ``position``, ``velocity``, ``acceleration`` in units, ``torque`` in N·m."""
         return self._parameters.limits
 
     def room_from(self, start: float) -> tuple[float, float] | None:
@@ -712,11 +712,13 @@ class Axis:
         """Multiply the velocity of the axis's commands by ``factor``: 0 (the axis holds) to 1.5 (MC_SetOverride). Does not block.
 
         It may be called at any time, also in motion. It applies to present and later commands, until it is set again. The overrides
-        of the cell and of a group multiply it. At 0 the axis comes to rest, its handle stays busy, and the motion continues
-        automatically when the factor rises. A line, path or stream of a group moves at the lowest factor of its axes. The override
-        lifts no limit: 1.5 times a velocity is at most ``max_velocity``. A trajectory of the user's own becomes faster only if it
-        is known in advance to stay within the limits. The override scales no ramp, torque, halt, stop or homing; a coupled axis
-        follows its master.
+        of the cell (``cell.set_override``) and of a group multiply it. At 0 the axis comes to rest, its handle stays busy, and the
+        motion continues automatically when the factor rises. A line, path or stream of a group moves at the lowest factor of its
+        axes.
+
+        The override lifts no limit: 1.5 times a velocity is at most ``max_velocity``. A trajectory of the user's own becomes faster
+        only if it is known in advance to stay within the limits. The override scales no ramp, torque, halt, stop or homing. A
+        coupled axis follows its master.
 
         The handle ends with a StateError if it is unknown with which acceleration the axis may change its velocity.
 

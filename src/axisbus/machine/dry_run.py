@@ -48,7 +48,7 @@ class DryRun:
     """The axes of a cell without its drives. State: which axes got a home command, and their last seen positions."""
 
     def __init__(self, cell: CellConfig, known: Mapping[str, AxisParameters] | None = None) -> None:
-        """``known``: the parameters of each axis, with values read from its drive; without it, those of the EDS files.
+        """``known``: the parameters of each axis, with values read from its drive; without it, those of the EDS files of ``cell``.
 
         Raises:
             EdsError: a file is missing or cannot be read.
