@@ -1,1 +1,1 @@
-"""Axes without a drive, which the core leads alone."""
+"""Axes without a drive: virtual axes, which only the core moves, and encoders."""

@@ -1,4 +1,4 @@
-"""The axes of a cell that have no drive, each with its core and its port: they need no link."""
+"""The axes of a cell without a drive, each with its core and its port: they need no link."""
 
 from __future__ import annotations
 
@@ -16,27 +16,26 @@ from axisbus.motion.parameters import AxisParameters
 
 
 class VirtualAxis(NamedTuple):
-    """An axis that the core leads alone, or that an input tells the place of."""
+    """An axis that only the core moves, or whose position is read from an input."""
 
     core: AxisCore
     port: Port
 
 
 def virtual_axes(cell: CellConfig, board: IoScan) -> dict[str, VirtualAxis]:
-    """Make the axes of a cell that have no drive: virtual ones at 0 and without power, encoders where their inputs are."""
+    """Make the axes of a cell without a drive: virtual ones at 0 and without power, encoders at the position of their input."""
     return {name: _axis(parameters, board) for name, parameters in all_virtual(cell).items()}
 
 
 def _axis(parameters: AxisParameters, board: IoScan) -> VirtualAxis:
     port = EncoderPort(board, parameters.encoder) if parameters.encoder else _led(parameters)
     core = AxisCore(parameters, port.capabilities)
-    core.confirm_position(
-        origin=0
-    )  # that it begins at 0 is no guess: there is nothing else to be where it is
+    # The start at 0 is no guess: no physical position could differ from it.
+    core.confirm_position(origin=0)
     return VirtualAxis(core, port)
 
 
 def _led(parameters: AxisParameters) -> VirtualPort:
     quick = parameters.braking.quick
-    assert quick is not None  # the reader asks for it
+    assert quick is not None  # required by the reader
     return VirtualPort(VirtualDrive(parameters.slow_ramp or quick, quick), parameters.scan_period)

@@ -1,15 +1,15 @@
-"""An ideal drive in arithmetic: it obeys at once, follows exactly, and knows no load.
+"""An ideal drive in software: it acts at once, follows exactly, and has no load.
 
 Theory of operation
 -------------------
-A cycle is ``advance`` for what was asked for in the cycle before, and then ``take`` for what is asked for now. What leads the axis
-is a *wish*, made of state, mode, halt and targets; where it changes, a new way is laid from the present position and velocity, so
-that nothing jumps. Only cyclic synchronous position has no way: there the axis is at its target one cycle later.
+A cycle is ``advance`` with the outputs of the previous cycle, and then ``take`` for the present outputs. The motion is defined by a
+*wish*, made of state, mode, halt and targets. When the wish changes, a new profile begins at the present position and velocity, so
+that nothing jumps. Only cyclic synchronous position has no profile: there the axis is at its target one cycle later.
 
-- Halt brakes with 6084h. A quick stop brakes with the quick-stop deceleration, and so does whatever takes the power away in motion:
-  a master that stood from one cycle to the next would be a jolt for all that follow it.
-- After the quick stop it leaves *quick stop active* by itself (605Ah as its default, 2).
-- A target of a cyclic mode counts only as long as the mode is there: a new mode, enabling and halt forget it.
+- Halt brakes with 6084h. A quick stop brakes with the quick-stop deceleration, and so does every command that switches the power
+  off in motion: if a master axis stopped from one cycle to the next, all axes that follow it would jerk.
+- After the quick stop the drive leaves *quick stop active* automatically (605Ah as its default, 2).
+- A target of a cyclic mode counts only during that mode: a new mode, enabling and halt discard it.
 """
 
 from __future__ import annotations
@@ -34,27 +34,27 @@ _ENABLED, _QUICK_STOP = PowerState.OPERATION_ENABLED, PowerState.QUICK_STOP_ACTI
 
 
 class _Rest(NamedTuple):
-    """To come to rest."""
+    """Come to rest."""
 
     down: float
 
 
 class _Go(NamedTuple):
-    """To go to a position (unwrapped increments) and rest there."""
+    """Move to a position (unwrapped increments) and rest there."""
 
     target: int
     ramps: RampLimits
 
 
 class _Turn(NamedTuple):
-    """To go on at a velocity."""
+    """Keep moving at a velocity."""
 
     velocity: int
     ramps: RampLimits
 
 
 class _Follow(NamedTuple):
-    """To be where each cycle's target says."""
+    """Be at the target of each cycle."""
 
 
 _FOLLOW = _Follow()
@@ -62,7 +62,7 @@ _Wish = _Rest | _Go | _Turn | _Follow
 
 
 class VirtualDrive:
-    """Holds state, mode, position and velocity of a virtual axis, and what it was asked for last; all in increments and seconds."""
+    """Holds state, mode, position and velocity of a virtual axis, and its last outputs; all in increments and seconds."""
 
     def __init__(self, slow: float, quick: float) -> None:
         """``slow`` and ``quick`` (increments per s², above 0) brake a halt, until 6084h is written, and a quick stop."""
@@ -80,7 +80,7 @@ class VirtualDrive:
         self._wish: _Wish = _Rest(quick)
         self._way = RampProfile(0.0)
 
-    # -- what it shows -------------------------------------------------------------------------------------------------
+    # -- inputs for the core ---------------------------------------------------------------------------------------------
 
     @property
     def position(self) -> int:
@@ -103,7 +103,7 @@ class VirtualDrive:
         return word | (sw.BIT_12 if self._says_yes() else 0)
 
     def _says_yes(self) -> bool:
-        """Bit 12, as the mode reads it."""
+        """Bit 12, with its meaning in the present mode."""
         if self.mode == _PP:
             return self._acknowledged
         if self.mode == _PV:
@@ -111,7 +111,7 @@ class VirtualDrive:
         return self.mode == _CSP and not self._halted
 
     def value(self, index: int) -> int | None:
-        """Return an object that motion asks for by SDO; None where there is no such object."""
+        """Return an object that motion reads by SDO; None if it does not exist."""
         shown = {
             objects.STATUSWORD: self.statusword,
             objects.MODES_OF_OPERATION_DISPLAY: self.mode,
@@ -144,13 +144,13 @@ class VirtualDrive:
     def _go_on(self, dt: float) -> None:
         self._part += self._way.advance(dt)
         if isinstance(self._wish, _Go) and self._way.over:
-            self._whole, self._part = self._wish.target, 0.0  # exactly, whatever the arithmetic has rounded
+            self._whole, self._part = self._wish.target, 0.0  # exactly, without the rounding errors
             return
         whole = math.floor(self._part)
         self._whole, self._part = self._whole + whole, self._part - whole
 
     def take(self, outputs: Outputs) -> None:
-        """Take what is asked for in this cycle: first mode and targets, so that the controlword finds them."""
+        """Take the outputs of this cycle: first mode and targets, so that they are set when the controlword acts."""
         if self._goes_on(outputs):
             return
         if outputs.mode is not None and outputs.mode != self.mode:
@@ -169,7 +169,7 @@ class VirtualDrive:
         self._lay(self._wanted())
 
     def _goes_on(self, outputs: Outputs) -> bool:
-        """Take a cycle that asks for nothing new, or for the next target of a path; return whether it is one."""
+        """Take the outputs if they contain nothing new, or only the next target of a path; return whether this is so."""
         word, mode, target, velocity, _, _, _, nmt_stop, _, _, _ = outputs
         if (
             self.state is not _ENABLED
@@ -203,7 +203,7 @@ class VirtualDrive:
             self._forget()
 
     def _forget(self) -> None:
-        """Nothing of what was asked for before acts any more."""
+        """Discard all earlier targets."""
         self._target, self._goal, self._acknowledged = None, None, False
 
     @property
@@ -222,7 +222,7 @@ class VirtualDrive:
         )
         return RampLimits(speed, up, down)
 
-    # -- what leads it -----------------------------------------------------------------------------------------------------
+    # -- motion -----------------------------------------------------------------------------------------------------------
 
     def _wanted(self) -> _Wish:
         ramps = self._ramps
@@ -238,7 +238,7 @@ class VirtualDrive:
         return _Rest(ramps.down)
 
     def _lay(self, wish: _Wish) -> None:
-        """Lay a new way where ``wish`` is another one than before."""
+        """Begin a new profile if ``wish`` differs from the previous one."""
         if wish == self._wish and type(wish) is type(self._wish):
             return
         self._wish, velocity = wish, self._way.velocity

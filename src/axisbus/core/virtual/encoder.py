@@ -1,4 +1,4 @@
-"""An axis that an input tells the place of, as a ``cia402.port.Port``: an encoder, which others follow and nothing leads."""
+"""An axis whose position is read from an input, as a ``cia402.port.Port``: an encoder, which others can follow."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from axisbus.units import wrap
 
 _OPERATIONAL = int(NmtState.OPERATIONAL)
 _OFF = STATUSWORDS[PowerState.SWITCH_ON_DISABLED]
-_AGE = 0.1  # seconds, of the statusword, which is of this very cycle
+_AGE = 0.1  # seconds, of the statusword, which is of the present cycle
 
 
 class EncoderPort:
-    """Holds how far it has counted: its input begins anew at the end of its width, and this does not.
+    """Holds the unwrapped count: the input wraps at the end of its width, and the count does not.
 
-    Whether a count is fresh is known by the input: what it calls unknown is not told here.
+    The input decides whether a count is fresh. If its value is unknown, the axis has no position.
     """
 
     def __init__(self, board: IoScan, name: str) -> None:
-        """``name`` of the input, on this board as soon as its node has come up."""
+        """``name`` of the input, which is on this board when its node has come up."""
         self._board = board
         self._name = name
         self._replies: tuple[SdoReply, ...] = ()
@@ -48,7 +48,7 @@ class EncoderPort:
         self.capabilities = Capabilities(inputs, outputs, remappable=False, max_age=ages)
 
     def read(self, now: float) -> Inputs:
-        """Return where it is by the newest count."""
+        """Return the position of the newest count."""
         replies, self._replies = self._replies, ()
         return Inputs(
             now,
@@ -64,7 +64,7 @@ class EncoderPort:
         )
 
     def write(self, outputs: Outputs) -> None:
-        """Answer that there is nothing to be written or read."""
+        """Answer that there are no objects to write or read."""
         self._replies = tuple(SdoReply(each.id, None, abort.OBJECT_MISSING) for each in outputs.sdo or ())
 
     def _position(self) -> Sample | None:

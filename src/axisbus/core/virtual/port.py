@@ -1,4 +1,4 @@
-"""A virtual axis as a ``cia402.port.Port``: what an ideal drive shows, without a bus between both."""
+"""A virtual axis as a ``cia402.port.Port``: the port of an ideal drive, without a bus."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from axisbus.cia402.port import (
 from axisbus.core.virtual.drive import VirtualDrive
 
 _OPERATIONAL = int(NmtState.OPERATIONAL)
-_AGE = 0.1  # seconds, as of what comes with SYNC; what is read is of this very cycle
+_AGE = 0.1  # seconds, as for values with SYNC; values are of the present cycle
 
 
 class VirtualPort:
-    """Holds the drive of a virtual axis, and the answers that it has not taken yet.
+    """Holds the drive of a virtual axis, and the answers that the core has not read yet.
 
-    As all motion it goes on by one period in each cycle that is done: late cycles make it late, and it never jumps.
+    As all motion, it advances one period per executed cycle: late cycles make it late, and it never jumps.
     """
 
     def __init__(self, drive: VirtualDrive, period: float) -> None:
@@ -42,7 +42,7 @@ class VirtualPort:
         )
 
     def read(self, now: float) -> Inputs:
-        """Let a period pass, and return where that has led."""
+        """Advance one period, and return the inputs."""
         drive = self.drive
         drive.advance(self._period)
         replies, self._replies = self._replies, ()
@@ -61,7 +61,7 @@ class VirtualPort:
         )
 
     def write(self, outputs: Outputs) -> None:
-        """Take the values for this cycle, and answer what would be an SDO transfer elsewhere."""
+        """Take the outputs of this cycle, and answer the requests that would be SDO transfers on a bus."""
         if outputs.sdo:
             self._replies = tuple(map(self._answer, outputs.sdo))
         self.drive.take(outputs)

@@ -1,4 +1,4 @@
-"""Ways with constant accelerations: from the present velocity to a position, to another velocity, or to rest."""
+"""Profiles with constant accelerations: from the present velocity to a position, to another velocity, or to rest."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
 
 
 class Piece(NamedTuple):
-    """So many seconds at a constant acceleration (per s², signed); ``end`` is the velocity (per s) at its end, exactly."""
+    """A time in seconds with a constant acceleration (per s², signed); ``end`` is the exact velocity (per s) at its end."""
 
     seconds: float
     acceleration: float
@@ -18,7 +18,7 @@ class Piece(NamedTuple):
 
 
 class RampLimits(NamedTuple):
-    """Highest speed (per s) and ramps (per s²) of a way; all above 0."""
+    """Highest speed (per s) and ramps (per s²) of a profile; all above 0."""
 
     speed: float
     up: float
@@ -26,7 +26,7 @@ class RampLimits(NamedTuple):
 
 
 class RampProfile:
-    """Pieces one after the other; holds how much of them is left. Behind the last one its velocity goes on."""
+    """Successive pieces; holds the remaining ones. After the last one the velocity stays constant."""
 
     __slots__ = ("_left", "_pieces", "velocity")
 
@@ -35,15 +35,15 @@ class RampProfile:
         self.velocity = velocity
         self._pieces = list(pieces)
         self._left = self._pieces[0].seconds if self._pieces else math.inf
-        self.advance(0.0)  # past what takes no time
+        self.advance(0.0)  # skips pieces without duration
 
     @property
     def over(self) -> bool:
-        """Whether the last piece is through."""
+        """Whether the last piece has ended."""
         return not self._pieces
 
     def advance(self, dt: float) -> float:
-        """Go on for ``dt`` seconds; return the increments that this goes."""
+        """Advance ``dt`` seconds; return the distance in increments."""
         gone = 0.0
         while self._pieces and dt >= self._left:
             piece = self._pieces.pop(0)
@@ -59,19 +59,19 @@ class RampProfile:
 
 
 def to_rest(velocity: float, down: float) -> RampProfile:
-    """Return the way to rest with a deceleration ``down`` above 0."""
+    """Return the profile to rest with a deceleration ``down`` above 0."""
     return RampProfile(velocity, [_change(velocity, 0.0, down)])
 
 
 def to_velocity(velocity: float, target: float, ramps: RampLimits) -> RampProfile:
-    """Return the way to a velocity: slower, also through rest, with the deceleration, faster with the acceleration."""
-    between = target if velocity * target > 0.0 else 0.0  # whoever turns round comes to rest first
+    """Return the profile to a velocity: with the deceleration while it slows down, also to a reversal, then the acceleration."""
+    between = target if velocity * target > 0.0 else 0.0  # a reversal comes to rest first
     slower = between if abs(between) < abs(velocity) else velocity
     return RampProfile(velocity, [_change(velocity, slower, ramps.down), _change(slower, target, ramps.up)])
 
 
 def to_distance(velocity: float, distance: float, ramps: RampLimits) -> RampProfile:
-    """Return the way that ends at rest after ``distance``: straight on where it can be braked to, else back again."""
+    """Return the profile that ends at rest after ``distance``: directly if braking suffices, otherwise with a reversal."""
     planned = ProfileFromSpeed(Start(0.0, velocity), distance, *ramps).pieces
     ends = [*(speed for _, _, speed, _ in planned[1:]), 0.0]
     return RampProfile(

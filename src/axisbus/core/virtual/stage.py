@@ -1,4 +1,4 @@
-"""The power stage of an axis that has none: the state machine of CiA 402 at once, without a fault of its own."""
+"""The power stage of an axis without one: the state machine of CiA 402, without delays and without faults."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from axisbus.cia402 import statusword as sw
 from axisbus.cia402.state import STATUSWORD_PATTERNS, PowerState
 
 _S = PowerState
-# Nothing is missing here: there is a voltage, and nobody but the core leads the axis.
+# Voltage is always present, and only the core controls the axis.
 _ALWAYS = sw.VOLTAGE_ENABLED | sw.REMOTE
 STATUSWORDS = {state: value | _ALWAYS for _, value, state in STATUSWORD_PATTERNS}
-# Where a quick stop leads (CiA 402-2 transitions 7, 10, 11); in other states it changes nothing.
+# Results of a quick stop (CiA 402-2 transitions 7, 10, 11); in other states it changes nothing.
 _QUICK_STOP = {
     _S.READY_TO_SWITCH_ON: _S.SWITCH_ON_DISABLED,
     _S.SWITCHED_ON: _S.SWITCH_ON_DISABLED,
     _S.OPERATION_ENABLED: _S.QUICK_STOP_ACTIVE,
 }
-# Where bits 0 and 3 lead, one transition at a time (2, 3, 4, 5, 6, 8, 16).
+# Results of bits 0 and 3, one transition at a time (2, 3, 4, 5, 6, 8, 16).
 _SHUTDOWN, _SWITCH_ON, _ENABLE = 0, cw.SWITCH_ON, cw.SWITCH_ON | cw.ENABLE_OPERATION
 _NEXT = {
     (_S.SWITCH_ON_DISABLED, _SHUTDOWN): _S.READY_TO_SWITCH_ON,
@@ -31,7 +31,7 @@ _NEXT = {
 
 
 def after(state: PowerState, controlword: int) -> PowerState:
-    """Return the state to which a controlword leads from ``state``."""
+    """Return the state after a controlword in ``state``."""
     if not controlword & cw.ENABLE_VOLTAGE:
         return _S.SWITCH_ON_DISABLED
     if not controlword & cw.QUICK_STOP:
