@@ -1017,7 +1017,7 @@ class Axis:
 
     @property
     def modes(self) -> frozenset[ModeOfOperation]:
-        """The modes of operation that the drive claims (6502h)."""
+        """The modes of operation in use: those of the cell file, else those the drive claims (6502h) or has the objects for."""
         return self._parameters.modes
 
 

@@ -114,7 +114,7 @@ class Machine:
         machine, if that program wants it.
 
         Raises:
-            StateError: no machine of this cell runs, or it has another version or another text of the file.
+            StateError: no machine of this cell runs, or it has another version of axisbus, or the text of the file has changed.
             OwnershipError: another program has control.
             ConfigError, EdsError, ScanError: as ``open``.
         """
@@ -354,8 +354,8 @@ class Machine:
         This is a hold-to-run control (ISO 12100) for programs. A program that acts for a person, a browser or a network promises a
         call within 0.05 to 60 s. If the program is stopped, hangs or starves, the core halts the axes in its place, once; the
         program may command again afterwards. ``continuous``: the same with a shorter time, for an axis in continuous motion (at a
-        velocity or under torque), which has no end of its own. None: moving axes continue, as without this call. The call has no
-        effect in a program without control. Does not block.
+        velocity or under torque), which has no end of its own; None: the same time. If ``seconds`` is None, the promise ends, and
+        moving axes continue as without this call. The call has no effect in a program without control. Does not block.
 
         Raises:
             ArgumentError: not a time in this range.

@@ -64,7 +64,7 @@ def to_rest(velocity: float, down: float) -> RampProfile:
 
 
 def to_velocity(velocity: float, target: float, ramps: RampLimits) -> RampProfile:
-    """Return the profile to a velocity: with the deceleration while it slows down, also to a reversal, then the acceleration."""
+    """Return the profile to a velocity: it slows down with ``down``, also before a reversal, and speeds up with ``up``."""
     between = target if velocity * target > 0.0 else 0.0  # a reversal comes to rest first
     slower = between if abs(between) < abs(velocity) else velocity
     return RampProfile(velocity, [_change(velocity, slower, ramps.down), _change(slower, target, ramps.up)])
