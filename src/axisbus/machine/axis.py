@@ -340,7 +340,7 @@ class Axis:
         If enable is called again while it is active, it continues, and both handles end with it. The same applies to ``reset`` and
         to all stop commands.
         """
-        caught = flag_of(f"{self.name}.enable", "moving", allow_moving)
+        caught = flag_of(f"{self.name}.enable", "allow_moving", allow_moving)
         return self._submit("enable(allow_moving=True)" if caught else "enable()", c.EnableCommand(caught))
 
     def disable(self, *, coast: bool = False) -> Handle:
@@ -752,7 +752,7 @@ class Axis:
         Raises:
             ArgumentError: a value is not finite, or velocity or acceleration are not above 0.
         """
-        name = f"phase_by({shown(shift)})"
+        name = f"phasing_relative({shown(shift)})"
         request, of = self._request(name), "of its master"
         return self._submit(
             name,
