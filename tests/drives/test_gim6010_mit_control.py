@@ -449,11 +449,18 @@ def test_its_own_frames_are_never_zeros_whatever_the_ranges(command, ranges, dat
     [
         {"node": 64}, {"node": True}, {"ranges": None}, {"gear": 0.0}, {"gear": math.nan}, {"gear": -8.0},
         {"damping": 0.0}, {"damping": 5.1}, {"damping": math.inf}, {"damping": 0.001}, {"period": 0.0}, {"period": 0.2},
-        {"patience": 0.009}, {"patience": 2.0}, {"patience": math.nan}, {"period": "5ms"},
+        {"command_timeout": 0.009}, {"command_timeout": 2.0}, {"command_timeout": math.nan}, {"period": "5ms"},
     ],
 )  # fmt: skip
 def test_settings_that_cannot_be(wrong):
-    given = {"node": 5, "ranges": MANUAL, "gear": 8.0, "damping": 1.0, "period": 0.005, "patience": 0.05}
+    given = {
+        "node": 5,
+        "ranges": MANUAL,
+        "gear": 8.0,
+        "damping": 1.0,
+        "period": 0.005,
+        "command_timeout": 0.05,
+    }
     with pytest.raises(ArgumentError) as caught:
         MitSettings(**{**given, **wrong})
     assert caught.value.remedy
@@ -463,5 +470,5 @@ def test_nothing_has_a_default():
     with pytest.raises(TypeError):
         MitSettings(5)
     assert json.dumps(sorted(MitSettings.__dataclass_fields__)) == json.dumps(
-        ["damping", "gear", "node", "patience", "period", "ranges"]
+        ["command_timeout", "damping", "gear", "node", "period", "ranges"]
     )

@@ -62,7 +62,7 @@ def follow(monkeypatch):
             finally:
                 done.append("left too late" if machine.session.ended and machine.error else "left")
 
-        monkeypatch.setattr(machine_follower, "Machine", SimpleNamespace(join=join))
+        monkeypatch.setattr(machine_follower, "Machine", SimpleNamespace(try_attach=join))
         monkeypatch.setattr(machine_follower, "time", SimpleNamespace(sleep=lambda _: None))
         MachineFollower("cell.toml", said.append).run(serve, 1.0, goes_on or (lambda: bool(left)))
         return said, done

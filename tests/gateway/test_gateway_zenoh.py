@@ -309,8 +309,8 @@ def test_junk_on_every_key_changes_nothing(client, bridge, machine):
 
 NEVER_READS = """
 import sys, time, zenoh
-from axisbus.fleet.network import Network, connected, opened
-session = opened(Network((sys.argv[1],)))
+from axisbus.fleet.network import ZenohNetwork, connected, opened
+session = opened(ZenohNetwork((sys.argv[1],)))
 connected(session, 5.0)
 kept = [session.declare_subscriber("ax/**", zenoh.handlers.FifoChannel(1))]
 print("deaf", flush=True)

@@ -175,7 +175,7 @@ def test_softly_neither_the_tool_is_more_sudden_nor_an_axis_faster_or_harder_tha
 class Bump:
     """A machine whose second axis is fast for a short while, about 0."""
 
-    size = 100.0
+    characteristic_length = 100.0
 
     def forward(self, joints: tuple[float, ...]) -> tuple[float, ...]:
         return (joints[0],)

@@ -45,7 +45,7 @@ def axes(count, increment=0.01):
     limits = SimpleNamespace(position=None)
     return {
         name: SimpleNamespace(
-            room_from=lambda _: None, increment=increment, place_window=0.1, unit="deg", limits=limits
+            room_from=lambda _: None, increment=increment, start_tolerance=0.1, unit="deg", limits=limits
         )
         for name in "abc"[:count]
     }

@@ -243,7 +243,7 @@ def test_broken_off_by_a_halt_it_goes_on_through_every_point(story):
     tool.set_override(0.5).wait(1)
     for number in range(80, 160):
         points.push(circle(number))
-    points.end().wait(30)
+    points.finish().wait(30)
     assert max(abs(math.dist(place, (180.0, 150.0)) - 20.0) for place in tools(cell, arm, begun)) < NEAR
     assert math.dist(tool.tool_position, circle(159)) < NEAR
 
@@ -268,7 +268,7 @@ def test_whatever_comes_no_axis_is_faster_or_harder_than_it_may_be(story, seed):
             tool.set_override(rng.choice((0.4, 1.0))).wait(1)
         if rng.random() < 0.05:
             cell.run(0.8)  # too late: it is braked, and goes on
-    points.end()
+    points.finish()
     tool.set_override(1.0).wait(1)
     points.handle.wait(30)
     assert taken > 10

@@ -188,7 +188,7 @@ MUTANTS: Mapping[str, Mutant] = {
         "the failure of an axis stops no other axis", ((FaultPolicy, "_stops", _nobody),)
     ),
     "shifted-targets": Mutant(
-        "absolute targets are off by 10 ms at max_velocity", ((Axis, "absolute_increments", _shifted),)
+        "absolute targets are off by 10 ms at max_velocity", ((Axis, "_absolute_increments", _shifted),)
     ),
     "weak-brake": Mutant(
         "the look-ahead believes in a brake that is twice as strong",

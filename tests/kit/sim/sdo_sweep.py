@@ -173,7 +173,7 @@ def _copied(wire: SdoWire) -> bytes:
 
 
 def _become(wire: SdoWire, copy: bytes) -> None:
-    _OWNER.update(Dictionary=wire.dictionary, NodeDials=wire.dials)
+    _OWNER.update(Dictionary=wire.dictionary, NodeFaults=wire.dials)
     wire.frames.clear()
     for name, value in zip(_MOVING, pickle.loads(copy), strict=True):
         setattr(wire, name, value)
