@@ -157,6 +157,6 @@ class _Node:
         """The events of its TPDOs."""
         return list(self._parts.node.pdo_events)
 
-    def incident_words(self, incident: Incident) -> list[str]:
+    def format_incident(self, incident: Incident) -> list[str]:
         """Return an incident as lines."""
         return incident_words(incident, make_of(self._parts.eds, self._parts.node_id))
