@@ -90,7 +90,9 @@ class Coupling:
                 remedy="give the distance of the master before that position within which the slave synchronises",
             )
         if len(at) != 2:
-            raise ArgumentError(f"{self._text}: sync_positions is the position of the master and that of the slave")
+            raise ArgumentError(
+                f"{self._text}: sync_positions is the position of the master and that of the slave"
+            )
         master = self._master._checked_position(self._call, at[0])
         slave = self._slave._checked_position(self._call, at[1])
         return AtPlace(
