@@ -29,10 +29,10 @@ PLANT = "bench"
 ROOT = Path(__file__).parents[1]
 STAND_INS = """
 import sys, threading
-from axisbus.fleet.network import Network, opened
+from axisbus.fleet.network import ZenohNetwork, opened
 from kit.fleet.stand_in import StandInCell
 endpoint, first, count, rate = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), float(sys.argv[4])
-session = opened(Network(listen=(endpoint,)))
+session = opened(ZenohNetwork(listen=(endpoint,)))
 cells = [StandInCell(session, "bench", f"cell{n}", ("x", "y", "z"), rate=rate) for n in range(first, first + count)]
 print("ready", flush=True)
 threading.Event().wait()
