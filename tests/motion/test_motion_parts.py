@@ -45,7 +45,7 @@ from axisbus.motion.stop.sdo_path import SdoPath
 from axisbus.motion.stop.settled_value import SettledValue
 from axisbus.motion.stop.standstill import StandstillCheck
 from axisbus.motion.stop.standstill_wait import StandstillWaiters
-from axisbus.motion.stop.velocity_following import RampedWay
+from axisbus.motion.stop.velocity_following import RampedWay, ramped_way
 from axisbus.motion.stop_deceleration import Braking
 from axisbus.motion.trajectory import SampledTrajectory, TrapezoidalTrajectory
 from axisbus.motion.velocity_estimator import VelocityEstimator
@@ -847,13 +847,13 @@ def test_a_velocity_given_on_the_ramp_of_the_one_before_goes_on_with_what_is_kno
     drive, lag = Drive(ages={"position": 1e9, "velocity": 1e9}), 10
     for _ in range(100):
         drive.cycle(position=0, velocity=0)
-    before, way = (RampedWay(target, 2.0, 40_000.0, 40_000.0, 100.0) for target in (2000, 8000))
+    way = RampedWay(2000, 2.0, 40_000.0, 40_000.0, 100.0)
     commanded, position = [0.0] * (lag + 1), 0.0
     for cycle in range(60):
         if cycle == 5:  # the axis has hardly moved by then
-            way.succeed(before)
-        image = drive.cycle(position=round(position), velocity=round(commanded[-1 - lag] / 2))[0]
-        (before if cycle < 5 else way).step(image)
+            assert way.began_at_rest
+            way.go_on(8000, 40_000.0, 40_000.0)
+        way.step(drive.cycle(position=round(position), velocity=round(commanded[-1 - lag] / 2))[0])
         commanded.append(min(commanded[-1] + 40_000.0 * T, 4000.0 if cycle < 4 else 16_000.0))
         position += 0.5 * (commanded[-2 - lag] + commanded[-1 - lag]) * T
     assert way.lag == pytest.approx(lag * T, rel=0.3)
@@ -861,12 +861,15 @@ def test_a_velocity_given_on_the_ramp_of_the_one_before_goes_on_with_what_is_kno
 
 def test_a_velocity_given_on_a_ramp_that_began_in_motion_knows_no_lag_either():
     drive = Drive(ages={"position": 1e9, "velocity": 1e9})
-    before, way = (RampedWay(target, 2.0, 4000.0, 4000.0, 100.0) for target in (1000, 2000))
+    profile = MoveProfile(1000, 1000, 1000, 2000.0, 4000.0, up=4000.0, down=4000.0)
+    parameters = drive.parameters
+    first = way = ramped_way(profile, parameters)
     for cycle in range(60):
         image = drive.cycle(position=20 * cycle, velocity=640)[0]
         if cycle == 5:
-            way.succeed(before)
-        (before if cycle < 5 else way).step(image)
+            way = ramped_way(profile._replace(velocity=2000), parameters, first)
+            assert way is not first
+        way.step(image)
     assert way.behind > 0.0
     assert way.lag is None
 

@@ -259,8 +259,7 @@ def _course(core: AxisCore) -> CommandedMotion | None:
 
 
 def _ramped(core: AxisCore) -> RampedWay | None:
-    before = core.activity
-    return before.ramped if isinstance(before, VelocityMove | Jog) else None
+    return None if core.activity is None else core.activity.ramped
 
 
 def _soft(core: AxisCore, profile: MoveProfile) -> float:

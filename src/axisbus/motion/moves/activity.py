@@ -16,6 +16,7 @@ from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.modes import WITHOUT_POSITION_DEMAND
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
+from axisbus.motion.stop.velocity_following import RampedWay
 from axisbus.motion.stop_deceleration import CommandedMotion
 
 # Abort codes of a drive that only lists an object, or has it read-only.
@@ -31,10 +32,11 @@ class Activity(ABC):
     describes the commanded motion (None: unknown).
 
     ``behind``: increments by which the axis is behind its commanded position, if the command knows this better than 6062h.
-    ``led_speed``: the commanded speed in increments per s. ``lag``: see ``RampedWay`` (None: not known). ``rests_from``: the time
-    (s) from which its end may be seen, because an axis at standstill may not have started yet. ``resisted_since``: the time (s)
-    since which an axis that must turn is at standstill, while no value shows its drive's set-point (infinite: it turns, or the
-    set-point is seen). Until it is ``in_effect``, the axis may continue as the previous command requested.
+    ``led_speed``: the commanded speed in increments per s. ``lag``: see ``RampedWay`` (None: not known). ``ramped``: the monitor of
+    the velocity ramp that the drive is on (None: it is on none). ``rests_from``: the time (s) from which its end may be seen,
+    because an axis at standstill may not have started yet. ``resisted_since``: the time (s) since which an axis that must turn is
+    at standstill, while no value shows its drive's set-point (infinite: it turns, or the set-point is seen). Until it is
+    ``in_effect``, the axis may continue as the previous command requested.
     """
 
     mode: ClassVar[ModeOfOperation | None] = None
@@ -47,6 +49,7 @@ class Activity(ABC):
     behind: float | None = None
     led_speed: float = 0.0
     lag: float | None = None
+    ramped: RampedWay | None = None
     rests_from: float = -math.inf
     resisted_since: float = math.inf
     in_effect: bool = True

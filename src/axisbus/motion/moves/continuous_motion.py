@@ -52,26 +52,25 @@ class VelocityMove(Prepared):
         self._deadline: float | None = None
         self._commanded_at: float | None = None
         self._begun = False
-        self._ramped: RampedWay | None = None
-        self._ramped_before = ramped
+        self.ramped = ramped
         self._factor = 1.0  # the override of the commanded velocity
         self._target = profile.velocity  # with the override
         self.reached = False
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True once the velocity is reached, unless an override of 0 holds the axis. Must be stepped further to keep it."""
-        if self._ramped_before is not None:
-            self._ramped_before.step(image)
+        if not self._begun and self.ramped is not None:
+            self.ramped.step(image)
         if not self._prepare.step(image, order):
             return False
         if not self._begun:
             self._begin()
         self.override(image)
-        if self._ramped is not None:
-            self._ramped.step(image)
-            self.led_speed = abs(self._ramped.speed)
-            self.behind = self._behind(self._ramped.behind)
-            self.lag = self._lag(self._ramped.lag)
+        if self.ramped is not None:
+            self.ramped.step(image)
+            self.led_speed = abs(self.ramped.speed)
+            self.behind = self._behind(self.ramped.behind)
+            self.lag = self._lag(self.ramped.lag)
         order.target_velocity = self._target
         order.halt = False
         if self._commanded_at is None:
@@ -91,15 +90,7 @@ class VelocityMove(Prepared):
         """Compute from now on with the ramps that the drive has."""
         self._begun = True
         self._profile = require_ramps(self._prepare.ramps.applied(self._profile), self._parameters)
-        self._ramped, before = ramped_way(self._profile, self._parameters), self._ramped_before
-        if self._ramped is not None and before is not None:
-            self._ramped.succeed(before)
-        self._ramped_before = None
-
-    @property
-    def ramped(self) -> RampedWay | None:
-        """The present ramp of the drive: that of the previous velocity until this one has been given."""
-        return self._ramped if self._begun else self._ramped_before
+        self.ramped = ramped_way(self._profile, self._parameters, self.ramped)
 
     def _behind(self, way: float | None) -> float | None:
         """Return the distance behind the ramp, without the share of a jerk limit: drives differ in how they apply it."""
@@ -118,8 +109,8 @@ class VelocityMove(Prepared):
             return
         self._factor = factor
         self._target = scaled(self._profile.velocity, factor, self._parameters)
-        if self._ramped is not None:
-            self._ramped.aim(self._target)
+        if self.ramped is not None:
+            self.ramped.aim(self._target)
         self._commanded_at, self.reached = None, False
         self.course = _course(self._overridden, self._soft)
 

@@ -10,7 +10,6 @@ from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.commands import MoveVelocity
 from axisbus.motion.moves.activity import Activity, ModeSwitch
 from axisbus.motion.moves.continuous_motion import VelocityMove
-from axisbus.motion.stop.velocity_following import RampedWay
 
 
 class Jog(Activity):
@@ -25,7 +24,7 @@ class Jog(Activity):
     in_effect = False
 
     def __init__(self, move: VelocityMove, command: MoveVelocity, image: AxisImage) -> None:
-        self.course = move.course
+        self.course, self.ramped = move.course, move.ramped
         self._move = move
         self._profile = command.profile
         self._until = image.now + (command.life or 0.0)
@@ -49,7 +48,7 @@ class Jog(Activity):
             raise Stopped("jog was not renewed")
         reached = self._move.step(image, order)
         move = self._move
-        self.course = move.course
+        self.course, self.ramped = move.course, move.ramped
         self.behind, self.led_speed, self.resisted_since = move.behind, move.led_speed, move.resisted_since
         self.lag, self.in_effect = move.lag, move.in_effect
         return reached
@@ -58,11 +57,6 @@ class Jog(Activity):
         """See ``VelocityMove.override``."""
         self._move.override(image)
         self.course = self._move.course
-
-    @property
-    def ramped(self) -> RampedWay | None:
-        """See ``VelocityMove.ramped``."""
-        return self._move.ramped
 
     @property
     def leading(self) -> Leading | None:

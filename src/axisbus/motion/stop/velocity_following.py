@@ -23,7 +23,7 @@ allows ``_TAKEN`` periods for that; only a longer time is the ``lag``. The lag i
 after. Later the gain has decayed, and a small velocity error would look like a lag. A motion that begins at speed gives no lag: its
 demand at that moment is unknown, and a demand that is ahead looks like an axis without a lag. If a new velocity is given while the
 drive is still on the ramp of the previous command, the demand is known. In this case the computation continues with that ramp
-(``succeed``).
+(``go_on``).
 """
 
 from __future__ import annotations
@@ -94,7 +94,6 @@ class RampedWay:
         "_position",
         "_settles_at",
         "_stamp",
-        "_succeeded",
         "_target",
         "_up",
         "_window",
@@ -121,7 +120,6 @@ class RampedWay:
         self._changed = -math.inf
         self._settles_at = math.inf
         self._from_rest = False
-        self._succeeded: RampedWay | None = None
         self._early = self._late = _Ramp(0.0, self._target)
         self.behind: float | None = None
         self.lag: float | None = None
@@ -135,23 +133,21 @@ class RampedWay:
         """Change to another target, in the drive's velocity increments."""
         self._target = target * self._per_velocity
 
-    def succeed(self, before: RampedWay) -> None:
-        """Begin with the commanded velocity of the command ``before``, which was stepped in this cycle for the last time.
+    @property
+    def began_at_rest(self) -> bool:
+        """Whether the drive's commanded velocity is known: the motion began at standstill, and its position is known."""
+        return self._from_rest and self.behind is not None
 
-        It counts only if that command began at rest. Otherwise the axis's own motion is the better start value.
-        """
-        if before._from_rest and before.behind is not None:
-            self._succeeded = before
+    def go_on(self, target: float, up: float, down: float) -> None:
+        """Continue with another command, from the commanded velocity that the drive has by now; units as in the constructor."""
+        self._up, self._down = up, down
+        self.aim(target)
 
     def step(self, image: AxisImage) -> None:
         """Evaluate this cycle's position; begin with the axis's motion once it is known."""
         position, stamp = image.position, image.position_stamp
         if position is None:
             self.behind = None
-            return
-        if self.behind is None and self._succeeded is not None:
-            self._go_on(self._succeeded)
-            self._aim(image)
             return
         if self.behind is None:
             speed = image.speed(self._per_velocity)
@@ -167,13 +163,6 @@ class RampedWay:
         if stamp > self._stamp:
             self._advance(position, stamp - self._stamp)
             self._position, self._stamp = position, stamp
-
-    def _go_on(self, before: RampedWay) -> None:
-        self._succeeded = None
-        self._early, self._late, self._from_rest = before._early, before._late, True
-        self._changed, self._settles_at = before._changed, before._settles_at
-        self._position, self._stamp = before._position, before._stamp
-        self.behind, self.lag = before.behind, before.lag
 
     def _aim(self, image: AxisImage) -> None:
         self._early.target = self._target
@@ -216,11 +205,19 @@ class RampedWay:
         return min(_LONGEST, 2.0 * (self._window / fastest + _LAG_TIME)) if fastest else _LONGEST
 
 
-def ramped_way(profile: MoveProfile, parameters: AxisParameters) -> RampedWay | None:
-    """Return the monitor of a velocity move; None if the drive's ramps, or the ratio of its units, are not known."""
+def ramped_way(
+    profile: MoveProfile, parameters: AxisParameters, before: RampedWay | None = None
+) -> RampedWay | None:
+    """Return the monitor of a velocity move; None if the drive's ramps, or the ratio of its units, are not known.
+
+    ``before``: the monitor of the previous velocity, if the drive is on its ramp; it continues if it began at rest.
+    """
     units = parameters.units
     if not profile.up or not profile.down or not parameters.has(objects.PROFILE_ACCELERATION):
         return None
+    if before is not None and before.began_at_rest:
+        before.go_on(profile.velocity, profile.up, profile.down)
+        return before
     return RampedWay(
         profile.velocity,
         units.per_velocity,
