@@ -19,6 +19,31 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "a stop of a trajectory with a superimposed distance, both of which brake": Script(
+        "stiff",
+        (
+            Event(0.1, "follow", "a", -0.983),
+            Event(0.0, "superimposed", "a", -0.199),
+            Event(0.5, "stop", "a", -0.648),
+        ),
+        scene="drawn",
+        ending="busy-close",
+        cell=CellRecipe(
+            (AxisRecipe(unit="mm", scale=9830.0, speed=98300.0, acceleration=98300.0, ease=(0.1, 1.0)),),
+            period=20,
+        ),
+    ),
+    "a stop of an axis with few increments, of which a considerable speed does not show within 50 ms": Script(
+        "stiff",
+        (
+            Event(0.01, "move_waiting", "a", 0.254),
+            Event(0.5, "gear_out", "a", 0.253),
+            Event(0.01, "stop", "a", -0.332),
+        ),
+        scene="drawn",
+        ending="closed-twice",
+        cell=CellRecipe((AxisRecipe(scale=33.2, speed=332.0, acceleration=332.0),)),
+    ),
     "a velocity to a limit that is given while a drive with a long lag has hardly begun with the one before": Script(
         "stiff",
         (

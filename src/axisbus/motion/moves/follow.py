@@ -560,8 +560,10 @@ class Follow(Activity):
                 addition.halt(error)
         fastest = math.inf if pace.velocity is None else pace.velocity
         hardest = math.inf if pace.acceleration is None else pace.acceleration
-        if self.clock.braking:
-            hardest = max(hardest, self._braked_by)
+        if (
+            self.clock.braking
+        ):  # without the tolerance for the braked path, which the distance must not use up
+            hardest = max(hardest, self._brake, self._parameters.path_deceleration or 0.0)
         low = max(-fastest, step.velocity - hardest * self._period)
         high = min(fastest, step.velocity + hardest * self._period)
         before = addition.value
