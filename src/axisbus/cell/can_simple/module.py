@@ -45,7 +45,7 @@ WORDS: Mapping[str, str] = {
     "gear_ratio": "Turns of the rotor for one of the output; torques need it.",
     "torque_constant": "What the module has as torque_constant, in N·m/A of the rotor; torques need it.",
     "torque_ramp": "What the module has as torque_ramp_rate, in N·m/s of the rotor; torques need it.",
-    "endpoints": "The list of endpoints of its firmware, a path: by it boot reads which watchdogs are armed.",
+    "endpoints": "The list of endpoints of its firmware, a path: by it boot reads which watchdogs are armed, to feed them.",
 }
 TORQUE = ("gear_ratio", "torque_constant", "torque_ramp")
 

@@ -22,6 +22,8 @@ _MS = 1000.0
 _ARMED = (
     "it counts from now on, whatever the axis does, and only set-points feed it: a module that nobody leads trips by itself, with "
     "CAN_BUS_FAILED, which latches; reset the axis before it is enabled",
+    "over CAN Simple a machine feeds it if boot can read it (endpoints in the cell file) and if it is at least four scan periods; "
+    "over CANopen and Modbus no machine feeds it",
     "what a trip does to a turning motor was seen on another joint of the maker: it loses its power. Try it before you count on it",
 )
 _NEW = "the maker says of new firmware that this watchdog has no effect: try it before you count on it, or arm break_timeout"
