@@ -12,10 +12,11 @@ from axisbus.cia301.frame import CanFrame
 from axisbus.core.process import publisher
 from axisbus.core.process.clients import Clients
 from axisbus.core.process.publisher import Publisher
-from axisbus.errors import ScanError
+from axisbus.core.process.session import Errors
+from axisbus.errors import AxisbusError, ScanError
 from axisbus.ipc import frames
 from axisbus.ipc.image import size_of
-from axisbus.ipc.messages import CommandEvents, CoreCondition, CycleImages, Frames
+from axisbus.ipc.messages import CommandEvents, CoreCondition, CycleImages, ErrorTold, Frames
 from axisbus.motion.command_status import Status
 from axisbus.session import CommandEvent
 
@@ -132,3 +133,14 @@ def test_what_a_program_does_not_take_is_counted_by_program_and_told_to_it_once(
     assert kept + programs[0].lost_cycles + sum(len(each.images) for each in after) + waiting == 104
     assert sum(each.lost for each in slow.sent if isinstance(each, Frames)) == programs[0].lost_frames
     assert clients.programs[0].lost_cycles == programs[0].lost_cycles
+
+
+def test_a_client_keeps_the_newest_errors_of_each_axis_and_no_more():
+    errors, rare = Errors(), AxisbusError("rare")
+    errors.take(ErrorTold("x", 1, rare))
+    for number in range(2, 2000):
+        errors.take(ErrorTold("y", number, AxisbusError(str(number))))
+    assert errors.of(1) is rare
+    assert str(errors.of(1999)) == "1999"
+    assert str(errors.of(1950)) == "1950"
+    assert len(errors._found) < 100
