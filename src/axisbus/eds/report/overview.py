@@ -37,7 +37,7 @@ class ModeClaim:
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """One area of the dictionary (CiA 301 table 40), and the objects in it."""
+    """One area of the dictionary, and the objects in it."""
 
     title: str
     indices: range
