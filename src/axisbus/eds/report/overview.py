@@ -65,11 +65,6 @@ class EdsOverview:
         product = self.product or "CANopen device"
         return f"{product} by {self.vendor}" if self.vendor else product
 
-    @property
-    def modes_known(self) -> bool:
-        """Whether 6502h has a value."""
-        return any(claim.claimed is not None for claim in self.claims)
-
 
 def overview(eds: Eds, node_id: int | None = None) -> EdsOverview:
     """Return the overview of a file; takes about a millisecond, reads only the model."""
