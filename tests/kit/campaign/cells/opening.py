@@ -14,7 +14,6 @@ from axisbus.cia402.port import ValueTransport
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, DriveError, ModeError, SdoAbort
 from axisbus.machine.machine import Machine
-from axisbus.sim.beam import tied
 from axisbus.sim.build import device_from_eds, motor_from_eds
 from axisbus.sim.control_bits import as_int32
 from axisbus.sim.device import Device
@@ -26,6 +25,7 @@ from kit.campaign.cells.recipe import FIRST_NODE, GIM, NORM, AxisRecipe, CellRec
 from kit.campaign.scenes import NotHere
 from kit.campaign.violation import Violation
 from kit.cell import Cell, Stage
+from kit.gantry.beam import tied
 
 PAIR = "beam"
 ENCODER, VIRTUAL = "belt", "clock"
