@@ -291,6 +291,17 @@ class Follow(Activity):
         return PathSample(self.last_step.position - self.shifted, self.last_step.velocity - rate)
 
     @property
+    def path_velocity(self) -> float:
+        """The velocity that the path itself has at its present position (unit/s); of an unknown path, its mean over the last cycle.
+
+        If the path brakes, the mean is higher, and a move that was planned with it would pass its end.
+        """
+        way = self._told
+        if isinstance(way, ProfileFromSpeed) and self._own_clock and self._time.rate == 1.0:
+            return way.speed(self.clock.t)
+        return self.path_step.velocity
+
+    @property
     def acceleration(self) -> float:
         """The present acceleration of the trajectory (unit/s²) if it is known; else 0."""
         way, t = self._told, self.clock.t
