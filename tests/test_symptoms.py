@@ -277,7 +277,7 @@ def test_a_class_a_letter_and_a_code_lead_to_their_page(axisbus, word, page):
 def test_what_leads_nowhere_is_told(axisbus, word):
     code, out, err = axisbus("explain", word)
     assert (code, out) == (1, "")
-    assert "no page is called" in err
+    assert "there is no page" in err
     assert ("did you mean node-lost" in err) == (word == "node-lots")
 
 

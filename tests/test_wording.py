@@ -14,7 +14,7 @@ from axisbus.wording import counted
 SOURCE = Path(__file__).parents[1] / "src" / "axisbus"
 NOUNS = re.compile(
     r"^ (?:LSS |SDO |EDS |CAN |NMT |more |other |older )?"
-    r"(axes|answers|attempts|bits|blocks|boot-ups|brackets|bytes|characters|commands|cycles|differences|drives|entries|errors|files|findings|frames|increments|lines|mends|messages|modes|nodes|notes|objects|"
+    r"(axes|answers|attempts|bits|blocks|boot-ups|brackets|bytes|characters|commands|cycles|differences|drives|entries|errors|files|findings|frames|increments|lines|fixes|mends|messages|modes|nodes|notes|objects|"
     r"octets|others|positions|requests|searches|sections|segments|seconds|slaves|sub-indices|times|tries|turns|units|values|"
     r"warnings)\b(?!/)"
 )

@@ -66,8 +66,8 @@ def test_the_watch_over_the_bus_sees_it_opened(axisbus, hard):
         (("x=10", "--home", "--velocity", "400"), 2, "max_velocity is 360"),
         (("x=10", "--home", "--acceleration", "1e9"), 2, "max_acceleration is 3600"),
         (("x=10", "--home", "--acceleration", "-1"), 2, "acceleration -1 must be above 0"),
-        (("x=10", "--home", "--timeout", "-1"), 2, "is no time to wait"),
-        (("x=10", "--home", "--timeout", "nan"), 2, "is no time to wait"),
+        (("x=10", "--home", "--timeout", "-1"), 2, "is not a valid time"),
+        (("x=10", "--home", "--timeout", "nan"), 2, "is not a valid time"),
         (("x=181", "--home"), 2, "allowed are -180 to 180"),
         (("x=10", "y=91", "--home"), 2, "allowed are -90 to 90"),
         (("x=nan", "--home"), 2, "is no finite number"),
@@ -109,7 +109,7 @@ def test_the_demo_does_not_touch_hardware(axisbus, hard):
 
 
 PATHS = {
-    "file/x": "is no folder",
+    "file/x": "is not a folder",
     "folder": "it is a folder",
     "/proc/x": "cannot be written",
     "x" * 300: "too long",
@@ -140,7 +140,7 @@ def test_where_an_output_goes(axisbus, tmp_path, command, path):
     code, out, err = axisbus(*command, "-o", path)
     assert (code, out) == (1, "")
     assert "cannot be written" in err
-    assert PATHS.get(path, "is no folder") in err
+    assert PATHS.get(path, "is not a folder") in err
     assert sorted(each.name for each in tmp_path.iterdir()) == ["file", "folder"]
     assert (tmp_path / "file").read_text() == "kept"
     assert not any((tmp_path / "folder").iterdir())
@@ -166,7 +166,7 @@ def test_no_file_that_is_there_is_replaced_unasked(axisbus, tmp_path, command):
     (tmp_path / name).write_text("kept")
     code, out, err = axisbus(*command, "-o", name)
     assert (code, out) == (1, "")
-    assert f"{name} is there already; nothing was written" in err
+    assert f"{name} already exists; nothing was written" in err
     assert "give another name with -o, or --force to replace it" in err
     assert (tmp_path / name).read_text() == "kept"
     if command[0] == "eds" and command[1] != "from-device":
@@ -180,7 +180,7 @@ def test_a_default_name_is_not_replaced_unasked_either(axisbus, tmp_path):
         (("eds", "from-device", "5", *BUS), "node-5.eds"),
     ):
         (tmp_path / name).write_text("kept")
-        assert "is there already" in axisbus(*command).err
+        assert "already exists" in axisbus(*command).err
         assert (tmp_path / name).read_text() == "kept"
 
 
@@ -240,27 +240,27 @@ def test_a_restore_of_what_the_file_does_not_have(axisbus):
 
 def test_one_file_is_not_written_twice(axisbus):
     code, _, err = axisbus("config", "backup", "5", *NODE, "-o", "x.dcf", "--concise", "./x.dcf")
-    assert (code, "is named for two files" in err) == (1, True)
+    assert (code, "is given for two files" in err) == (1, True)
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("monitor", "CELL", "--every", "-1"), "is no time to wait"),
-        (("monitor", "CELL", "--every", "nan"), "is no time to wait"),
-        (("monitor", "CELL", "--every", "inf"), "is no time to wait"),
+        (("monitor", "CELL", "--every", "-1"), "is not a valid time"),
+        (("monitor", "CELL", "--every", "nan"), "is not a valid time"),
+        (("monitor", "CELL", "--every", "inf"), "is not a valid time"),
         (("monitor", "CELL", "--count", "0"), "0 is not in the range"),
         (("monitor", "CELL", "--count", "-1"), "-1 is not in the range"),
-        (("od", "watch", "5:6041", *NODE, "--every", "0"), "is no time to wait"),
-        (("trace", *BUS, "--seconds", "0"), "is no time to wait"),
-        (("trace", *BUS, "--seconds", "nan"), "is no time to wait"),
-        (("load", *BUS, "-b", "500000", "--seconds", "0"), "is no time to wait"),
-        (("lss", "find", *BUS, "--timeout", "nan"), "is no time to wait"),
+        (("od", "watch", "5:6041", *NODE, "--every", "0"), "is not a valid time"),
+        (("trace", *BUS, "--seconds", "0"), "is not a valid time"),
+        (("trace", *BUS, "--seconds", "nan"), "is not a valid time"),
+        (("load", *BUS, "-b", "500000", "--seconds", "0"), "is not a valid time"),
+        (("lss", "find", *BUS, "--timeout", "nan"), "is not a valid time"),
         (("lss", "find", *BUS, "--vendor", "-1"), "32 bits"),
         (("scan", *BUS, "-b", "500"), "give bit/s, such as 500000"),
-        (("scan", *BUS, "-b", "-1"), "is no bit rate"),
+        (("scan", *BUS, "-b", "-1"), "is not a bit rate"),
         (("scan", *BUS, "-O", "speed"), "write KEY=VALUE"),
-        (("scan", *BUS, "-O", "channel=1"), "has an option of its own, -c"),
+        (("scan", *BUS, "-O", "channel=1"), "has a separate option, -c"),
         (("scan", "CELL", "-c", "can1"), "leave -c and -O out"),
         (("scan", "-i", "pcan", "-c", "PCAN_USBBUS1"), "add -b 1000000"),
         (("trace", "-i", "pcan", "-c", "PCAN_USBBUS1"), "add -b 1000000"),

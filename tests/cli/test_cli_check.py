@@ -77,7 +77,7 @@ def test_the_pages_of_errors_are_named_once_each(axisbus, tmp_path):
     out = axisbus("check", path).out
     assert out.endswith(
         f"  more:     axisbus explain cell-file\n  more:     axisbus explain eds\n"
-        f"next: mend the errors and check again: axisbus check {path}\n"
+        f"next: fix the errors and check again: axisbus check {path}\n"
     )
     found = json.loads(axisbus("check", path, "--json").out)["findings"]
     assert {each["page"] for each in found if each["severity"] == "error"} == {"cell-file", "eds"}
@@ -250,7 +250,7 @@ def test_an_id_is_explained_and_listed(axisbus):
     assert len({each["id"] for each in rules}) == len(rules) > 100
     code, _, err = axisbus("check", "--explain", "Q1")
     assert code == 2
-    assert "no rule's id" in err
+    assert "not the id of a rule" in err
 
 
 def test_warnings_and_notes_can_be_ignored_and_errors_not(axisbus, tmp_path):

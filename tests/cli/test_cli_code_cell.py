@@ -258,7 +258,7 @@ def test_a_two_axis_drive_has_the_objects_of_both_and_the_pdos_that_there_are(ru
         (("--axis", "q"), "the cell has no axis 'q'"),
         (("--axis", "v"), "axis v is virtual: it has no PDOs"),
         (("--axis", "x", "--node", "1"), "--axis names a node of a cell"),
-        (("builtin:generic-cia402",), "of a file, or of a cell?"),
+        (("builtin:generic-cia402",), "an input file is missing"),
     ],
 )
 def test_what_has_no_pdos_is_refused_in_words(run, file, arguments, said):
@@ -284,8 +284,11 @@ def test_a_module_that_speaks_can_simple_has_none_and_the_others_are_named(run, 
     [
         ((), "of what?"),
         (("--axis", "x", "builtin:generic-cia402"), "--axis names a node of a cell"),
-        (("--cell", EXAMPLES / "cell.toml", "-o", "x.h"), "a Python module holds no PDOs of a cell"),
-        (("--c", "--cell", EXAMPLES / "cell.toml", "-o", "x.py"), "no name of a C header"),
+        (
+            ("--cell", EXAMPLES / "cell.toml", "-o", "x.h"),
+            "a Python module cannot contain the PDOs of a cell",
+        ),
+        (("--c", "--cell", EXAMPLES / "cell.toml", "-o", "x.py"), "not the name of a C header"),
         (("--c", "--cell", "none.toml"), "none.toml"),
     ],
 )

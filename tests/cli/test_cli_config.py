@@ -133,7 +133,7 @@ def test_a_backup_that_is_there_is_not_replaced(axisbus, bus, saved, tmp_path):
     arguments = ("config", "backup", "6", *options, "--eds", commands.GENERIC, "-o", "x.dcf")
     code, _, err = axisbus(*arguments)
     assert (code, (tmp_path / "x.dcf").read_bytes()) == (1, before)
-    assert "x.dcf is there already; nothing was written" in err
+    assert "x.dcf already exists; nothing was written" in err
     assert axisbus(*arguments, "--force").code == 0
     assert (tmp_path / "x.dcf").read_bytes() != before
 
@@ -418,8 +418,8 @@ def test_a_concise_dcf_is_written_and_restored(axisbus, bus, tmp_path):
     [
         (("none.dcf", "5"), 1, "none.dcf"),
         ((commands.GENERIC, "5"), 1, "has no parameter values: there is nothing to restore"),
-        (("x.dcf", "0"), 2, "'0' is no node"),
-        (("x.dcf", "5", "--include", "6098h;0"), 2, "names no object"),
+        (("x.dcf", "0"), 2, "'0' is not a node"),
+        (("x.dcf", "5", "--include", "6098h;0"), 2, "does not name an object"),
         (("x.dcf", "5", "--include", "5FFF:1"), 2, "gives no value for 5FFFh:01"),
         (("x.dcf", "5", "--concise"), 2, "give the node's EDS with --eds"),
     ],

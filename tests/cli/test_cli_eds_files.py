@@ -57,7 +57,7 @@ def test_fix_shows_a_diff_and_writes_nothing(axisbus, eds):
     code, out, _ = axisbus("eds", "fix", eds)
     assert code == 1
     assert "-SupportedObjects=3\n+SupportedObjects=1\n" in out
-    assert f"{eds}: 1 mend (L003 1), not written\nnext: axisbus eds fix {eds} --write" in out
+    assert f"{eds}: 1 fix (L003 1), not written\nnext: axisbus eds fix {eds} --write" in out
     assert eds.read_text() == EDS
 
 
@@ -65,11 +65,11 @@ def test_fix_writes_when_asked_and_then_has_nothing_to_do(axisbus, eds):
     eds.chmod(0o640)
     code, out, _ = axisbus("eds", "fix", eds, "--write")
     assert code == 0
-    assert f"{eds}: written with 1 mend (L003 1)\nnext: axisbus eds check {eds}" in out
+    assert f"{eds}: written with 1 fix (L003 1)\nnext: axisbus eds check {eds}" in out
     assert eds.read_text() == EDS.replace("Objects=3", "Objects=1")
     assert stat.S_IMODE(eds.stat().st_mode) == 0o640
     code, out, _ = axisbus("eds", "fix", eds, "--write")
-    assert (code, out) == (0, f"{eds}: nothing to mend\nnext: axisbus eds check {eds}\n")
+    assert (code, out) == (0, f"{eds}: nothing to fix\nnext: axisbus eds check {eds}\n")
     assert [path.name for path in eds.parent.iterdir()] == ["a.eds"]
 
 
@@ -98,7 +98,7 @@ def test_fix_takes_many_files_and_mends_what_can_be_read(axisbus, eds, tmp_path)
     code, out, _ = axisbus("eds", "fix", eds, tmp_path / "[bc].eds", eds)
     assert code == 1
     assert out.count("-SupportedObjects=3\n+SupportedObjects=1\n") == 2
-    assert f"{clean}: nothing to mend\nnext: axisbus eds fix {eds} {other} --write\n" in out
+    assert f"{clean}: nothing to fix\nnext: axisbus eds fix {eds} {other} --write\n" in out
     broken.write_bytes(b"\x89PNG\r\n")
     code, out, err = axisbus("eds", "fix", tmp_path / "*.eds", "--write", "--json")
     assert (code, "it looks like a PNG picture" in err) == (2, True)
@@ -112,7 +112,7 @@ def test_fix_asked_in_a_wrong_way_does_nothing(axisbus, eds, tmp_path, monkeypat
     monkeypatch.chdir(tmp_path)
     code, _, err = axisbus("eds", "fix", *([eds] if wrong else []), *wrong)
     assert (code, eds.read_text()) == (2, EDS)
-    assert "-o is of one file" in err if wrong else "no file is given" in err
+    assert "-o is for one file" in err if wrong else "no file is given" in err
     assert [path.name for path in tmp_path.iterdir()] == ["a.eds"]
 
 

@@ -166,7 +166,11 @@ def test_export_takes_the_format_from_the_name(eds: Command, tmp_path: Path) -> 
 
 @pytest.mark.parametrize(
     ("arguments", "text"),
-    [((), "in which format?"), (("--dbc",), "depend on the node ID"), (("-o", "x.xlsx"), "in which format?")],
+    [
+        ((), "no format is given"),
+        (("--dbc",), "depend on the node ID"),
+        (("-o", "x.xlsx"), "no format is given"),
+    ],
 )
 def test_export_that_is_not_clear_ends_with_2(eds: Command, arguments: tuple[str, ...], text: str) -> None:
     code, out, err = eds("export", DRIVE, *arguments)
@@ -185,7 +189,7 @@ def test_code_writes_a_module(eds: Command, tmp_path: Path) -> None:
 def test_code_refuses_a_name_that_cannot_be_imported(eds: Command, tmp_path: Path) -> None:
     code, _, err = eds("code", DRIVE, "-o", tmp_path / "my-drive.py")
     assert code == 2
-    assert "no name of a Python module" in err
+    assert "not the name of a Python module" in err
 
 
 @pytest.mark.parametrize("command", ["show", "doc", "code"])

@@ -203,7 +203,7 @@ def test_scan_of_a_silent_bus_finds_its_rate(axisbus, wire):
     assert "listening at other bit rates, in the adapter's listen-only mode" in err
     assert "this bus runs at 500000 bit/s: " in out
     assert "2 modules speak CAN Simple" in out
-    assert "next: write this rate: -b 500000" in out
+    assert "next: use this rate: -b 500000" in out
 
 
 def test_scan_as_json_tells_the_rate(axisbus, wire):
@@ -239,7 +239,7 @@ def test_an_adapter_without_that_mode_is_left_alone_and_the_way_is_told(axisbus,
     code, out, _ = axisbus("scan", "-i", "kvaser", "-c", "0", "-b", "1000000")
     assert code == 1
     assert len(wire.opened) == 1
-    assert "a wrong bit rate destroys every frame of a living bus" in out
+    assert "a wrong bit rate destroys every frame of a working bus" in out
     assert "with -b 500000" in out
 
 

@@ -76,7 +76,7 @@ def test_list_as_json_has_no_value_that_is_not_known(axisbus, plant):
 def test_where_no_cell_is_there_that_is_told(axisbus):
     nobody = ["--plant", "hall", "--listen", free_endpoint()]
     code, out, _ = axisbus("fleet", "list", *nobody)
-    assert (code, "no cell of plant hall is there" in out) == (1, True)
+    assert (code, "no cell of plant hall was found" in out) == (1, True)
     code, _, err = axisbus("fleet", "stop", *nobody)
     assert (code, "none was stopped" in err) == (1, True)
 
@@ -113,7 +113,7 @@ def test_where_an_endpoint_is_not_reached_that_is_told_and_a_stop_of_all_has_fai
     code, out, _ = axisbus("fleet", "stop", *way(plant))
     assert code == 3
     assert "press: stopped" in out
-    assert f"NOT REACHED: {nobody}: no cell behind it was stopped" in out
+    assert f"NOT REACHED: {nobody}: its cells were not stopped" in out
     assert axisbus("fleet", "stop", "press", *way(plant)).code == 0
     code, out, _ = axisbus("fleet", "watch", *way(plant), "--count", "1")
     assert (code, f"NOT REACHED: {nobody}" in out) == (0, True)

@@ -47,7 +47,7 @@ def test_it_is_done_and_how_to_keep_it_is_told(axisbus):
     with modules_on_bus(one) as channel:
         code, out, err = axisbus(channel, "full", "--yes")
     assert code == 0, err
-    assert "full calibration came to its end without an error; module 5 is idle" in out
+    assert "full calibration was completed without an error; module 5 is idle" in out
     assert "axis0.encoder.config.pre_calibrated=true" in out
     assert (one.restarts, one.energised) == (0, False)
 

@@ -148,7 +148,7 @@ def test_another_bit_rate_is_listened_for_and_nobody_is_asked(axisbus, monkeypat
         code, out, _ = axisbus("gim6010", "find", "-i", "slcan", "-c", "/dev/x", "-b", "1000000")
         assert code == 1
         assert "this bus runs at 500000 bit/s" in out
-        assert "write this rate: -b 500000" in out
+        assert "use this rate: -b 500000" in out
         assert wire.opened == [(1_000_000, True), (500_000, True)]
         wire.opened.clear()
         code, out, _ = axisbus(

@@ -86,7 +86,7 @@ def test_values_are_read_and_written_by_name(line):
         "position_feedback": None,
     }
     assert line("read", "position_feedback").out == (
-        "position_feedback = 0 turns (rotor) (may be dead: not in closed loop)\n"
+        "position_feedback = 0 turns (rotor) (may be outdated: not in closed loop)\n"
     )
     code, out, _ = line("write", "velocity_limit=12.5", "input_mode=5")
     assert code == 0
@@ -116,15 +116,15 @@ def test_parameters_are_read_and_written_by_the_list_of_the_firmware(line):
 @pytest.mark.parametrize(
     ("arguments", "code", "word"),
     [
-        (("read", "speed"), 2, "'speed' is no register"),
+        (("read", "speed"), 2, "'speed' is not a register"),
         (("read", "axis0.error"), 2, "--list"),
         (("write",), 2, "give NAME=VALUE"),
         (("write", "velocity_limit"), 2, "write NAME=VALUE"),
-        (("write", "velocity_limit=fast"), 2, "no float32"),
-        (("write", "velocity_limit=nan"), 2, "no float32"),
+        (("write", "velocity_limit=fast"), 2, "not a float32"),
+        (("write", "velocity_limit=nan"), 2, "not a float32"),
         (("write", "current_limit=51"), 2, "to 50 A"),
         (("write", "position_gain=5", "state_control=8"), 2, "modbus move"),
-        (("write", "node_id=5", "position_gain=5"), 2, "written alone"),
+        (("write", "node_id=5", "position_gain=5"), 2, "must be the only NAME=VALUE"),
         (("write", "node_id=0"), 2, "from 1"),
         (("zero",), 2, "--list"),
         (("move", *MOVE), 2, "--to"),
@@ -183,10 +183,10 @@ def test_another_node_id_and_the_zero(line):
     code, out, err = line("zero", "--list", "endpoints_0.5.13.json")
     assert code == 0, err
     assert "index_offset = 0.3" in out
-    assert "its zero is here; saved" in out
+    assert "its zero is the present position; saved" in out
     code, out, err = line("write", "node_id=5", "--save")
     assert code == 0, err
-    assert "module 1 is module 5 now, saved" in out
+    assert "module 1 is now module 5, saved" in out
     assert line("state", node=5).code == 0
 
 
@@ -292,8 +292,8 @@ def test_without_a_warden_nothing_is_enabled(line, monkeypatch):
     ("arguments", "word"),
     [
         ((), "--can-simple or --modbus"),
-        (("--modbus", "0"), "everybody's address"),
-        (("--modbus", "64"), "is no module"),
+        (("--modbus", "0"), "broadcast address"),
+        (("--modbus", "64"), "is not a module"),
         (("--modbus", "1", "--modbus", "1"), "two modules have node ID 1"),
     ],
     ids=str,
@@ -331,7 +331,7 @@ def test_nobody_on_the_line_is_told(line, monkeypatch, capsys):
     code, out, err = run("gim6010", "modbus", "find", "--port", line.path, "--highest", 2)
     assert (code, out) == (3, "")
     assert "2 node IDs asked at 115200 bit/s" in err
-    assert "A and B not swapped" in err
+    assert "A and B are not swapped" in err
 
 
 def test_a_calibration_asks_is_followed_and_judged(line):
@@ -343,7 +343,7 @@ def test_a_calibration_asks_is_followed_and_judged(line):
     assert (code, "--list" in err) == (2, True)
     code, out, err = line("calibrate", "full", *listed, "--yes")
     assert code == 0, err
-    assert "came to its end without an error" in out
+    assert "was completed without an error" in out
     assert "modbus write axis0.motor.config.pre_calibrated=true" in out
     assert line.is_off
 

@@ -58,12 +58,12 @@ def test_parameters_are_read_written_and_saved(over):
     assert code == 0, err
     assert f"{RAMP} = 50 (was 100)" in out
     assert (
-        f"keep it: axisbus gim6010 params set ... --modbus {over.path} --node 1 --list {LISTED} --save" in out
+        f"save it: axisbus gim6010 params set ... --modbus {over.path} --node 1 --list {LISTED} --save" in out
     )
     assert (over.value(RAMP), over.restarts) == (50.0, 0)
     code, out, _ = over("params", "set", f"{RAMP}=40", *LIST, "--save")
     assert (code, over.value(RAMP), over.restarts) == (0, 40.0, 1)
-    assert "restarted, and holds all of it" in out
+    assert "restarted, and has all of it" in out
     values = json.loads(over("params", "dump", "axis0.controller.config", *LIST, "--json").out)
     assert values[RAMP] == 40.0
     code, _, err = over("params", "set", "axis0.requested_state=8", *LIST)
@@ -125,7 +125,7 @@ def test_errors_and_another_node_id(over):
     assert json.loads(over("errors", "--json").out)["axis"] == 0x4000
     code, out, err = over("set-id", 5)
     assert code == 0, err
-    assert "module 1 is module 5 now, saved" in out
+    assert "module 1 is now module 5, saved" in out
     assert over("errors", node=5).code == 0  # its restart has cleared them
 
 
@@ -166,4 +166,4 @@ def test_a_module_or_a_port_that_is_not_there_is_told(over, monkeypatch, capsys)
     assert (code, "1 or above" in err) == (2, True)
     run = commands.runner(monkeypatch, capsys)
     code, _, err = run("gim6010", "errors", "--parity", "even", "--node", 1)
-    assert (code, "--parity goes with --modbus" in err) == (2, True)
+    assert (code, "--parity needs --modbus" in err) == (2, True)

@@ -40,11 +40,11 @@ def test_parameters_are_read_written_and_saved_without_a_list(over, module):
     code, out, err = over("params", "set", f"{RAMP}=50")
     assert code == 0, err
     assert f"{RAMP} = 50 (was 100)" in out
-    assert "keep it: axisbus gim6010 params set ... --usb --save" in out
+    assert "save it: axisbus gim6010 params set ... --usb --save" in out
     assert (module.usb_read(RAMP), module.restarts) == (50.0, 0)
     code, out, err = over("params", "set", f"{RAMP}=40", "--save")
     assert (code, module.usb_read(RAMP), module.restarts) == (0, 40.0, 1), err
-    assert f"module {SERIAL:X}h restarted, and holds all of it" in out
+    assert f"module {SERIAL:X}h restarted, and has all of it" in out
 
 
 def test_all_that_it_has_is_told_also_what_has_64_bits(over, module):
@@ -130,7 +130,7 @@ def test_from_the_box_to_canopen_over_usb_alone(over, module):
 def test_an_id_that_is_not_saved_is_gone_with_the_next_start(over, module):
     code, out, err = over("set-id", 5, "--no-save")
     assert (code, module.usb_read(NODE), module.restarts) == (0, 5, 0), err
-    assert "keep it: axisbus gim6010 set-id 5 --usb" in out
+    assert "save it: axisbus gim6010 set-id 5 --usb" in out
     module.restart()
     assert module.usb_read(NODE) == 0
 
@@ -174,7 +174,7 @@ def test_a_module_that_is_not_there_and_one_of_several(over, module, monkeypatch
         (("params", "get", RAMP, "-i", "virtual", "-c", "c"), "--usb needs no -i and no -c"),
         (("params", "get", RAMP, "--list", "endpoints_0.5.13.json"), "--usb needs no --list"),
         (("params", "get", RAMP, "--serial", "xyz"), "hexadecimal"),
-        (("zero", "--until-restart"), "does not go over --usb"),
+        (("zero", "--until-restart"), "cannot be done over --usb"),
         (("tune", "position", "--size", 0.1, "--yes"), ""),
     ],
 )
@@ -208,7 +208,7 @@ def test_a_port_that_another_program_has_is_told(over, monkeypatch):
 def test_a_serial_number_goes_with_usb_alone(monkeypatch, capsys):
     run = commands.runner(monkeypatch, capsys)
     code, _, err = run("gim6010", "params", "get", RAMP, "--serial", "AB")
-    assert (code, "--serial goes with --usb" in err) == (2, True)
+    assert (code, "--serial needs --usb" in err) == (2, True)
 
 
 def test_one_that_does_not_restart_is_not_told_as_saved(over, module, monkeypatch):

@@ -48,7 +48,7 @@ def test_gains_that_are_not_taken_are_told(axisbus):
     one._talk._commands.pop(0x1A)
     with modules_on_bus(one) as channel:
         code, _, err = axisbus(channel, *POSITION, "--pos-gain", 26, *LIST, "--yes")
-    assert (code, f"has not taken {GAIN}" in err) == (3, True)
+    assert (code, f"has not accepted {GAIN}" in err) == (3, True)
 
 
 def test_it_refuses_where_nobody_can_answer_and_guesses_nothing(axisbus):
@@ -82,7 +82,7 @@ def test_ctrl_c_brakes_it_and_lets_it_go(axisbus):
         threading.Thread(target=interrupt, daemon=True).start()
         code, _, err = axisbus(channel, "velocity", "--step", 3, "--for", "10s", "--yes")
         assert (code, "Ctrl-C" in err, "idle was sent" in err) == (130, True, True)
-        assert "trial did not come to its end" in err
+        assert "trial was not completed" in err
         assert not one.energised
         assert abs(one.shaft.speed) < 0.3
 

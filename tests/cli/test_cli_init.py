@@ -110,7 +110,7 @@ def test_nodes_files_and_axes_are_in_the_file_and_check_finds_no_error(axisbus, 
         "axis11": (11, "increments"),
     }
     assert "CONFIRM: axis axis7" in out
-    assert 'bit 12 tells nothing: handshake = "on-change"' in (tmp_path / "cell.toml").read_text()
+    assert 'bit 12 is not usable: handshake = "on-change"' in (tmp_path / "cell.toml").read_text()
     assert not [each for each in check(tmp_path / "cell.toml") if each.severity.value == "error"]
     assert [dict(each.dictionary.values) for each in devices] == before  # nothing was written
     assert [each.drive.statusword & 0x6F for each in devices] == [0x40, 0x40]
@@ -149,7 +149,7 @@ def test_what_is_missing_is_named_and_the_exit_code_says_so(axisbus, bus, tmp_pa
     code, out, _ = axisbus("init", *options)
     assert code == 1
     assert "MISSING: node 7: no EDS (no file of vendor 0x1234, product 0x42)" in out
-    assert "MISSING: node 127: no EDS (the device gives no vendor ID" in out
+    assert "MISSING: node 127: no EDS (the device reports no vendor ID" in out
     assert "MISSING: the bit rate of the bus is not known" in out
     text = (tmp_path / "cell.toml").read_text()
     assert tomllib.loads(text)["bus"]["master_id"] == 126  # 127 is taken
@@ -170,7 +170,7 @@ def test_a_cell_file_that_is_there_is_not_replaced(axisbus, bus, tmp_path):
     options, _ = bus(n7=drive_text())
     code, _, err = axisbus("init", *options)
     assert (code, (tmp_path / "cell.toml").read_text()) == (1, "mine\n")
-    assert "cell.toml is there already; nothing was written" in err
+    assert "cell.toml already exists; nothing was written" in err
     axisbus("init", *options, "--force")
     assert (tmp_path / "cell.toml").read_text() != "mine\n"
 
@@ -178,15 +178,15 @@ def test_a_cell_file_that_is_there_is_not_replaced(axisbus, bus, tmp_path):
 def test_an_empty_bus_makes_no_file(axisbus, tmp_path):
     code, _, err = axisbus("init", "-i", "virtual", "-c", next(CHANNELS))
     assert code == 1
-    assert "nobody answered on the bus; no cell file was written" in err
+    assert "no node answered on the bus; no cell file was written" in err
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        ((), 2, "say which bus"),
-        (("-i", "virtual", "--eds", "nowhere"), 1, "nowhere is no folder and no file"),
+        ((), 2, "give the bus with -i"),
+        (("-i", "virtual", "--eds", "nowhere"), 1, "nowhere is neither a folder nor a file"),
     ],
 )
 def test_bad_input_is_one_clear_sentence(axisbus, arguments, code, words):
@@ -213,7 +213,7 @@ def test_a_stopped_node_is_left_out_and_named():
         DiscoveredNode(9, False, NmtState.STOPPED), FileMatch((), exact=False), (), (), GENERIC_MAKE
     )
     made = draft(BusFound("socketcan", "can0", 125_000), [found])
-    assert made.missing == ("node 9 answers no SDO (it says that it is stopped): it is left out",)
+    assert made.missing == ("node 9 does not answer SDO (it reports stopped): it is left out",)
     assert tomllib.loads(made.text).keys() == {"bus"}
 
 

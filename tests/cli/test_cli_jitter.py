@@ -46,7 +46,7 @@ def test_beside_a_program_that_moves_an_axis_it_sees_the_commands_as_well(axisbu
         handle = under_way(machine["x"])
         code, out, err = axisbus("jitter", path, "--for", "1s", "--json")
         assert code in (0, 1), err
-        assert "joined the machine that runs already" in err
+        assert "joined the running machine" in err
         found = json.loads(out)
         assert found["cycles"] > 20
         assert 0 < found["last_tpdo"]["p50"] < 0.02

@@ -56,7 +56,7 @@ def test_monitor_joins_and_looks_on(axisbus, moving, file):
     code, out, err = axisbus("monitor", file, "--count", "1")
     assert code == 0
     assert "DiscreteMotion" in out
-    assert "joined the machine that runs already" in err
+    assert "joined the running machine" in err
     assert handle.active
     assert abs(turns(machine)) == pytest.approx(30.0, abs=1.0)
 
@@ -104,7 +104,7 @@ def test_taken_the_command_is_the_other_ones_for_its_time(axisbus, moving, file)
     code, out, _ = axisbus("move", file, "y=5", "--take")
     assert code == 0
     assert "y: at 5.0" in out
-    assert "what was enabled before is so still" in out
+    assert "those that were enabled before are still enabled" in out
     with pytest.raises(Stopped, match="took the command"):
         handle.wait(10)
     assert machine["y"].state is AxisState.DISABLED
@@ -117,8 +117,8 @@ def test_without_a_machine_these_say_what_they_cannot_mean(axisbus, tmp_path, ve
     path.write_text(cell_text("x"), encoding="utf-8")
     code, _, err = axisbus(verb, path)
     assert code == 1
-    assert f"no machine of {path} runs on this computer, and {verb} " in err
-    assert "one that is just starting can be joined once it has booted" in err
+    assert f"no machine of {path} is running on this computer, and {verb} " in err
+    assert "a machine that is just starting can be joined after it has booted" in err
 
 
 def test_a_machine_that_is_run_has_its_command_free_for_whoever_comes(axisbus, tmp_path):
@@ -227,7 +227,7 @@ def test_what_only_reads_joins_and_the_motion_goes_on(axisbus, moving, file, wor
     code, out, err = axisbus(*words, "--cell", file)
     assert code == (1 if words[:2] == ("config", "diff") else 0), out + err
     assert shown in out
-    assert "joined the machine that runs already" in err
+    assert "joined the running machine" in err
     assert handle.active
     assert abs(turns(machine)) == pytest.approx(30.0, abs=1.0)
 
@@ -287,7 +287,7 @@ def test_what_needs_the_bus_for_itself_is_refused_and_says_why(axisbus, moving, 
 def test_the_frames_of_a_machine_that_runs_are_shown_in_both_directions(axisbus, moving, file):
     code, out, err = axisbus("trace", str(file), "--count", "200", "--json")
     assert code == 0, err
-    assert "joined the machine that runs already" in err
+    assert "joined the running machine" in err
     frames = [json.loads(line) for line in out.splitlines()]
     assert {"SYNC", "RPDO", "TPDO"} <= {frame["kind"] for frame in frames}
     times = [frame["time"] for frame in frames]

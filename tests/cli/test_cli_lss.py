@@ -90,13 +90,13 @@ def test_find_where_everybody_has_a_node_id(lss, tmp_path):
     code, out, _ = lss("find", written(tmp_path, []), "--beside-operation")
     assert code == 1
     assert "no LSS slave without a node-ID answers" in out
-    assert "next: see who has a node-ID: axisbus scan" in out
+    assert "next: to list nodes with a node-ID: axisbus scan" in out
 
 
 def test_find_where_only_others_are(lss, cell):
     code, out, _ = lss("find", cell, "--vendor", 5, "--beside-operation")
     assert code == 1
-    assert "other slaves without a node-ID are there" in out
+    assert "there are other slaves without a node-ID" in out
 
 
 def test_inquire(lss, cell):
@@ -134,7 +134,7 @@ def test_find_reports_slaves_that_go_on_answering_and_finds_those_behind_them(ls
     code, out, _ = lss("find", both, *KNOWN, "--beside-operation", "--timeout", "0.02")
     assert code == 0
     note = (
-        "    goes on answering fast scan after it was found, against CiA 305: it was excluded by its address\n"
+        "    continues to answer fast scan after it was found, against CiA 305: it was excluded by its address\n"
         "    address: the four numbers were read from it and are the same\n"
     )
     assert out.startswith(
@@ -186,7 +186,7 @@ def test_a_slave_that_does_not_boot_is_not_switched_off_with_a_node_id_that_is_n
     assert code == 3
     assert "--reset" in out
     assert ("switch it off and on" in out) is store
-    assert ("keep its power on" in out) is not store
+    assert ("do not switch it off" in out) is not store
 
 
 def one_slave(**told):
@@ -200,13 +200,13 @@ def one_slave(**told):
         (
             Scanned((one_slave(node_id=5),)),
             0,
-            "serial 0x4, has node-ID 5 and answers fast scan all the same\n",
+            "serial 0x4, has node-ID 5 and answers fast scan nevertheless\n",
         ),
         (
             Scanned((one_slave(check=Check.UNSELECTABLE),)),
             0,
             "address: it cannot be selected by its address: only the only slave on a bus can be set so\n"
-            "next: connect it alone, and give it a node-ID: axisbus lss set-node-id NODE_ID {cell} --only --store",
+            "next: connect only this slave, and give it a node-ID: axisbus lss set-node-id NODE_ID {cell} --only --store",
         ),
         (Scanned((one_slave(check=Check.SILENT),)), 0, "address: it does not tell its numbers"),
     ],
@@ -250,12 +250,12 @@ def test_set_node_id_as_json(lss, cell):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("set-node-id", 7), "name the slave in one way"),
-        (("set-node-id", 7, *WHO, "--only"), "name the slave in one way"),
+        (("set-node-id", 7), "name the slave by one of these"),
+        (("set-node-id", 7, *WHO, "--only"), "name the slave by one of these"),
         (("set-node-id", 0, *WHO), "node-ID 0 cannot be given"),
         (("set-node-id", "x", *WHO), "'x' is not a number"),
         (("set-node-id", 7, "-s", 1, 2, 3, 1 << 32), "not a number of 32 bits"),
-        (("inquire", *WHO, "--timeout", 0), "is no time to wait"),
+        (("inquire", *WHO, "--timeout", 0), "is not a valid time"),
         (("set-bitrate", 100_000, *WHO, "--yes"), "no bit rate of 100000"),
         (("set-bitrate", 500_000, "--yes"), "name the slaves"),
         (("set-bitrate", 500_000, *WHO, "--all", "--yes"), "name the slaves"),
@@ -279,8 +279,8 @@ def test_set_bitrate_says_what_it_does_to_others_and_wants_a_yes(lss, cell):
 def test_set_bitrate_without_activation_changes_nothing_yet(lss, cell):
     code, out, _ = lss("set-bitrate", 500_000, cell, *WHO, "--store", "--yes", "--beside-operation")
     assert code == 0
-    assert "told: 500000 bit/s, stored" in out
-    assert "nothing has changed yet: the new rate holds from their next power-up" in out
+    assert "set: 500000 bit/s, stored" in out
+    assert "nothing has changed yet: the new rate applies from their next power-up" in out
     assert f"axisbus scan {cell} -b 500000" in out
 
 
@@ -326,8 +326,8 @@ def test_set_bitrate_of_one_with_activation_says_that_it_answers(lss, cell):
         *PATIENT,
     )
     assert code == 0
-    assert "told: 500000 bit/s, changed over; our adapter has no rate" in out
-    assert "not stored: at the next power-up they are back at the old rate" in out
+    assert "set: 500000 bit/s, changed over; the adapter of this computer has no rate" in out
+    assert "not stored: after the next power-up they have the old rate again" in out
     assert "  answers at 500000 bit/s: 0xC0B00 0x0 0x0 0x2" in out
     assert f"next: axisbus scan {cell} -b 500000" in out
 
@@ -360,7 +360,7 @@ def test_a_change_over_that_is_interrupted_says_that_the_slaves_go_on(lss, cell,
     code, _, err = lss("set-bitrate", 250_000, cell, "--all", "--activate", "--yes", "--beside-operation")
     assert code == 130
     assert (
-        f"the slaves may be changing over to 250000 bit/s all the same: look with axisbus scan {cell} -b 250000"
+        f"the slaves may nevertheless be changing over to 250000 bit/s: check with axisbus scan {cell} -b 250000"
         in err
     )
 
@@ -375,12 +375,12 @@ def test_a_slave_that_does_not_come_along_is_named_and_told_by_the_exit_code(lss
     assert code == 3
     assert "  answers at 250000 bit/s: 0xC0B00 0x0 0x0 0x2" in out
     assert "  DOES NOT ANSWER at 250000 bit/s: 0xC0B00 0x0 0x0 0x3" in out
-    assert "THE BUS IS HALF CHANGED OVER: switch the silent ones off and on" in out
+    assert "THE BUS IS HALF CHANGED OVER: switch the silent slaves off and on" in out
 
 
 def test_store(lss, cell):
     code, out, _ = lss("store", cell, *WHO, "--beside-operation")
-    assert (code, "stored: node-ID and bit rate are kept without power" in out) == (0, True)
+    assert (code, "stored: node-ID and bit rate survive a power-off" in out) == (0, True)
 
 
 def test_a_slave_that_is_not_there_is_a_failure_of_the_bus(lss, cell):

@@ -103,4 +103,4 @@ def test_on_80_columns_the_fault_and_its_remedy_stand_below_the_axes(monkeypatch
 def test_more_axes_than_lines_are_counted(monkeypatch):
     lines = shown(monkeypatch, 80, 10, after_a_fault("xabcdefghijklm", 5)).lines
     assert any(line.startswith("x ") for line in lines)
-    assert any(line.endswith("more: make the window higher") for line in lines)
+    assert any(line.endswith("more: increase the height of the window") for line in lines)

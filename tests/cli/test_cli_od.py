@@ -87,7 +87,7 @@ def test_without_an_eds_by_number_with_a_type(axisbus, bus):
     ("arguments", "code", "words"),
     [
         (("5:6041",), 2, "give a cell file with --cell, or the bus with -i and -c"),
-        (("5", "--cell", commands.CELL), 2, "name an object behind the node"),
+        (("5", "--cell", commands.CELL), 2, "name an object after the node"),
         (("q:6041", "--cell", commands.CELL), 2, "axes of the cell are x, y, z"),
         (("x:Statuswort", "--cell", commands.CELL), 2, "did you mean 'statusword'"),
         (("x:6041", "--cell", commands.CELL, "--type", "u17"), 2, "'u17' is no data type"),

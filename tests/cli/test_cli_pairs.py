@@ -45,7 +45,7 @@ def test_a_pair_is_moved_by_its_name_with_an_axis_beside(axisbus, cell):
     where, skew = map(float, re.search(r"b: at (-?[\d.]+) deg, ([\d.]+) deg out of square", out).groups())
     assert where == pytest.approx(10.0, abs=0.1)
     assert skew < 0.1
-    assert "all axes stand and are disabled" in out
+    assert "all axes are at standstill and disabled" in out
 
 
 def test_a_pair_goes_on_at_a_velocity_for_its_time(axisbus, cell):
@@ -66,7 +66,7 @@ def test_a_pair_that_finds_no_switch_says_so_and_is_disabled_again(axisbus, cell
 @pytest.mark.parametrize(
     ("words", "code", "told"),
     [
-        (("move", "x=1"), 1, "x: x and y carry one beam, and axisbus move is for both"),
+        (("move", "x=1"), 1, "x: x and y carry one beam, and axisbus move applies to both"),
         (("move", "b=1", "y=1"), 1, "name the pair: b"),
         (("move", "b=1", "b=2"), 2, "axis b is named twice"),
         (("move", "w=1"), 1, "it has x, y, z; its pairs are b"),
@@ -74,11 +74,11 @@ def test_a_pair_that_finds_no_switch_says_so_and_is_disabled_again(axisbus, cell
         (("move", "b=301"), 2, "beyond the position limits"),
         (("move", "b=601", "--relative"), 2, "would end beyond the position limits"),
         (("move", "b=1", "--velocity", "500"), 2, "velocity 500 deg/s is beyond that of x"),
-        (("home", "y"), 1, "axisbus home is for both"),
+        (("home", "y"), 1, "axisbus home applies to both"),
         (("home", "w"), 1, "its groups are all; its pairs are b"),
-        (("velocity", "y=1", "--for", "1"), 1, "axisbus velocity is for both"),
-        (("torque", "b=1", "--for", "1"), 1, "a beam is not pressed with a torque"),
-        (("torque", "x=1", "--for", "1"), 1, "axisbus torque is for both"),
+        (("velocity", "y=1", "--for", "1"), 1, "axisbus velocity applies to both"),
+        (("torque", "b=1", "--for", "1"), 1, "a pair cannot be moved by a torque"),
+        (("torque", "x=1", "--for", "1"), 1, "axisbus torque applies to both"),
         (("jog", "b"), 1, "axisbus jog is for one axis, and x and y carry one beam"),
         (("jog", "x", "--velocity", "5"), 1, "b=... --for 1s"),
         (("reset", "b", "x"), 2, "axis x is named twice"),
@@ -99,7 +99,7 @@ def test_all_axes_a_group_or_both_by_name_are_the_pair(cell):
     assert as_pairs(config, ["x", "y", "z"], "enable") == ["b", "z"]
     assert as_pairs(config, ["z", "y", "x"], "enable") == ["z", "b"]
     assert as_pairs(config, ["y"]) == ["y"]  # a halt of one is one of both, whoever asks
-    with pytest.raises(StateError, match="axisbus enable is for both"):
+    with pytest.raises(StateError, match="axisbus enable applies to both"):
         as_pairs(config, ["z", "y"], "enable")
     assert sides_of(config, ["z", "b"], "move") == ["z", "x", "y"]
 
@@ -132,7 +132,7 @@ def test_in_a_machine_that_runs_a_pair_is_enabled_halted_and_disabled(axisbus, t
         assert code == 0, err
         assert "enabled: b" in out
         assert all(axis.state is AxisState.STANDSTILL for axis in machine)
-        assert "axisbus enable is for both" in axisbus("enable", file, "x", "--take").err
+        assert "axisbus enable applies to both" in axisbus("enable", file, "x", "--take").err
         code, out, err = axisbus("halt", file, "b")
         assert code == 0, err
         assert "b: stands at 0.0000 deg, 0.0000 deg out of square" in out

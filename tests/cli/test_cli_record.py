@@ -118,7 +118,7 @@ def test_a_file_that_is_there_is_not_replaced_by_chance(axisbus, cell, tmp_path)
     path.write_bytes(b"precious")
     code, _, err = axisbus("record", cell, "-o", path, "--for", "1")
     assert (code, path.read_bytes()) == (1, b"precious")
-    assert "is there already" in err
+    assert "already exists" in err
     assert "--force" in err
 
 
@@ -128,7 +128,7 @@ def test_a_file_that_is_there_is_not_replaced_by_chance(axisbus, cell, tmp_path)
         (("--axes", "w"), "no axis 'w'"),
         (("--objects", "x:nothing"), "no object 'nothing'"),
         (("--objects", "6064"), "names no object"),
-        (("--for", "2 weeks"), "is no time to wait"),
+        (("--for", "2 weeks"), "is not a valid time"),
     ],
 )
 def test_what_cannot_be_recorded_is_refused_and_nothing_is_written(axisbus, cell, tmp_path, options, text):
@@ -153,7 +153,7 @@ def test_a_machine_that_runs_is_joined_and_what_its_program_does_is_recorded(axi
             "record", file, "-o", path, "--for", "1.5", "--objects", "x:6064,x:6040,x:6081"
         )
         assert code == 0, err
-        assert "joined the machine that runs already" in err
+        assert "joined the running machine" in err
         assert handle.active
         assert abs(turns(machine)) == pytest.approx(30.0, abs=1.0)
         x.halt().wait(10)
@@ -256,7 +256,7 @@ def test_a_recording_is_exported(axisbus, moved, tmp_path, kind):
     column = "x.position [deg]" if kind == "csv" else "x.position"
     assert table[column].iloc[-1] == pytest.approx(10.0, abs=0.05)
     code, _, err = axisbus("record", "export", moved / "a.mcap", "-o", path)
-    assert "is there already" in err
+    assert "already exists" in err
     assert (
         "end its name in .csv or .parquet"
         in axisbus("record", "export", moved / "a.mcap", "-o", tmp_path / "a.xls").err
@@ -291,7 +291,7 @@ def test_a_moment_that_does_not_come_is_told(axisbus, cell, tmp_path):
     path = tmp_path / "none.mcap"
     code, out, _ = axisbus("record", cell, "-o", path, "--when", "fault", "--for", "300ms")
     assert (code, path.exists()) == (1, False)
-    assert "the moment did not come" in out
+    assert "the condition did not become true" in out
     for options, text in (
         (("--when", "x > 3"), "is no condition"),
         (("--when", "fault", "--objects", "x:6041"), "leave --objects out"),

@@ -76,15 +76,15 @@ def test_the_page_speaks_of_its_buttons():
         ("read why (axis.error), then reset it: axis.reset()", "reset it: axisbus reset my.toml x"),
         ("give velocity = ... in the call, or y in [z]; never", "give --velocity, or y in [z]; never"),
         ("give slope = ... (N·m/s) in the call, or y in [z]", "write y in [z]"),
-        ("check the cable; then open the machine again", "check the cable; then give the command again"),
+        ("check the cable; then open the machine again", "check the cable; then repeat the command"),
         (
             start_and_reset(2),
             "start it (axisbus nmt start 2 --cell my.toml), and reset the axis: axisbus reset my.toml x",
         ),
         (
             f"mend it; then {ANEW}",
-            "mend it; then where the machine runs already, end it (Ctrl-C in axisbus run) and start it again; then give the "
-            "command again",
+            "mend it; then if the machine is already running, end it (Ctrl-C in axisbus run) and start it again; then repeat "
+            "the command",
         ),
     ],
 )

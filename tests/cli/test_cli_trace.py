@@ -44,14 +44,14 @@ def test_a_recording_in_words_with_the_cells_names_and_units(axisbus, log):
     assert "0x06020000, Object does not exist" in lines[4]
     assert "Position actual value 32768 = 90 deg" in lines[5]
     assert "0x8611, Following error" in lines[6]
-    assert "8 frames, 8 shown, 2 of them with trouble" in err
+    assert "8 frames, 8 shown, 2 of them with errors" in err
 
 
 def test_standard_input_without_any_file(axisbus):
     code, out, err = axisbus("trace", "-", stdin="noise\n" + LOG)
     assert code == 0
     assert "TPDO1, mapping not known: 37 16 01 00 80 00 00" in out
-    assert "1 line is no frame, the first is 1: noise" in err
+    assert "1 line is not a frame, the first is 1: noise" in err
 
 
 def test_an_eds_for_one_node(axisbus, log):
@@ -99,7 +99,7 @@ def test_own_times(axisbus, log):
     ("arguments", "code", "words"),
     [
         ((), 2, "give a cell file, a recording"),
-        (("x.log", "-i", "virtual", "-c", "a"), 2, "both say where frames come from"),
+        (("x.log", "-i", "virtual", "-c", "a"), 2, "both name the source of the frames"),
         (("x.log",), 1, "there is no recording x.log"),
         (("-", "--filter", "knid=sdo"), 2, "is no filter"),
         (("-", "--filter", "kind=sod"), 2, "did you mean sdo?"),
@@ -199,7 +199,7 @@ def test_the_load_of_a_recording_says_which_lines_are_no_frames(axisbus, tmp_pat
     path.write_text("(1.0) can0 182#37\nnoise\n(1.1) can0 182#37\n")
     code, out, _ = axisbus("load", path, "-b", "1000000")
     assert code == 0
-    assert "1 line is no frame, the first is 2: noise" in out
+    assert "1 line is not a frame, the first is 2: noise" in out
     assert json.loads(axisbus("load", path, "-b", "1000000", "--json").out)["measured"]["lines_skipped"] == 1
 
 

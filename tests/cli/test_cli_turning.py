@@ -45,14 +45,14 @@ def test_axes_turn_for_their_time_and_are_disabled(axisbus, cell):
     x, y = (float(re.search(rf"{name}: stands at (-?[\d.]+) deg", out)[1]) for name in "xy")
     assert 25.0 < x < 90.0
     assert -45.0 < y < -12.0
-    assert "all axes stand and are disabled" in out
+    assert "all axes are at standstill and disabled" in out
 
 
 def test_a_torque_is_pressed_with_for_its_time(axisbus, cell):
     code, out, err = axisbus("torque", cell, "x=0.5", "--slope", "5", "--for", "0.3")
     assert code == 0, err
     assert "x: has 0.5 N·m" in out
-    assert "all axes stand and are disabled" in out
+    assert "all axes are at standstill and disabled" in out
 
 
 def test_what_the_drive_alone_knows_is_told_before_it_is_enabled(axisbus, tmp_path, monkeypatch):
@@ -98,7 +98,7 @@ def test_an_axis_that_is_halted_by_another_program_ends_the_command(tmp_path):
             looking["x"].halt().wait(10)
         _, err = turning.communicate(timeout=20)
     assert turning.returncode == 1
-    assert "x: does not go on" in err
+    assert "x: the motion ended early" in err
 
 
 # -- jog -----------------------------------------------------------------------------------------------------------------------
@@ -179,7 +179,7 @@ def test_a_held_key_moves_the_axis_and_one_that_is_let_go_stops_it(tmp_path):
         os.write(terminal.keys, b"q")
         assert terminal.end() == 0
     assert "x: stands at" in terminal.shown
-    assert "all axes stand and are disabled" in terminal.shown
+    assert "all axes are at standstill and disabled" in terminal.shown
 
 
 def _stands(terminal: Terminal, axis) -> None:
@@ -204,7 +204,7 @@ def test_a_halt_by_somebody_else_is_not_undone_by_a_key_that_is_held(tmp_path):
         there = x.position
         terminal.hold(FORWARD, 0.5)
         assert x.position == pytest.approx(there, abs=0.1)
-        terminal.await_text("it was halted: let go of the key", 1.0)
+        terminal.await_text("it was halted: release the key", 1.0)
         terminal.read(1.0)
         terminal.hold(FORWARD, 1.0)
         assert x.velocity > 20.0
@@ -246,4 +246,4 @@ def test_without_a_terminal_a_jog_is_refused_and_nothing_is_opened(axisbus, cell
     monkeypatch.setattr(Machine, "open", lambda *_, **__: pytest.fail("it was opened"))
     code, _, err = axisbus("jog", cell, "x", "--velocity", "30")
     assert code == 1
-    assert "standard input is no terminal" in err
+    assert "standard input is not a terminal" in err

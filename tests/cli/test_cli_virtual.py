@@ -63,7 +63,7 @@ def test_what_it_has_not_is_refused_before_the_bus_is_opened(axisbus, cell):
 def test_a_cell_of_it_alone_is_booted_planned_and_shown(axisbus, alone):
     code, out, _ = axisbus("boot", alone)
     assert code == 0
-    assert "axis v is virtual: the core leads it alone, without a node" in out
+    assert "axis v is virtual: only the core moves it, without a node" in out
     assert axisbus("load", alone).code == 0
     assert axisbus("plan", alone).code == 0
     code, out, _ = axisbus("velocity", alone, "v=50", "--for", "0.2s")

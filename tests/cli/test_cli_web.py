@@ -67,7 +67,7 @@ def test_a_port_that_is_taken_is_told_before_the_machine_is_opened(axisbus):
         port = taken.getsockname()[1]
         code, _, err = axisbus("web", commands.CELL, "--port", port)
     assert code == 1
-    assert f"127.0.0.1:{port} cannot be listened at" in err
+    assert f"127.0.0.1:{port} cannot be used" in err
     assert "--port" in err
 
 

@@ -273,7 +273,7 @@ def test_the_command_is_one_program_s_until_it_is_taken_over_or_given_back(plant
             assert two["press"].control_owner() == "one"
             with two["press"].command(force=True) as theirs:
                 until(lambda: mine.lost is not None)
-                with pytest.raises(OwnershipError, match="has lost the command"):
+                with pytest.raises(OwnershipError, match="has lost control"):
                     press["x"].move_absolute(1.0)
                 theirs["x"].move_absolute(2.0).wait(5)
         assert two["press"].control_owner() is None
@@ -360,7 +360,7 @@ def test_a_jog_that_was_not_heard_is_not_asked_for_again(plant):
         cell.deaf = 1
         with pytest.raises(CommandError) as caught:
             press["x"].jog(10.0).wait(5)
-        assert "must not come late" in caught.value.observed
+        assert "must not arrive late" in caught.value.observed
         assert len(cell.jogs) == 5
 
 

@@ -375,12 +375,12 @@ def test_what_runs_is_asked_again_and_is_active():
     [
         (HERE, {}, None),
         (HERE._replace(alive=False), {}, "gone"),
-        (HERE._replace(run="b"), {}, "begun anew"),
+        (HERE._replace(run="b"), {}, "has restarted"),
         (HERE._replace(leased=False), {}, "lease is lost"),
         (HERE._replace(leased=False), {"needs_lease": False}, None),
-        (HERE, {"once": True}, "must not come late"),
+        (HERE, {"once": True}, "must not arrive late"),
         (HERE._replace(now=10.0 + SILENCE - 0.1), {}, None),
-        (HERE._replace(now=10.0 + SILENCE + 0.1), {}, "gave no answer"),
+        (HERE._replace(now=10.0 + SILENCE + 0.1), {}, "did not answer"),
     ],
 )
 def test_a_command_without_an_answer_is_asked_again_until_nobody_can_tell(situation, more, why):
@@ -391,7 +391,7 @@ def test_a_command_without_an_answer_is_asked_again_until_nobody_can_tell(situat
     assert found.status is Status.ERROR
     assert isinstance(found.error, CommandError)
     assert why in found.error.observed
-    assert "whether it moved is not known" in found.error.remedy
+    assert "it is not known whether the axis moved" in found.error.remedy
 
 
 def test_a_jog_that_was_taken_has_ended_here_for_asking_again_would_press_again():

@@ -12,7 +12,7 @@ from axisbus.gateway import machine_follower
 from axisbus.gateway.machine_follower import MachineFollower
 
 JOINED, ENDED, WAITS = (
-    "joined the machine that runs",
+    "joined the running machine",
     "the machine has ended",
     "waits for a machine: axisbus run",
 )
@@ -86,13 +86,13 @@ def test_one_that_is_on_its_way_out_is_not_joined_once_more(follow):
 
 def test_one_that_cannot_be_joined_is_said_once_and_asked_again(follow):
     said, done = follow(StateError("it is full"), StateError("it is full"), Runs(1), None)
-    assert said == ["no machine is followed: it is full", JOINED, ENDED, WAITS]
+    assert said == ["no machine is observed: it is full", JOINED, ENDED, WAITS]
     assert done == ["served", "looked", "left"]
 
 
 def test_one_that_breaks_is_left_before_it_is_closed_and_the_next_is_followed(follow):
     said, done = follow(Runs(2, StateError("the core is gone")), Runs(1), None)
-    assert said == [JOINED, "no machine is followed: the core is gone", JOINED, ENDED, WAITS]
+    assert said == [JOINED, "no machine is observed: the core is gone", JOINED, ENDED, WAITS]
     assert done == ["served", "looked", "looked", "left", "served", "looked", "left"]
 
 

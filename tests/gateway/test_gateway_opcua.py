@@ -620,7 +620,7 @@ def literal(octets):
         b"\x97" + struct.pack("<i", limits.PIECES * 2) + b"\0" * limits.PIECES * 2,
         b"\x18" * 50_000,
     ],
-    ids=["of nothing", "backwards", "longer than its chunk", "of many pieces", "deep"],
+    ids=["of nothing", "backwards", "longer than its chunk", "of many chunks", "deep"],
 )
 def test_what_a_message_claims_of_itself_takes_neither_memory_nor_time(server, octets):
     async def ask():

@@ -57,7 +57,7 @@ def test_every_state_and_mode_has_a_number_and_a_name():
         s.value for s in AxisState
     ]
     assert states.CONTROL_MODES[states.control_mode(8)] == "cyclic sync position"
-    assert states.CONTROL_MODES[states.control_mode(-3)] == "a mode of the maker's"
+    assert states.CONTROL_MODES[states.control_mode(-3)] == "a manufacturer-specific mode"
     assert states.HOMING_STATES[states.homing_state(True)] == "REFERENCED"
     assert all(
         0 <= number < 1 << 16 for names in (states.AXIS_STATES, states.CONTROL_MODES) for number in names

@@ -64,7 +64,7 @@ def sound(file, machine):
 
 @pytest.fixture
 def client(bridge, machine):
-    """Somebody on the network, while nobody has the lease and nothing moves."""
+    """Somebody on the network, while no client has the lease and nothing moves."""
     with Client(bridge.endpoint) as client:
         until(client.alive)
         yield client
@@ -158,7 +158,7 @@ def test_the_lease_passes_on_and_what_moved_halts_first(client, bridge, machine)
         assert ben.lease("release").refused is None
     events = client.ask(KEYS.events, m.EventsAsk(), m.EventsAnswer)
     told = [event.text for event in events.events if event.kind == "lease"]
-    assert any("Ben took the lease over" in text for text in told)
+    assert any("Ben took over the lease" in text for text in told)
     numbers = [event.n for event in events.events]
     assert numbers == list(range(1, len(numbers) + 1))
 

@@ -53,7 +53,11 @@ def test_a_lease_lasts_a_second_from_each_renewal_and_not_a_moment_longer():
 
 @pytest.mark.parametrize(
     ("client", "token", "words"),
-    [("ben", "t1", "Anna has the lease"), ("anna", "t0", "no lease of now"), ("anna", "", "no lease of now")],
+    [
+        ("ben", "t1", "Anna has the lease"),
+        ("anna", "t0", "not belong to the present lease"),
+        ("anna", "", "not belong to the present lease"),
+    ],
 )
 def test_nobody_else_and_no_other_token_has_it(client, token, words):
     assert not HELD.holds(client, token, 10.1)
@@ -68,7 +72,7 @@ def test_it_is_taken_where_nobody_has_it_or_over_whoever_has():
     assert HELD.ending().refusal("ben", over=False) is None  # it is his once that has ended
     taking = CellLease().taking("anna", "")
     assert (taking.phase, taking.holder) == (LeasePhase.TAKING, "anna")
-    assert "changes hands" in taking.refusal("ben", over=True).message
+    assert "is changing its holder" in taking.refusal("ben", over=True).message
     assert not HELD.ending().holds("anna", "", 10.1)
 
 
@@ -82,7 +86,7 @@ def test_the_same_id_is_the_same_command_and_a_lower_one_is_none():
         ledger.enter("anna", number, "what", f"end {number}")
     assert ledger.again("anna", 5, "what") == "end 5"
     assert ledger.again("anna", 1, "what") == "end 1"
-    with pytest.raises(StateError, match="another one"):
+    with pytest.raises(StateError, match="a different command"):
         ledger.again("anna", 5, "else")
     with pytest.raises(StateError, match="too late"):
         ledger.again("anna", 4, "what")
@@ -129,13 +133,13 @@ def test_each_verb_is_a_call_of_the_library_with_the_values_that_it_takes():
         ("enable", ask("q"), "no axis 'q'"),
         ("enable", ask("x", "x"), "twice"),
         ("enable", ask("x", speed=1.0), "no value 'speed'"),
-        ("enable", ask("x", allow_moving=1), "no allow_moving"),
-        ("move_absolute", ask("x", "y", position=1.0), "which axis"),
-        ("move_absolute", ask(position=1.0), "which axis"),
-        ("move_absolute", ask("x"), "how much is the position"),
-        ("move_absolute", ask("x", position="1"), "no position"),
-        ("move_absolute", ask("x", position=True), "no position"),
-        ("move_absolute", ask("x", position=1.0, direction=0.5), "no direction"),
+        ("enable", ask("x", allow_moving=1), "not a valid allow_moving"),
+        ("move_absolute", ask("x", "y", position=1.0), "no axis is given"),
+        ("move_absolute", ask(position=1.0), "no axis is given"),
+        ("move_absolute", ask("x"), "no position given"),
+        ("move_absolute", ask("x", position="1"), "not a valid position"),
+        ("move_absolute", ask("x", position=True), "not a valid position"),
+        ("move_absolute", ask("x", position=1.0, direction=0.5), "not a valid direction"),
         ("jog", ask("x", velocity=1.0), "press"),
     ],
 )
@@ -160,7 +164,7 @@ DEEP = b'{"axes": [], "more": ' + b"[" * 5000  # nested too deeply for JSON
 
 def test_a_deeply_nested_query_is_refused_and_does_not_prevent_a_stop():
     query = SimpleNamespace(key_expr="ax/hall/press/cmd/halt_all", payload=zenoh.ZBytes(DEEP))
-    with pytest.raises(ArgumentError, match="no CommandAsk"):
+    with pytest.raises(ArgumentError, match="not contain a CommandAsk"):
         ZenohQuery(query).message(CommandAsk)
     assert service._stop("halt_all", ZenohQuery(query)).axes == ()
 
@@ -311,7 +315,7 @@ def test_what_happens_at_a_machine_is_told_once_with_cause_and_remedy(machine):
     assert any(one.about == "node 1" and "0x8611" in one.cause for one in found)
     assert look() == []
     machine["x"].reset().wait(5)
-    assert any("no error any more" in one.text for one in look())
+    assert any("no longer has an error" in one.text for one in look())
 
 
 def test_a_state_is_of_now_or_says_nothing_but_its_age(machine):
@@ -369,12 +373,12 @@ def test_names_and_keys():
 
 @pytest.mark.parametrize("endpoint", ["", "10.0.0.1:7447", "tcp:10.0.0.1", "nonsense/x", "tcp/a b"])
 def test_what_is_no_endpoint_is_told_before_anything_is_opened(endpoint):
-    with pytest.raises(ArgumentError, match="no endpoint"):
+    with pytest.raises(ArgumentError, match="not an endpoint"):
         network.require_reachable(ZenohNetwork((endpoint,)))
 
 
 def test_somebody_must_be_reachable_and_a_wrong_file_is_told(tmp_path):
-    with pytest.raises(ArgumentError, match="nobody could be reached"):
+    with pytest.raises(ArgumentError, match="no cell can be reached"):
         network.require_reachable(ZenohNetwork())
     file = tmp_path / "wrong.json5"
     for text in ("{", "{ nonsense: 1 }", "{ mode: 'dictator' }"):

@@ -203,7 +203,7 @@ class _Page:
                 pages.now += 0.05
             pages.desk.look(pages.now)
             pages.machine.sleep(0.01)
-            if any("none of this page's" in words for _, words in pages.told(place)):
+            if any("does not belong to this page" in words for _, words in pages.told(place)):
                 raise PassedOver
         except UnicodeDecodeError:  # the web server closes such a socket
             return
@@ -369,7 +369,7 @@ OF_CONNECTIONS: dict[str, Reader] = {
         _core_messages,
         _core,
         errors=(NotForCrossing,),
-        names=says("what another process sent"),
+        names=says("data from another process"),
         limits=_LIMITS,
     ),
     "core's door": reader_of(_first_words, _door, errors=(PassedOver,), names=unshown),

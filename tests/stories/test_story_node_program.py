@@ -354,5 +354,8 @@ def test_an_interruption_says_what_it_has_left_behind(axisbus, tmp_path, monkeyp
     code, told = axisbus("boot", tmp_path / "cell.toml")
     assert code == 130
     assert told.err.count("node 3: its program is being replaced, 3000 bytes; do not switch it off\n") == 1
-    assert "(node 3): a node whose download was cut short is of no use before one has succeeded" in told.err
+    assert (
+        "(node 3): a node cannot be used after an interrupted download until a download has succeeded"
+        in told.err
+    )
     assert f"next: axisbus boot {tmp_path / 'cell.toml'}" in told.err

@@ -261,10 +261,7 @@ def moving_values(page: ClientConnection) -> dict[str, Any]:
 
 
 def test_it_has_complained_of_nothing_but_said_that_it_joined(at):
-    assert (
-        at.served.errors.read_text("utf-8")
-        == "joined the machine that runs already; this command has its command\n"
-    )
+    assert at.served.errors.read_text("utf-8") == "joined the running machine; this command has control\n"
 
 
 def test_a_server_that_stands_still_is_halted_for_and_what_it_hears_afterwards_is_too_late(moving):

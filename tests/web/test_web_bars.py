@@ -134,8 +134,8 @@ def test_limits_that_nobody_keeps_at_present_are_said_not_to_hold(tmp_path):
     path.write_text(text, encoding="utf-8")
     with Machine.simulated(path) as machine:
         before = bars(machine)
-        assert before["position"]["told"] == "holds once it is homed"
-        assert before["following_error"]["told"] == "holds while positions lead it"
+        assert before["position"]["told"] == "applies after homing"
+        assert before["following_error"]["told"] == "applies while it follows position set-points"
         machine["x"].enable().wait()
         machine["x"].home().wait()
         assert (bars(machine)["position"]["kind"], bars(machine)["following_error"]["kind"]) == ("", "")

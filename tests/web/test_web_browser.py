@@ -62,8 +62,8 @@ def test_the_cell_is_shown_with_nodes_bus_and_nothing_wrong(scene):
     assert page.text("#nodes").count("operational") == 2
     assert "the node is booted" in page.text("#nodes")
     assert "cycle of 20 ms" in page.text("#beside")
-    assert page.text("#incidents") == "Nothing so far."
-    assert page.text("#controls") == "Nobody has the controls"
+    assert page.text("#incidents") == "None."
+    assert page.text("#controls") == "No page has the controls"
 
 
 def test_enable_asks_once_and_no_leaves_it_off(scene):
@@ -133,7 +133,7 @@ def test_with_its_socket_cut_a_jog_stands_within_half_a_second(x):
     jogs(x)
     x.page.run("sockets.filter((socket) => socket.url.endsWith('/live')).at(-1).close()")
     assert until(lambda: x.speed() < 0.1) < 0.5
-    until(lambda: x.page.text("#controls") == "Nobody has the controls")
+    until(lambda: x.page.text("#controls") == "No page has the controls")
     assert x.speed() < 0.1
 
 
@@ -307,12 +307,12 @@ def test_a_link_opens_one_page_once_and_that_may_stop_what_another_moves(scene, 
     driver.switch_to.new_window("window")
     try:
         looker = Page(driver, link)
-        assert until_text(looker, "#controls", "This page looks on")
+        assert until_text(looker, "#controls", "This is an observer page")
         until(lambda: x.speed() > FAST)
         looker.press("quick_stop_all")
         until(lambda: x.speed() < 0.1)
         driver.get(link)
-        assert "used already" in driver.page_source
+        assert "already been used" in driver.page_source
     finally:
         driver.close()
         driver.switch_to.window(first)

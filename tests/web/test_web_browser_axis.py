@@ -89,7 +89,7 @@ def test_a_bar_tells_where_a_value_lies_within_its_limits(x):
     until(lambda: x.speed() < 0.1)
     until(lambda: x.page.text("[data-bar=velocity] em") == "")
     until(lambda: bar(x.page, "velocity").at == pytest.approx(0.5, abs=0.02))
-    assert x.page.text("[data-bar=following_error] em") == "holds while positions lead it"
+    assert x.page.text("[data-bar=following_error] em") == "applies while it follows position set-points"
 
 
 def test_a_torque_asks_first_and_the_space_bar_ends_it(x):
@@ -122,7 +122,7 @@ def test_the_command_that_another_program_took_is_taken_back(scene, x):
     assert not x.page.one("#command").is_displayed()
     with Machine.attach(scene.file, command=True, force=True) as other:
         until(lambda: x.page.one("#command").is_displayed())
-        assert "the machine is commanded by process" in x.page.text("#commanded")
+        assert "control of the machine belongs to process" in x.page.text("#commanded")
         x.page.type("velocity", "50")
         x.page.press("move_velocity")
         until(lambda: "has not the command" in x.page.text("#told"))

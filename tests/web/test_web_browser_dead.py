@@ -112,7 +112,7 @@ def test_on_a_network_that_is_slow_all_the_time_nothing_is_shown_as_of_now_and_n
 
 def test_a_server_that_is_gone_is_told_and_its_stop_is_not_confirmed(x, scene):
     scene.web.terminate()
-    until(lambda: x.page.gone and "The connection is gone" in x.page.text("#gone"), 15.0)
+    until(lambda: x.page.gone and "The connection is lost" in x.page.text("#gone"), 15.0)
     x.page.key(SPACE)
     until(lambda: x.page.one("#unstopped").is_displayed())
     x.page.pictures("gone")

@@ -169,7 +169,7 @@ def test_what_is_kept_being_read_follows_the_drive_and_eight_are_enough(at):
     opened(page, "607D")
     for number in range(3):
         button(page, "Keep reading", f"1:607D:{number:02X}")
-    assert "kept reading already" in page.told()
+    assert "already being read repeatedly" in page.told()
     assert len(page.driver.find_elements(By.CSS_SELECTOR, "#kept-rows tr")) == 8
 
 

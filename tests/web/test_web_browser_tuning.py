@@ -180,7 +180,7 @@ def test_nothing_is_typed_already_and_what_is_missing_is_said(at):
     for field in fields:
         field.clear()
     press(page, page.one("#tune-try"))
-    until(lambda: "how much is the distance?" in page.text("#told"))
+    until(lambda: "no distance given" in page.text("#told"))
 
 
 def test_a_trial_is_measured_drawn_and_laid_over_a_pinned_one(at):
@@ -258,7 +258,7 @@ def test_whatever_comes_between_stops_the_plant_and_is_told(at, do):
         disturbed(page, x, "its page has ended it")
     elif do == "cut":
         page.run("sockets.filter((each) => each.url.endsWith('/live')).forEach((each) => each.close())")
-        disturbed(page, x, "the connection was gone")
+        disturbed(page, x, "the connection was lost")
     elif do == "covered":
         page.run("open('/')")
         other = page.driver.window_handles[-1]

@@ -159,7 +159,7 @@ def test_an_energised_node_is_refused_by_that(machine):
 
 def test_a_node_that_meets_the_conditions_is_not_restored_either_since_it_is_one_of_a_machine(machine):
     access = SimpleNamespace(node_id=1, nmt=NmtState.PRE_OPERATIONAL)
-    assert "belongs to a machine that runs" in refusal(access, node_of(machine, 1)).message
+    assert "belongs to a running machine" in refusal(access, node_of(machine, 1)).message
 
 
 def test_the_file_of_another_node_is_refused(machine):
@@ -206,7 +206,7 @@ def test_the_settings_come_back_and_what_the_machine_goes_by_stays(machine):
     assert (device(machine).read(*WINDOW), device(machine).read(*HEARTBEAT)) == (4321, 1234)
     assert [(row[0], row[2], row[4]) for row in found.rows] == [("6083h:00", "777", "restored")]
     assert found.text.startswith("1 restored")
-    assert "lost with the next power-off" in found.text
+    assert "lost at the next power-off" in found.text
     assert any("6065h:00" in line and "or goes by" in line for line in found.lines)
     assert found.command.startswith("axisbus config restore")
     assert done(machine, ConfigJobKind.RESTORE, 1, made).text.startswith("0 restored")
@@ -217,7 +217,7 @@ def test_the_dry_run_says_what_this_page_would_write_and_what_not(machine):
     changed(machine)
     here = {row[0]: row[4] for row in done(machine, ConfigJobKind.WOULD_RESTORE, 1, made).rows}
     assert here["6083h:00"] == "yes"
-    assert here["6065h:00"] == here["1017h:00"] == "no: the machine has set it, or goes by it"
+    assert here["6065h:00"] == here["1017h:00"] == "no: the machine has set it, or uses it"
 
 
 def test_an_energised_node_gets_nothing(machine):
@@ -372,13 +372,13 @@ def test_who_looks_on_backs_up_and_compares_and_restores_nothing(desk):
     made = desk.job.files.of(desk.looker.seat.number, MADE)
     assert made.name == "node-1.dcf"
     desk.ask(desk.looker, "compare", node=1)
-    assert "has given no file" in words(desk.looker)
+    assert "has sent no file" in words(desk.looker)
     desk.job.files.keep(desk.looker.seat.number, BROUGHT, made)
     desk.ask(desk.looker, "compare", node=1)
     desk.run()
     assert desk.job.now.told()["report"]["text"].endswith("0 differ")
     desk.ask(desk.looker, "restore", node=1, sure=True)
-    assert "this page looks on" in words(desk.looker)
+    assert "this is an observer page" in words(desk.looker)
 
 
 def test_who_has_the_controls_restores_after_a_yes_until_they_are_gone(desk, monkeypatch):
@@ -388,7 +388,7 @@ def test_who_has_the_controls_restores_after_a_yes_until_they_are_gone(desk, mon
     desk.job.files.keep(number, BROUGHT, desk.job.files.of(number, MADE))
     device(desk.machine).write(*ACCELERATION, 777)
     desk.ask(desk.operator, "restore", node=1)
-    assert "nobody has said yes" in words(desk.operator)
+    assert "it has not been confirmed" in words(desk.operator)
     monkeypatch.setattr(throttled_node, "PACE", 0.01)
     desk.ask(desk.operator, "restore", node=1, sure=True)
     desk.run(lambda: desk.ask(desk.operator, "give_back"))
@@ -404,9 +404,9 @@ def test_who_has_the_controls_restores_after_a_yes_until_they_are_gone(desk, mon
 def test_there_is_one_job_for_all_pages_a_verification_is_one_too(desk):
     desk.ask(desk.operator, "backup", node=1)
     desk.ask(desk.looker, "backup", node=2)
-    assert "is under way, for page 1" in words(desk.looker)
+    assert "is already running, for page 1" in words(desk.looker)
     desk.ask(desk.operator, "verify", node=2)
-    assert "is under way, for page 1" in words(desk.operator)
+    assert "is already running, for page 1" in words(desk.operator)
     assert desk.desk.objects.verified is None
     desk.run()
     desk.ask(desk.operator, "verify", node=2)
@@ -425,7 +425,7 @@ def test_a_job_of_a_page_without_controls_gives_way_to_who_has_them(desk, monkey
         desk.ask(desk.operator, "backup", node=2)
         seen.append(desk.job.now)
         desk.ask(desk.looker, "backup", node=1)
-        assert "is under way, for page 1" in words(desk.looker)
+        assert "is already running, for page 1" in words(desk.looker)
 
     desk.ask(desk.looker, "backup", node=1)
     desk.run(over) if begun else over()

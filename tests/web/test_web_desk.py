@@ -28,11 +28,11 @@ def test_enabling_needs_the_controls_and_a_yes(pages):
     place = pages.sit()
     pages.ask(place, "enable", "x", sure=True)
     pages.pass_(1.0)
-    assert "nobody has the controls" in pages.told(place)[0][1]
+    assert "no page has the controls" in pages.told(place)[0][1]
     pages.ask(place, "take")
     pages.ask(place, "enable", "x")
     pages.pass_(1.0)
-    assert "nobody has said yes" in pages.told(place)[0][1]
+    assert "it has not been confirmed" in pages.told(place)[0][1]
     assert pages.machine["x"].state is AxisState.DISABLED
     pages.enabled(place, "x")
 
@@ -67,7 +67,7 @@ def test_what_comes_more_than_a_second_late_is_not_done_and_says_so(pages, do):
     pages.ask(place, do, "x", values=values, sure=True, sent=pages.now - 90.0 - 2.5)
     pages.pass_(0.5)
     assert pages.speed() == 0.0
-    assert pages.told(place) == [("refused", f"{do} came 2.5 s late: it is not done")]
+    assert pages.told(place) == [("refused", f"{do} came 2.5 s late, and was not executed")]
     pages.ask(place, do, "x", values=values, sure=True, sent=pages.now - 90.0 - 0.5)
     assert pages.told(place) == []
 
@@ -84,7 +84,7 @@ def test_who_looks_at_what_has_long_been_moves_nothing_and_stops(pages, do, old)
         assert (pages.speed() > 1.0) is moves
     told = pages.told(place)
     assert [text for _, text in told] == [
-        f"the connection is slow, {old:.1f} s there and back: {do} is not done"
+        f"the connection is slow, {old:.1f} s there and back: {do} was not executed"
     ]
     pages.ask(place, "move_velocity", "x", values=values)
     pages.pass_(0.5)
@@ -97,7 +97,9 @@ def test_who_looks_at_what_has_long_been_moves_nothing_and_stops(pages, do, old)
 def test_what_is_no_time_is_not_taken_for_one(pages, seen):
     place = pages.operator()
     pages.ask(place, "beat", seen=seen)
-    assert pages.told(place) == [("refused", "a message was none of this page's")]
+    assert pages.told(place) == [
+        ("refused", "the server received a message that does not belong to this page")
+    ]
     assert place.seen is None
 
 
@@ -206,7 +208,7 @@ def test_a_jog_without_a_direction_is_refused(pages, way):
     pages.enabled(place, "x")
     pages.press += 1
     pages.beat(place, way=way)
-    assert "one way or the other" in pages.told(place)[0][1]
+    assert "the direction is not valid" in pages.told(place)[0][1]
 
 
 def test_taken_over_a_jog_ends_and_both_are_told(pages):
@@ -223,7 +225,7 @@ def test_taken_over_a_jog_ends_and_both_are_told(pages):
     pages.beat(one)
     assert pages.speed() == pytest.approx(0.0, abs=0.1)
     texts = [text for _, text in pages.told(one)]
-    assert "page 2 at 127.0.0.1 has taken the controls over" in texts
+    assert "page 2 at 127.0.0.1 has taken over the controls" in texts
     pages.ask(two, "disable", "x")
     pages.pass_(1.0)
     assert pages.machine["x"].state is AxisState.DISABLED
@@ -259,7 +261,7 @@ def test_a_torque_needs_a_yes_turns_what_nothing_holds_and_ends_by_a_halt(pages)
     values = {"torque": "1,5", "slope": "100"}
     pages.ask(place, "torque_control", "x", values=values)
     pages.pass_(0.3)
-    assert "nobody has said yes" in pages.told(place)[0][1]
+    assert "it has not been confirmed" in pages.told(place)[0][1]
     assert pages.speed() == pytest.approx(0.0, abs=0.1)
     pages.ask(place, "torque_control", "x", sure=True, values=values)
     pages.pass_(0.1)
@@ -278,7 +280,7 @@ def test_who_looks_on_ends_a_torque_and_gives_none(pages, do):
     values = {"torque": "1", "slope": "100"}
     pages.ask(looker, "torque_control", "x", sure=True, values=values)
     pages.pass_(0.2)
-    assert "it may halt and stop" in pages.told(looker)[0][1]
+    assert "it may only halt, stop" in pages.told(looker)[0][1]
     assert pages.speed() == pytest.approx(0.0, abs=0.1)
     pages.ask(place, "torque_control", "x", sure=True, values=values)
     pages.pass_(0.2)
@@ -291,8 +293,8 @@ def test_who_looks_on_ends_a_torque_and_gives_none(pages, do):
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({}, "how much is the torque?"),
-        ({"torque": "much"}, "'much' is no torque"),
+        ({}, "no torque given"),
+        ({"torque": "much"}, "'much' is not a valid torque"),
         ({"torque": "nan"}, "no finite number"),
         ({"torque": "inf"}, "no finite number"),
         ({"torque": "5.01"}, "max_torque is 5 N·m"),
@@ -333,13 +335,13 @@ def test_the_command_is_taken_by_who_has_the_controls_and_says_yes(pages):
     pages.ask(looker, "take_command", sure=True)
     assert pages.told(looker)[0][0] == "refused"
     pages.ask(place, "take_command")
-    assert pages.told(place) == [("refused", "take_command(): nobody has said yes")]
+    assert pages.told(place) == [("refused", "take_command(): it has not been confirmed")]
     pages.ask(place, "take_command", sure=True)
     pages.pass_(0.1)
     assert pages.told(place) == []
     pages.desk.looks = True
     pages.ask(place, "take_command", sure=True)
-    assert "served to look on" in pages.told(place)[0][1]
+    assert "the server serves observer pages only" in pages.told(place)[0][1]
 
 
 def test_a_flood_is_refused_and_the_stop_in_it_is_not(pages):

@@ -72,7 +72,7 @@ def test_a_link_opens_one_browser_once():
     assert judged(keys, get(cookies=(entered.cookie,))) == PageSession(1, Role.OPERATOR)
     again = judged(keys, get("/enter", token=token))
     assert again.status == 403
-    assert "used already" in again.text
+    assert "already been used" in again.text
     assert "press enter" in again.text.lower()
 
 

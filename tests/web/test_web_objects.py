@@ -191,8 +191,8 @@ def test_a_domain_is_neither_read_nor_written(tmp_path):
     with Machine.simulated(path) as machine:
         at = Nodes(machine)
         for key in ("1:6083:00", "1:6084:00"):
-            assert "is not read in passing" in at.read(key).error["message"]
-            assert "is not written in passing" in at.write(key, "00FF").error["message"]
+            assert "is not read automatically" in at.read(key).error["message"]
+            assert "is not written automatically" in at.write(key, "00FF").error["message"]
 
 
 def test_octets_are_digits_and_no_file():
@@ -396,7 +396,7 @@ def test_who_looks_on_reads_and_does_not_write_or_verify(desk):
     assert [each["key"] for each in desk.told(desk.looker)] == ["1:6064:00", "2:6064:00"]
     assert desk.nodes.has("1:6083:00") == before
     assert desk.desk.objects.verified is None
-    assert any("looks on" in one.text for one in desk.looker.told)
+    assert any("observer page" in one.text for one in desk.looker.told)
 
 
 def test_a_write_needs_the_controls_when_it_is_done_not_only_when_it_is_asked_for(desk):
@@ -408,7 +408,7 @@ def test_a_write_needs_the_controls_when_it_is_done_not_only_when_it_is_asked_fo
     assert desk.nodes.has("1:6083:00") == before
     (told,) = desk.told(desk.operator)
     assert told["wrote"]
-    assert "has the controls no longer" in told["error"]["message"]
+    assert "no longer has the controls" in told["error"]["message"]
     desk.ask(other, "write_object", "1:6083:00", text="5")
     desk.run()
     assert desk.nodes.has("1:6083:00") == 5
@@ -428,7 +428,7 @@ def test_a_question_goes_to_who_asked_and_its_yes_writes(desk):
 def test_too_much_is_refused_and_said(desk):
     for _ in range(4):
         desk.ask(desk.looker, "read_objects", *["1:6064:00"] * 32)
-    assert any("waits for 64 objects" in one.text for one in desk.looker.told)
+    assert any("waiting for 64 objects" in one.text for one in desk.looker.told)
 
 
 def test_a_mistake_in_one_transfer_is_told_and_ends_nothing(desk, monkeypatch):

@@ -49,8 +49,8 @@ def test_all_addresses_are_none_however_they_are_written(address):
 def test_what_cannot_be_listened_at_is_told():
     with (
         socket.create_server(("127.0.0.1", 0)) as taken,
-        pytest.raises(StateError, match="cannot be listened at"),
+        pytest.raises(StateError, match="cannot be used"),
     ):
         opened("127.0.0.1", taken.getsockname()[1], tls=False)
-    with pytest.raises(StateError, match="cannot be listened at"):
+    with pytest.raises(StateError, match="cannot be used"):
         opened("192.0.2.1", 0, tls=False)

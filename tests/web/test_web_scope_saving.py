@@ -69,7 +69,7 @@ def test_a_file_is_read_back_with_the_values_that_were_shown(machine, tmp_path):
     assert all(math.isnan(value) for value in y.columns["velocity"])
     assert (x.units["position"], x.units["velocity"]) == ("deg", "deg/s")
     assert set(x.columns) == set(NAMES)
-    assert found.facts["from"] == "what a page showed on its scope"
+    assert found.facts["from"] == "data shown on the scope of a page"
     assert found.facts["drives"] == "simulated"
 
 
@@ -127,7 +127,7 @@ GOOD = packed([1.0, 2.0], x_position=[1.0, 2.0])
 )
 def test_what_is_none_of_the_page_s_is_refused(machine, data):
     assert read(data, SIGNALS) is None
-    with pytest.raises(ArgumentError, match="none of this page's samples"):
+    with pytest.raises(ArgumentError, match="do not belong to this page"):
         mcap(machine, data)
 
 
@@ -180,7 +180,7 @@ def test_one_file_of_a_browser_is_made_at_a_time_and_errors_are_told(machine, mo
     assert other.body.startswith(b"\x89MCAP")
     assert "another file of this browser" in json.loads(busy.body)["error"]["message"]
     (junk,) = answered(routes, b"junk")
-    assert "none of this page's samples" in json.loads(junk.body)["error"]["message"]
+    assert "do not belong to this page" in json.loads(junk.body)["error"]["message"]
 
     def full(*_: object) -> bytes:
         raise OSError(28, "No space left on device")

@@ -153,7 +153,7 @@ def test_an_axis_that_does_not_begin_disturbs_it():
     seen.side(STANDS, NAN, lambda _: 0.0, START - 0.1)
     assert seen.trial.why == ""
     seen.side(STANDS, NAN, lambda _: 0.0, 0.2)
-    assert "not under way" in seen.trial.why
+    assert "did not start" in seen.trial.why
 
 
 def test_the_first_reason_is_the_one_that_is_told():

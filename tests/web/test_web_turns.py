@@ -90,7 +90,7 @@ def test_without_the_controls_nothing_is_written_any_more_and_that_is_said():
     turns.drop_writes(9, 7.0)
     (told,) = turns.news(1)
     assert told.job == wish
-    assert "has the controls no longer" in told.error["message"]
+    assert "no longer has the controls" in told.error["message"]
     assert [job for _, job in run(turns, 7.0, 1.0)] == [ObjectJob(X[1], 1)]
 
 

@@ -58,8 +58,8 @@ class _Told:
         if self._nodes:
             nodes = ", ".join(map(str, sorted(self._nodes)))
             say_note(
-                f"interrupted while programs were being replaced (node {nodes}): a node whose download was cut short is of no use "
-                f"before one has succeeded; next: axisbus boot {cell}"
+                f"interrupted while programs were being replaced (node {nodes}): a node cannot be used after an interrupted "
+                f"download until a download has succeeded; next: axisbus boot {cell}"
             )
 
 
@@ -68,13 +68,14 @@ class _Told:
 @click.option("--json", "as_json", is_flag=True, help="Print the reports as JSON.")
 @beside_option
 def command(cell: Path, as_json: bool, beside: bool) -> int:
-    """Boot and configure the nodes of CELL, report each, and let them go again; energises nothing.
+    """Boot and configure the nodes of CELL, report on each, and release them; energises nothing.
 
-    Where [nodes.N.program] says download = true, a node with another program than the expected one is given it first, which may
-    take minutes.
+    If [nodes.N.program] says download = true and a node has another program than the expected one, the expected program is
+    downloaded first, which may take minutes.
 
-    The report says who each node is, how its boot-up went (with the letter of CiA 302-2, A to O, where there is one), how each axis
-    stops, and what notices a dead master. Exit code 3 when a node that is not optional did not come up.
+    For each node, the report shows its identity, the result of its boot-up (with the letter of CiA 302-2, A to O, if the
+    standard defines one), the stop sequence of each axis, and how the node detects a dead master. Exit code 3 when a node that
+    is not optional did not come up.
     """
     with progress_line(_LABEL, quiet=as_json) as line:
         told = _Told(line, quiet=as_json)
@@ -94,12 +95,14 @@ def command(cell: Path, as_json: bool, beside: bool) -> int:
     say(f"{up} of {counted(len(reports), 'node')} came up")
     for name, axis in config.axes.items():
         if axis.encoder is not None:
-            say(f"axis {name} is an encoder: it is where [io.{axis.encoder}] says")
+            say(f"axis {name} is an encoder: its position is that of [io.{axis.encoder}]")
         elif axis.virtual:
-            say(f"axis {name} is virtual: the core leads it alone, without a node")
-    say_note(f"the core of a program that opens this cell runs {expected(config.bus)}")
+            say(f"axis {name} is virtual: only the core moves it, without a node")
+    say_note(f"the core of a program that opens this cell will run {expected(config.bus)}")
     if failed:
-        say_next("mend what FAILED says, and boot again; who is there: axisbus scan " + str(cell))
+        say_next(
+            "fix the cause shown after FAILED, and boot again; to list the nodes: axisbus scan " + str(cell)
+        )
         return FAILURE
     homing = f", or axisbus home {cell}" if any(report.axes for report in reports) else ""
     say_next(f"axisbus monitor {cell}{homing}")

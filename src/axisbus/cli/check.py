@@ -92,7 +92,7 @@ def _show(cell: Path, problems: list[CellProblem], visible: list[CellProblem], i
     wrong = errors(problems)
     for page in sorted({problem.page for problem in wrong}):
         say(page_reference(page))
-    say_next(f"mend the errors and check again: axisbus check {cell}" if wrong else f"axisbus boot {cell}")
+    say_next(f"fix the errors and check again: axisbus check {cell}" if wrong else f"axisbus boot {cell}")
 
 
 def _put_together(problems: Iterable[CellProblem]) -> list[CellProblem]:

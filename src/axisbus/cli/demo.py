@@ -44,10 +44,11 @@ class DemoResult:
 @click.option("--plot/--no-plot", default=True, help="Draw motion.png (needs matplotlib).")
 @record_option
 def command(cell: Path | None, output: Path, plot: bool, record: Path | None) -> int:
-    """Run the main job on the simulated cell of examples/cell.toml: boot, enable, home, move, move together, fault, reset, stop.
+    """Demonstrate axisbus on the simulated cell of examples/cell.toml: boot, enable, home, move, move together, fault, reset,
+    stop.
 
-    Everything is simulated: no hardware is needed or touched. Writes recording.csv and motion.png; and cell.toml, the cell file
-    that it has run, unless one is there already.
+    Everything is simulated: no hardware is needed or touched. Writes recording.csv and motion.png. Also writes cell.toml, the
+    cell file that was used, unless a file of that name exists.
     """
     path = cell or next(path for path in _CELLS if path.exists())
     _require_simulated(checked(path))
@@ -60,7 +61,7 @@ def command(cell: Path | None, output: Path, plot: bool, record: Path | None) ->
         with recorded(machine, record) as recording:
             _job(machine, tally)
         lateness = machine.cycle_jitter
-    tally.say("every axis was halted and disabled, the nodes are pre-operational")
+    tally.say("every axis has been halted and disabled, the nodes are pre-operational")
     csv = recorder.write_csv(output / "recording.csv")
     tally.say(f"{counted(len(recorder), 'cycle')} recorded in {csv}")
     picture = None
@@ -113,7 +114,7 @@ def _report_boot(machine: Machine, tally: DemoResult) -> None:
 
 def _profile_moves(machine: Machine, tally: DemoResult) -> None:
     targets = [60.0, -40.0, 120.0][: len(machine)]
-    tally.say("profile position: each axis by itself")
+    tally.say("profile position: each axis separately")
     wait(axis.move_absolute(target) for axis, target in zip(machine, targets, strict=False))
     _note(machine, tally, "profile position", targets)
 

@@ -22,10 +22,10 @@ from axisbus.cli.shared.paths import PATH
 @click.argument("axes", nargs=-1, shell_complete=complete_axes)
 @take_option
 def command(cell: Path, axes: tuple[str, ...], take: bool) -> int:
-    """Stop the axes of CELL (or those named, by themselves, by a group or by a pair) in the machine that runs, and disable them."""
+    """Stop and disable the axes of CELL, or the named axes, groups or pairs, in the running machine."""
     config = checked(cell)
     names = as_pairs(config, named.chosen(config, axes))
-    why, remedy = "is what every machine does at its end", f"stop the drives themselves: axisbus stop {cell}"
+    why, remedy = "happens at the end of every machine", f"stop the drives themselves: axisbus stop {cell}"
     with running(cell, "disable", why, remedy, command=True, take=take) as machine:
         chosen = movers(machine, names)
         wait([each.disable() for each in chosen])

@@ -21,13 +21,16 @@ from axisbus.cli.shared.paths import PATH
 @click.argument("axes", nargs=-1, shell_complete=complete_axes)
 @take_option
 def command(cell: Path, axes: tuple[str, ...], take: bool) -> int:
-    """Enable the axes of CELL (or those named, by themselves, by a group or by a pair) in the machine that runs; they stay so.
+    """Enable the axes of CELL, or the named axes, groups or pairs, in the running machine; they stay enabled.
 
-    ENERGISES MOTORS. It needs a machine that goes on: axisbus run CELL, or a program of yours.
+    ENERGISES MOTORS. It needs a machine that keeps running: axisbus run CELL, or your own program.
     """
     config = checked(cell)
     names = as_pairs(config, named.chosen(config, axes), "enable")
-    why, remedy = "lasts no longer than a machine does", f"start one in another terminal: axisbus run {cell}"
+    why, remedy = (
+        "lasts only as long as the machine runs",
+        f"start one in another terminal: axisbus run {cell}",
+    )
     with running(cell, "enable", why, remedy, command=True, take=take) as machine:
         enable(movers(machine, names))
     say_next(f"axisbus move {cell} {names[0]}=..., or axisbus disable {cell}")

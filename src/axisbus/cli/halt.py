@@ -24,9 +24,9 @@ from axisbus.machine.stop_external import stop_in_machine
 @click.argument("cell", type=PATH)
 @click.argument("axes", nargs=-1, shell_complete=complete_axes)
 def command(cell: Path, axes: tuple[str, ...]) -> int:
-    """Halt the axes of CELL (or those named, by themselves, by a group or by a pair) in the machine that runs; they stay enabled.
+    """Halt the axes of CELL, or the named axes, groups or pairs, in the running machine; they stay enabled.
 
-    Anybody may: what runs ends, and nothing moves until the program that has the command asks for it again.
+    Any program may halt: running commands end, and nothing moves until the program that has control commands it again.
     """
     try:
         config = reader.load(cell)

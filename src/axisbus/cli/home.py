@@ -27,8 +27,8 @@ from axisbus.machine.dry_run import DryRun
 @beside_option
 @take_option
 def command(cell: Path, axes: tuple[str, ...], record: Path | None, beside: bool, take: bool) -> int:
-    """Boot CELL, enable its axes (or those named, by themselves, by a group or by a pair), home them as their homing tables say,
-    stop and disable them.
+    """Boot CELL, enable its axes (or the named axes, groups or pairs), home them as their homing tables say, stop and disable
+    them.
 
     MOVES REAL MOTORS, unless the homing method takes the present position. Ctrl-C halts them.
     """

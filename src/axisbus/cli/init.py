@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     help="Folder (or file) to look for EDS files in; may be repeated.",
 )
 @force_option
-@click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
 def command(
     interface: str | None,
     channel: str | None,
@@ -49,16 +49,16 @@ def command(
     force: bool,
     as_json: bool,
 ) -> int:
-    """Write a first cell file of what answers on a bus: its nodes, an EDS for each by its identity, and their axes.
+    """Write a first cell file from the answers on a bus: its nodes, an EDS for each by its identity, and their axes.
 
-    What only you know (units, scales, speeds, how to stop) is written as comments to confirm, with what the drives say. Only reads;
-    energises nothing. Exit code 1 when something is missing in the file.
+    The properties that only you know (units, scales, speeds, stop sequence) are written as comments to confirm, with the values
+    that the drives report. Only reads; energises nothing. Exit code 1 when something is missing in the file.
     """
     from axisbus.drives.gim6010.factory_protocols import ProtocolListener
     from axisbus.scaffold import match
 
     if interface is None:
-        raise click.UsageError("say which bus, with -i and -c (such as: -i socketcan -c can0)")
+        raise click.UsageError("give the bus with -i and -c (such as: -i socketcan -c can0)")
     require_free(output, force=force)
     others = ProtocolListener()
     known, unreadable = match.collect(folders)
@@ -79,7 +79,7 @@ def _nobody(others: ProtocolListener) -> UserError:
     nothing = "check supply, cable, termination and bit rate (axisbus scan), and node-IDs (axisbus lss find)"
     protocols = dict.fromkeys(each.protocol for each in others.speakers)
     return UserError(
-        "nobody answered on the bus; no cell file was written",
+        "no node answered on the bus; no cell file was written",
         observed="; ".join(heard(others.speakers)),
         remedy="; ".join(REMEDIES[each] for each in protocols) or nothing,
     )

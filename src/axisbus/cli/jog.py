@@ -50,11 +50,12 @@ def command(
     beside: bool,
     take: bool,
 ) -> int:
-    """Enable AXIS of CELL and move it by the arrow keys; each key moves it for 0.2 s, one that is held goes on.
+    """Enable AXIS of CELL and move it by the arrow keys; each key press moves it for 0.2 s, and holding the key continues the
+    motion.
 
     MOVES REAL MOTORS. Right and up are forward, left and down back, the space bar halts, q ends: then the axis is stopped and
-    disabled. Position limits hold where the axis is homed. Keys need a terminal, also over ssh; where it is held up or gone, the
-    axis stands within 0.2 s and its ramp.
+    disabled. Position limits apply if the axis is homed. Keys need a terminal, also over ssh; if the connection is interrupted
+    or lost, the axis begins to halt within 0.2 s, on its ramp.
     """
     config = checked(cell)
     require_no_pair(
@@ -64,7 +65,9 @@ def command(
     if axis in config.axes and velocity is None:
         velocity = config.axes[axis].defaults.velocity
     if axis in config.axes and not velocity:
-        raise click.UsageError(f"how fast? give --velocity, or velocity in [axes.{axis}.defaults] of {cell}")
+        raise click.UsageError(
+            f"no velocity is given: give --velocity, or velocity in [axes.{axis}.defaults] of {cell}"
+        )
     speed = abs(velocity or 0.0)
 
     def rehearse() -> None:  # report impossible requests before the bus is opened
@@ -123,7 +126,7 @@ class _Jogging:
         """Return why the last jog ended, unless no key was held: at a position limit, the opposite direction is still possible."""
         error = None if self._last is None else self._last.error
         if type(error) is Interrupted:
-            return "it was halted: let go of the key, and press it again"
+            return "it was halted: release the key, and press it again"
         if self._axis.state is AxisState.ERRORSTOP and (error := self._axis.error or error) is not None:
             raise error
         return "" if error is None or isinstance(error, Stopped) else with_alarm(error.message, error)

@@ -31,7 +31,7 @@ _LISTEN = 5.0
 @click.argument("source", required=False)
 @bus_options
 @source_options
-@click.option("--seconds", type=Seconds(0.1), help="Listen so long to the bus [default with -i: 5].")
+@click.option("--seconds", type=Seconds(0.1), help="Listen to the bus for this time [default with -i: 5].")
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
 def command(
     source: str | None,
@@ -44,10 +44,11 @@ def command(
     seconds: float | None,
     as_json: bool,
 ) -> int:
-    """Show how full a bus is, by node and by service: planned for a cell.toml, measured in a recording or (--seconds) on the bus.
+    """Show the load of a bus, by node and by service: planned for a cell.toml, measured in a recording or (--seconds) on the
+    bus.
 
-    SOURCE is a cell.toml, a recording, or - for candump's output. Planned figures go from no stuff bit to the most that there can
-    be; measured ones count the stuff bits that the frames had. It sends nothing. Exit code 1 above 90 %.
+    SOURCE is a cell.toml, a recording, or - for candump's output. Planned figures are from no stuff bit to the highest possible
+    number of stuff bits; measured figures count the actual stuff bits. It sends nothing. Exit code 1 above 90 %.
     """
     asked = FrameSourceOptions(source, interface, channel, bitrate, option, cell, eds)
     asked.check()
@@ -119,7 +120,7 @@ def _measured(asked: FrameSourceOptions, seconds: float | None) -> dict[str, Any
     if found is None:
         raise UserError(
             "the recording is too short to have a load",
-            observed=f"{counted(meter.total.frames, 'frame')}, all at one time",
+            observed=f"{counted(meter.total.frames, 'frame')}, all with the same time stamp",
             remedy="record with time stamps, for some seconds",
         )
     skipped = opened.skipped
@@ -143,7 +144,7 @@ def _fill(meter: Any, decoder: Any, opened: FrameSource, asked_channel: str | No
         for frame in opened.frames:
             if len(opened.skipped.channels) > 1 and asked_channel is None:
                 raise UserError(
-                    "the recording is of several buses, and a load is that of one",
+                    "the recording contains several buses, and the load is that of one bus",
                     observed=", ".join(opened.skipped.channels),
                     remedy="choose one of them: --channel NAME",
                 )
@@ -161,7 +162,7 @@ def _rate(cell: CellConfig | None, interface: str | None, channel: str | None) -
     rate = rate_of(cell, interface, channel)
     if rate is None:
         raise ArgumentError(
-            "the bus load cannot be worked out: the bit rate is not known",
+            "the bus load cannot be calculated: the bit rate is not known",
             remedy="give it with -b 1000000, or write bitrate in [bus] of the cell file",
         )
     return rate
@@ -219,7 +220,7 @@ def _show(report: dict[str, Any], asked: FrameSourceOptions) -> None:
             say(f"    check {WHAT_TO_CHECK}")
         _table(measured, ("load", "load_worst"), "load    worst")
         if measured["lines_skipped"]:
-            skipped = counted(measured["lines_skipped"], "line is no frame", "lines are no frames")
+            skipped = counted(measured["lines_skipped"], "line is not a frame", "lines are not frames")
             say(f"  {skipped}, the first is {measured['first_skipped']}")
     _next(report, asked)
 
@@ -242,6 +243,6 @@ def _next(report: dict[str, Any], asked: FrameSourceOptions) -> None:
         say_next(f"measure it while the cell runs: axisbus load {asked.cell_file} --seconds 5")
     else:
         say_next(
-            "what the frames say: axisbus trace "
+            "to see the frames decoded: axisbus trace "
             + (asked.source or f"-i {asked.interface} -c {asked.channel}")
         )

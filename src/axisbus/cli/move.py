@@ -34,7 +34,7 @@ from axisbus.machine.handle import Handle
 @click.option("--relative", is_flag=True, help="Move by these distances instead of to these positions.")
 @click.option("--home", "home_first", is_flag=True, help="Home the axes first, as their homing tables say.")
 @click.option(
-    "--timeout", type=Seconds(), help="Seconds that each move may take, instead of the worked-out time."
+    "--timeout", type=Seconds(), help="Time-out of each move in seconds, instead of the calculated time."
 )
 @record_option
 @beside_option
@@ -116,7 +116,7 @@ class _Course:
             return move(target, velocity=velocity, acceleration=acceleration, timeout=self.timeout)
         if self.timeout is not None:
             raise click.UsageError(
-                f"{mover.name}: a pair has no --timeout; its way is worked out, and watched"
+                f"{mover.name}: a pair has no --timeout; its path is calculated, and monitored"
             )
         beam = mover.move_relative if self.relative else mover.move_absolute
         return beam(target, velocity=velocity, acceleration=acceleration)

@@ -38,29 +38,28 @@ _PATIENCE = 5.0  # seconds that a node of a running machine may take; a restart 
 @click.argument("wanted", metavar="COMMAND", type=click.Choice(list(COMMANDS)))
 @click.argument("who", metavar="NODE...|all", nargs=-1, required=True, shell_complete=complete_nodes_or_all)
 @node_options
-@click.option(
-    "--force", is_flag=True, help="Also where a drive is energised: it may coast, or drop its load."
-)
-@click.option("--json", "as_json", is_flag=True, help="Print what came of it as JSON.")
+@click.option("--force", is_flag=True, help="Also if a drive is energised: it may coast, or drop its load.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 @take_option
 def command(
     wanted: str, who: tuple[str, ...], asked: NodeOptions, force: bool, as_json: bool, take: bool
 ) -> int:
-    """Send the NMT command start, stop, pre-operational, reset-node or reset-communication to nodes, and say what each then shows.
+    """Send the NMT command start, stop, pre-operational, reset-node or reset-communication to nodes, and show the reaction of
+    each.
 
-    NODE is a node ID or an axis of --cell; "all" sends one command to everybody and looks at the nodes of the cell, else at those
-    that a scan finds. Starting energises nothing. The other commands take the bus from a drive: where one is energised they are
-    refused without --force. A node confirms by its heartbeat, by node guarding (never where that would arm its life guarding), by
-    its boot-up message, or by its SDO server. Exit code 3 when one does not.
+    NODE is a node ID or an axis of --cell; "all" sends one command to all nodes, and checks the nodes of the cell, or without
+    --cell those that a scan finds. Starting energises nothing. The other commands cut a drive off from the bus: if a drive is
+    energised, they are refused without --force. A node confirms by its heartbeat, by node guarding (never if that would arm its
+    life guarding), by its boot-up message, or by its SDO server. Exit code 3 when a node does not confirm.
 
-    Where the machine of --cell runs already, its core sends the command; axes of a node that leaves operational are lost to it.
+    If the machine of --cell is running, its core sends the command; the core loses the axes of a node that leaves operational.
     """
     from axisbus.bus.node import nmt_commands
 
     require_bus(asked)
     files = NodeFiles.of(asked.cell, asked.eds)
     if ALL in who and len(who) > 1:
-        raise click.UsageError('"all" stands alone')
+        raise click.UsageError('"all" excludes node names')
     everybody = who == (ALL,)
     ids = [] if everybody else list(dict.fromkeys(files.address(each).node_id for each in who))
     order = COMMANDS[wanted]
@@ -126,7 +125,7 @@ def _everybody(session: NodeSession) -> list[int]:
     found = [each.node_id for each in scan(session.bus)]
     if not found:
         raise NodeTimeout(
-            "nobody answers on this bus; nothing was sent",
+            "no node answers on this bus; nothing was sent",
             node=0,
             remedy="check supply, cable, termination and bit rate",
         )
@@ -171,12 +170,12 @@ def _plain(outcome: NodeReaction) -> dict[str, object]:
 def _next(order: NmtCommand, outcomes: list[NodeReaction], failed: list[NodeReaction]) -> None:
     if any(each.silent for each in failed):
         say_next(
-            "check the supply, cable, node ID and bit rate of those that are silent; who is there: axisbus scan"
+            "check the supply, cable, node ID and bit rate of the silent nodes; to list the nodes: axisbus scan"
         )
     elif failed:
-        say_next("who is there, and in which state: axisbus scan")
+        say_next("to list the nodes and their states: axisbus scan")
     elif order is NmtCommand.START:
-        say_next("nothing is energised by this; what the nodes send now: axisbus trace")
+        say_next("this energises nothing; to see the frames of the nodes: axisbus trace")
     else:
         first = outcomes[0].node_id
         say_next(f"axisbus nmt start {first} ..., or boot the cell: axisbus boot CELL")

@@ -24,15 +24,17 @@ _ARMED = 30.0  # seconds: a refused or unanswered request ends earlier
 @click.command("probe")
 @click.argument("cell", type=PATH)
 @click.argument("axis", shell_complete=complete_axes)
-@click.option("--input", "number", type=click.IntRange(1, 2), default=1, help="Which touch probe; 1 without.")
+@click.option(
+    "--input", "number", type=click.IntRange(1, 2), default=1, help="Which touch probe; 1 if not given."
+)
 @click.option(
     "--edge",
     type=click.Choice(["rising", "falling", "both"]),
     default="rising",
-    help="Which edges; rising without.",
+    help="Which edges; rising if not given.",
 )
-@click.option("--zero-pulse", is_flag=True, help="The zero pulse of the encoder instead of the input.")
-@click.option("--for", "seconds", type=Seconds(0.0), help="End after so many seconds; without, at Ctrl-C.")
+@click.option("--zero-pulse", is_flag=True, help="Use the zero pulse of the encoder instead of the input.")
+@click.option("--for", "seconds", type=Seconds(0.0), help="End after so many seconds; without it, at Ctrl-C.")
 @beside_option
 @take_option
 def command(
@@ -45,9 +47,9 @@ def command(
     beside: bool,
     take: bool,
 ) -> int:
-    """Boot CELL and tell where AXIS was at each edge of its touch probe: axisbus probe cell.toml x --edge both --for 10s
+    """Boot CELL and show the position of AXIS at each edge of its touch probe: axisbus probe cell.toml x --edge both --for 10s
 
-    It moves and energises nothing: turn the axis by hand, or touch the sensor. Exit code 1 where there was no edge.
+    It moves and energises nothing: turn the axis by hand, or touch the sensor. Exit code 1 if there was no edge.
     """
     rehearsal = DryRun(checked(cell))
     given = (number, edge)
@@ -80,5 +82,5 @@ def _tell_edges(probe: ProbeHandle, axis: str, unit: str, seconds: float | None)
 
 
 def _line(edge: ProbeResult, unit: str) -> str:
-    missed = f", after {edge.missed} that came too fast to be told" if edge.missed else ""
+    missed = f", after {edge.missed} that were too fast to be reported" if edge.missed else ""
     return f"{edge.edge} edge at {edge.position:.4f} {unit}{missed}"

@@ -25,9 +25,9 @@ from axisbus.cli.shared.paths import PATH
 @beside_option
 @take_option
 def command(cell: Path, axes: tuple[str, ...], beside: bool, take: bool) -> int:
-    """Boot CELL and reset the faults of its axes (or of those named, by themselves, by a group or by a pair); enables nothing.
+    """Boot CELL and reset the faults of its axes (or of the named axes, groups or pairs); enables nothing.
 
-    Each fault is told before it is reset. Exit code 3 when one does not go away.
+    Each fault is shown before it is reset. Exit code 3 when a fault remains.
     """
     config = checked(cell)
     names = as_pairs(config, named.chosen(config, axes))

@@ -17,14 +17,14 @@ from axisbus.machine.machine import Machine
 @click.command("run")
 @click.argument("cell", type=PATH)
 @every_option
-@click.option("--for", "seconds", type=Seconds(), help="How long, in seconds; without, until Ctrl-C.")
+@click.option("--for", "seconds", type=Seconds(), help="How long, in seconds; without it, until Ctrl-C.")
 @beside_option
 def command(cell: Path, every: float | None, seconds: float | None, beside: bool) -> int:
-    """Boot CELL and keep its machine running, with a look at its axes; energises nothing by itself.
+    """Boot CELL, keep its machine running, and show its axes; energises nothing unless a client commands it.
 
-    Meanwhile other terminals and programs of this user join it: axisbus monitor, enable, move, home, halt, stop, and
-    Machine.attach. One of them has the command at a time; all may halt and stop. Ctrl-C stops every axis, disables it, and ends
-    the machine.
+    Meanwhile other terminals and programs of this user can join it: axisbus monitor, enable, move, home, halt, stop, and
+    Machine.attach. One of them has control at a time; all may halt and stop. Ctrl-C stops every axis, disables it, and ends the
+    machine.
     """
     step = pace(every)
     with Machine.open(cell, allow_other_master=beside, shared=True) as machine:

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 @click.command("save")
 @click.argument("node", shell_complete=complete_node)
 @node_options
-@click.option("--json", "as_json", is_flag=True, help="Print what came of it as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def command(node: str, asked: NodeOptions, as_json: bool) -> int:
-    """Have NODE (its ID, or an axis of --cell) store all its parameters (1010h:01, Save all parameters), so that they are kept
-    without power.
+    """Make NODE (its ID, or an axis of --cell) store all its parameters (1010h:01, Save all parameters), so that they survive a
+    power-off.
 
-    Refused while a drive of the node is energised: some drives restart when they store. Such a restart is waited for, and the node
-    must answer again; with its EDS (--cell, --eds) all that it had is then read once more. Exit code 1 when the restart has lost a
-    value, 3 when the node refuses or does not come back.
+    Refused while a drive of the node is energised: some drives restart when they store. The command waits for such a restart,
+    and the node must answer again; with its EDS (--cell, --eds) all its objects are then read again. Exit code 1 when the
+    restart has lost a value, 3 when the node refuses or does not come back.
 
     \b
     axisbus save x --cell cell.toml

@@ -38,11 +38,12 @@ def command(
     option: tuple[str, ...],
     as_json: bool,
 ) -> int:
-    """Show who is on a bus and what they are: on that of CELL (a cell.toml), or with -i and -c on any.
+    """Show the nodes on a bus and their identities: on that of CELL (a cell.toml), or with -i and -c on any bus.
 
-    Asks each of the 127 node IDs once or twice; takes under 3 s. Changes nothing. Exit code 1 when nobody answers. A GIM6010-8 that
-    speaks its factory's protocol is recognised by its heartbeats. Where nothing is heard at all, it listens at other bit rates, if
-    the adapter has a listen-only mode (some 6 s); never otherwise, because a wrong rate destroys every frame of a living bus.
+    Asks each of the 127 node IDs once or twice; takes under 3 s. Changes nothing. Exit code 1 when no node answers. A GIM6010-8
+    that uses its factory protocol is recognised by its heartbeats. If nothing is received at all, it listens at other bit
+    rates, if the adapter has a listen-only mode (some 6 s); never otherwise, because a wrong rate destroys every frame of a
+    working bus.
     """
     from axisbus.drives.gim6010.factory_protocols import ProtocolListener, told
 
@@ -64,7 +65,7 @@ def command(
     if found:
         _next(given)
     if not found and not speakers:
-        say("nobody answered: check supply, cable and termination; then the bit rate")
+        say("no node answered: check supply, cable and termination; then the bit rate")
         no_traffic_help.show(elsewhere, opening)
     return OK if found else WRONG
 

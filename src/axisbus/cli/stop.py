@@ -19,12 +19,14 @@ from axisbus.machine.stop_external import stop_cell, stop_in_machine
 @click.argument("cell", type=PATH)
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def command(cell: Path, as_json: bool) -> int:
-    """Quick-stop every axis of CELL, wait until it stands, then stop its node (NMT). Neither boots nor resets anything.
+    """Quick-stop every axis of CELL, wait until it is at standstill, then stop its node (NMT). Neither boots nor resets
+    anything.
 
-    A machine of CELL that runs on this computer is asked to quick-stop its axes, and goes on; nothing moves until whoever has its
-    command asks for it again. If none does or it cannot be reached, the drives are stopped on the bus, beside another master: that
-    one then sees its nodes lost. Simulated drives can be reached in their machine alone.
-    Not an emergency stop: that belongs in hardware. Exit code 3 when an axis could not be reached or confirmed as stopped.
+    If a machine of CELL is running on this computer, the command makes it quick-stop its axes; the machine keeps running, and
+    nothing moves until the program that has control commands it again. If no machine is running, or it cannot be reached, the
+    drives are stopped on the bus, even if another master runs there: that master then loses its nodes. Simulated drives can be
+    reached only through their machine. Not an emergency stop: that belongs in hardware. Exit code 3 when an axis could not be
+    reached or confirmed as stopped.
     """
     try:
         config = reader.load(cell)

@@ -34,10 +34,10 @@ def command(
     beside: bool,
     take: bool,
 ) -> int:
-    """Enable axes of CELL and let them press in profile torque mode: axisbus torque cell.toml x=0.5 --for 2s
+    """Enable axes of CELL and apply a torque in profile torque mode: axisbus torque cell.toml x=0.5 --for 2s
 
-    MOVES REAL MOTORS: an axis that nothing holds runs up to the drive's velocity limit. It ends when the time is over, or at
-    Ctrl-C; then the axes are stopped and disabled. Torques in N·m; the axis needs rated_torque in CELL.
+    MOVES REAL MOTORS: an axis that no load holds back accelerates up to the drive's velocity limit. It ends after the given time,
+    or at Ctrl-C; then the axes are stopped and disabled. Torques in N·m; the axis needs rated_torque in CELL.
     """
     return TimedMotion(
         "torque",
@@ -56,6 +56,6 @@ def _axis(mover: Mover) -> Axis:
     if isinstance(mover, Axis):
         return mover
     raise StateError(
-        f"{mover.name}: a beam is not pressed with a torque: its two axes would each go as far as they are let",
+        f"{mover.name}: a pair cannot be moved by a torque: each of its two axes would move independently",
         remedy="move it: axisbus move, or axisbus velocity",
     )

@@ -62,13 +62,15 @@ class TraceCounts(NamedTuple):
 @click.option(
     "--filter", "filters", multiple=True, metavar="KEY=VALUE,...", help="Show only node=, kind= or object=."
 )
-@click.option("--without", multiple=True, metavar="KEY=VALUE,...", help="Leave out what this filter names.")
-@click.option("--errors-only", is_flag=True, help="Show only trouble; exit code 1 when there is any.")
+@click.option(
+    "--without", multiple=True, metavar="KEY=VALUE,...", help="Leave out the frames of this filter."
+)
+@click.option("--errors-only", is_flag=True, help="Show only errors; exit code 1 when there are any.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per line and frame.")
 @click.option(
-    "--absolute", is_flag=True, help="Show the recording's own times, not seconds since the first frame."
+    "--absolute", is_flag=True, help="Show the times of the recording, not seconds since the first frame."
 )
-@click.option("--seconds", type=Seconds(), help="Listen so long; without, until Ctrl-C.")
+@click.option("--seconds", type=Seconds(), help="Listen for this time; without it, until Ctrl-C.")
 @click.option("--count", type=click.IntRange(min=1), help="End after so many frames shown.")
 def command(
     source: str | None,
@@ -87,14 +89,16 @@ def command(
     seconds: float | None,
     count: int | None,
 ) -> int:
-    """Show the frames of SOURCE in words: a recording (candump's log, asc, blf, csv, trc ...), - for candump's output, a cell.toml.
+    """Show the frames of SOURCE decoded: a recording (candump's log, asc, blf, csv, trc ...), - for candump's output, a
+    cell.toml.
 
-    With a cell.toml, or with -i and -c, it listens to the bus; it sends nothing. Objects have names and units by the cell file,
-    names by --eds 5=drive.eds, and else by the standards; mappings that are set during the recording are learned from it.
+    With a cell.toml, or with -i and -c, it listens to the bus; it sends nothing. Names and units of objects come from the cell
+    file, names also from --eds 5=drive.eds, otherwise from the standards; mappings that are set during the recording are
+    learned from it.
 
     If a recording has several buses, each is decoded separately; --channel can0 shows one, by its name or number in the file.
 
-    A GIM6010-8 that speaks CAN Simple is decoded when it is named: --can-simple 0,1. Nothing in a frame tells its protocol.
+    A GIM6010-8 that speaks CAN Simple is decoded when it is named: --can-simple 0,1. A frame does not contain its protocol.
 
     Filters are joined by "and", the values of one by "or": --filter node=1,x --filter kind=sdo,emcy --filter object=6041.
     """
@@ -160,11 +164,14 @@ def _listen_elsewhere(opening: Opening) -> None:
 
 def _tell(opened: FrameSource, seen: TraceCounts) -> None:
     """Print a summary on standard error, so that standard output has only frames."""
-    text = f"{counted(seen.frames, 'frame')}, {seen.shown} shown, {seen.trouble} of them with trouble"
+    text = f"{counted(seen.frames, 'frame')}, {seen.shown} shown, {seen.trouble} of them with errors"
     if seen.against:
         text += f"; {seen.against}"
     if opened.skipped.count:
-        text += f"; {counted(opened.skipped.count, 'line is no frame', 'lines are no frames')}, the first is {opened.skipped.first}"
+        text += (
+            f"; {counted(opened.skipped.count, 'line is not a frame', 'lines are not frames')}, the first is "
+            f"{opened.skipped.first}"
+        )
     echo(text, err=True)
     for line in opened.skipped.words():
         echo(line, err=True)

@@ -33,7 +33,7 @@ def command(
     beside: bool,
     take: bool,
 ) -> int:
-    """Enable axes or pairs of CELL and let them go on at a velocity: axisbus velocity cell.toml x=30 y=-15 --for 5s
+    """Enable axes or pairs of CELL and move them at a velocity: axisbus velocity cell.toml x=30 y=-15 --for 5s
 
     MOVES REAL MOTORS until the time is over, or until Ctrl-C; then they are stopped and disabled. Velocities in unit/s.
     """

@@ -38,17 +38,17 @@ _PORT = 8402
     "--listen",
     metavar="ADDRESS",
     default="127.0.0.1",
-    help="Another address than loopback; needs --certificate and --key.",
+    help="An address other than loopback; needs --certificate and --key.",
 )
 @click.option("--certificate", type=PATH, help="The server's certificate (PEM), for https.")
 @click.option("--key", type=PATH, help="The certificate's private key (PEM).")
 @click.option(
     "--insecure",
     is_flag=True,
-    help="Serve another address without https: whoever is on the network can read along.",
+    help="Serve another address without https: every computer on the network can read the traffic.",
 )
 @click.option(
-    "--look", is_flag=True, help="Serve observer pages: they may halt, stop and read, and command nothing."
+    "--look", is_flag=True, help="Serve observer pages: they may halt, stop and read, but not command."
 )
 @take_option
 @beside_option
@@ -63,16 +63,17 @@ def command(
     take: bool,
     beside: bool,
 ) -> int:
-    """Serve a page in the browser for CELL: see it, command it. Energises nothing by itself.
+    """Serve a web page for CELL: it shows the machine and commands its axes. Energises nothing without a command of the user.
 
-    It opens the machine, or joins the one that runs already. It prints a link that opens one browser, once. Ctrl-C ends it: a
-    machine that it has opened is stopped and disabled first; one that it has joined goes on, and what the page moves halts.
+    It opens the machine, or joins the machine that is already running. It prints a link that opens one browser, once. After
+    Ctrl-C, a machine that this command has opened is stopped and disabled. A machine that it has joined keeps running, and the
+    axes that the page moves halt.
     """
     require_nicegui()
     tls = _tls(certificate, key)
     if not (tls or insecure or served.is_loopback(served.resolved(listen))):
         raise click.UsageError(
-            f"{listen} can be reached by others: give --certificate and --key, or --insecure where the network is trusted"
+            f"{listen} can be reached by others: give --certificate and --key, or --insecure if the network is trusted"
         )
     checked(cell)
     listening, place = served.opened(listen, port, tls=tls is not None)
@@ -115,7 +116,7 @@ def _keep(server: PageServer, machine: Machine, role: Role) -> None:
             machine.sleep(_LOOK)
             server.require_alive()
             if machine.is_attached and machine.session.ended:
-                say("the machine that it had joined has ended")
+                say("the machine that it has joined has ended")
                 time.sleep(_LAST_WORDS)
                 return
 

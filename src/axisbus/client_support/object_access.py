@@ -46,9 +46,9 @@ def require_readable(node: MachineNode, entry: DictionaryEntry) -> None:
         )
     if not may_read(variable):
         raise ArgumentError(
-            f"node {node.node_id}: {entry} is not read in passing",
+            f"node {node.node_id}: {entry} is not read automatically",
             observed="it is a DOMAIN, or its ObjFlags refuse a scan",
-            remedy="read it on purpose, at the machine: axisbus od read",
+            remedy="read it at the machine: axisbus od read",
         )
 
 
@@ -63,9 +63,9 @@ def require_writable(node: MachineNode, entry: DictionaryEntry) -> None:
     variable = _variable(node, entry)
     if variable is not None and is_domain(variable):
         raise ArgumentError(
-            f"node {node.node_id}: {entry} is not written in passing",
+            f"node {node.node_id}: {entry} is not written automatically",
             observed="it is a DOMAIN, which would be read before and after",
-            remedy="write it on purpose, at the machine: axisbus od write",
+            remedy="write it at the machine: axisbus od write",
         )
     node.require_not_cyclic(entry)
 

@@ -81,7 +81,9 @@ class FleetAxis:
         """
         told = self._told("state")
         if told.state not in _STATES:
-            raise self._stale("state", f"the cell tells {told.state!r}, which this version does not know")
+            raise self._stale(
+                "state", f"the cell reports the state {told.state!r}, which this version does not know"
+            )
         return _STATES[told.state]
 
     @property
@@ -94,7 +96,7 @@ class FleetAxis:
         """Whether the position is confirmed by homing; raises StaleError if that is unknown now."""
         homed = self._told("homed").homed
         if homed is None:
-            raise self._stale("homed", "the cell does not know it")
+            raise self._stale("homed", "unknown to the cell")
         return homed
 
     @property
@@ -120,16 +122,16 @@ class FleetAxis:
     def _value(self, what: str) -> float:
         value: float | None = getattr(self._told(what), what)
         if value is None:
-            raise self._stale(what, "the cell does not know it: never received there, or too old")
+            raise self._stale(what, "unknown to the cell: never received there, or too old")
         return value
 
     def _told(self, what: str) -> AxisStateMessage:
         seen = self._cell.last_state(self.name)
         if seen is None:
-            raise self._stale(what, self._cell.offline_reason or "nothing was heard of it")
+            raise self._stale(what, self._cell.offline_reason or "nothing was received from it")
         if not seen.fresh:
             old = "of nothing known" if seen.age is None else f"{seen.age:.1f} s old"
-            raise self._stale(what, self._cell.offline_reason or f"the last state that came is {old}")
+            raise self._stale(what, self._cell.offline_reason or f"the last received state is {old}")
         return seen.state
 
     def _stale(self, what: str, observed: str) -> StaleError:
@@ -137,7 +139,7 @@ class FleetAxis:
             f"{self._path}: its {what} is unknown",
             axis=self.name,
             observed=observed,
-            remedy="see that the cell and its bridge run, and that this program reaches them (axisbus fleet list)",
+            remedy="check that the cell and its bridge run, and that this program reaches them (axisbus fleet list)",
         )
 
     # -- power and stopping --------------------------------------------------------------------------------------------
@@ -309,6 +311,6 @@ def _number(call: str, name: str, value: Value) -> Value:
         return value
     if not isinstance(value, Real) or not math.isfinite(value):
         raise ArgumentError(
-            f"{call}: {name} is no number that can be told: {value!r}", remedy="give a finite number"
+            f"{call}: {name} is not a number that can be sent: {value!r}", remedy="give a finite number"
         )
     return int(value) if isinstance(value, int) else float(value)

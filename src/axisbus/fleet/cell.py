@@ -75,7 +75,7 @@ class FleetCell:
                 observed=f"there are {', '.join(names)}"
                 if names
                 else self.offline_reason or "its axes are not known yet",
-                remedy="see which there are: axisbus fleet list",
+                remedy="list the cells and axes: axisbus fleet list",
             )
         return self._axis(axis)
 
@@ -211,8 +211,8 @@ class FleetCell:
     def _require_one_tongue(self, name: str) -> None:
         if self.duplicate_bridge:
             raise StateError(
-                f"{name}: two bridges call themselves {self.name}; nothing was sent",
-                remedy="end one of them, or let it have another name",
+                f"{name}: two bridges have the name {self.name}; nothing was sent",
+                remedy="end one of them, or give it another name",
             )
         if self.info is not None and self.info.protocol != PROTOCOL:
             raise StateError(

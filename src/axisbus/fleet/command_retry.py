@@ -21,7 +21,7 @@ from axisbus.motion.command_status import Status, end_as
 SILENCE = 10.0  # seconds without an answer to a command after which a cell that is alive counts as failed
 _AGAIN = 0.1  # seconds until a command without an answer is sent again
 _GOES_ON = 0.02  # seconds until a command that was answered "running" is sent again
-_LOOK = "whether it moved is not known: look at the state and the position of the axis"
+_LOOK = "it is not known whether the axis moved: check its state and position"
 
 
 class Situation(NamedTuple):
@@ -89,24 +89,24 @@ class CommandRetry:
         if not seen.alive:
             return "the cell is gone"
         if self.run and seen.run != self.run:
-            return "the bridge of the cell has begun anew meanwhile, and does not know the command"
+            return "the bridge of the cell has restarted meanwhile, and does not know the command"
         if self.once:
-            return "the cell gave no answer; it is not asked again, for it must not come late"
+            return "the cell did not answer; the command is not sent again, because it must not arrive late"
         if self.needs_lease and not seen.leased:
-            return "the lease is lost and the cell gave no answer; it halts what the lease had moved"
+            return "the lease is lost and the cell did not answer; it halts the axes that were moved under the lease"
         if seen.now - self._heard > SILENCE:
-            return f"the cell is there and gave no answer for {SILENCE:g} s"
+            return f"the cell is alive but did not answer for {SILENCE:g} s"
         return None
 
     def _unknown(self, why: str) -> CommandError:
-        return CommandError(f"{self.name}: how it ended is not known", observed=why, remedy=_LOOK)
+        return CommandError(f"{self.name}: its result is not known", observed=why, remedy=_LOOK)
 
 
 def error_of(fields: ErrorFields | None, what: str) -> AxisbusError:
     """Return the error that the cell reported; an unknown or incomplete error becomes an ``AxisbusError``."""
     given: dict[str, Any] = {} if fields is None else fields.fields
     if fields is None or fields.kind not in errors.__all__ or not isinstance(given.get("message"), str):
-        kind = "an error that it does not name" if fields is None else fields.kind
-        return AxisbusError(f"{what}: {given.get('message', 'failed')}", observed=f"the cell tells {kind}")
+        kind = "an unnamed error" if fields is None else fields.kind
+        return AxisbusError(f"{what}: {given.get('message', 'failed')}", observed=f"the cell reports {kind}")
     texts = {key: str(given.get(key, "")) for key in ("message", "observed", "remedy")}
     return from_fields(ErrorFields(fields.kind, {**given, **texts}, fields.notes, fields.cause))

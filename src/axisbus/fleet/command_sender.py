@@ -162,6 +162,6 @@ class _Sent:
 
 def _not_there(name: str) -> AxisbusError:
     return StateError(
-        f"{name}: the cell is not there; nothing was sent",
-        remedy="see that its bridge runs and that this program reaches it (axisbus fleet list)",
+        f"{name}: the cell is not on the network; nothing was sent",
+        remedy="check that its bridge runs and that this program reaches it (axisbus fleet list)",
     )

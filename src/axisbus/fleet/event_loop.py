@@ -52,7 +52,7 @@ class EventLoopThread:
             try:
                 do()
             except Exception:
-                log.exception("a step of a fleet failed")
+                log.exception("an internal step of a fleet failed")
 
     def _next(self) -> Callable[[], None] | None:
         with self._condition:

@@ -103,9 +103,9 @@ class Fleet:
         if not self._hearing.has(cell):
             names = self._hearing.names
             raise StateError(
-                f"plant {self.plant}: no cell {cell!r} was heard of",
-                observed=f"there are {', '.join(names)}" if names else "no cell was heard of at all",
-                remedy="see that its bridge runs for this plant, and which endpoints it has (axisbus bridge zenoh)",
+                f"plant {self.plant}: cell {cell!r} was not found",
+                observed=f"there are {', '.join(names)}" if names else "no cell was found",
+                remedy="check that its bridge runs for this plant, and its endpoints (axisbus bridge zenoh)",
             )
         return self._cell(cell)
 
@@ -133,7 +133,7 @@ class Fleet:
         end = time.monotonic() + timeout
         while missing := [name for name in cells if not self._is_here(name)]:
             if time.monotonic() > end:
-                raise TimeoutError(f"{', '.join(missing)}: not there after {timeout:g} s")
+                raise TimeoutError(f"{', '.join(missing)}: not found within {timeout:g} s")
             time.sleep(_STEP)
         return [self._cell(name) for name in cells]
 

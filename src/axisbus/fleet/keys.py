@@ -25,7 +25,7 @@ def named(what: str, name: str) -> str:
     """
     if not is_name(name):
         raise ArgumentError(
-            f"{what} {name!r} cannot stand in a key of Zenoh",
+            f"{what} {name!r} cannot be part of a key of Zenoh",
             remedy="take at most 64 of the letters A to Z, a to z, 0 to 9, and _ . - after the first",
         )
     return name

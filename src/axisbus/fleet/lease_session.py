@@ -57,7 +57,7 @@ class Leases:
         held = self._kept.get(cell)
         if held is not None and not held.lost(time.monotonic()):
             raise StateError(
-                f"{cell}: this program has its command already", remedy="use the one that it has"
+                f"{cell}: this program already has control", remedy="use the lease that it already has"
             )
         ours = -math.inf if held is None else held.until + _OURS
         keeper = self._taken(cell, over, ours)
@@ -90,7 +90,7 @@ class Leases:
             del self._kept[cell]
             self._sending.lease(cell, None)
         if keeper.why is None:
-            keeper.refuse(OwnershipError(f"{cell}: this program has given its command back"))
+            keeper.refuse(OwnershipError(f"{cell}: this program has released control"))
             if self._hearing.situation(cell, False).alive:
                 self._asking.ask(self._key(cell), self._lease_ask("release", keeper.token), _RELEASED)
 
@@ -108,14 +108,14 @@ class Leases:
         keeper = self._kept.get(cell)
         if keeper is None:
             raise OwnershipError(
-                f"{name}: this program has not the command of {cell}; nothing was sent",
-                remedy=f'take it: with fleet["{cell}"].command(): ...',
+                f"{name}: this program does not have control of {cell}; nothing was sent",
+                remedy=f'take control: with fleet["{cell}"].command(): ...',
             )
         if keeper.lost(time.monotonic()):
             raise OwnershipError(
-                f"{name}: this program has lost the command of {cell}; nothing was sent",
+                f"{name}: this program has lost control of {cell}; nothing was sent",
                 observed="" if keeper.why is None else keeper.why.message,
-                remedy="see what has become of its axes, then take it again",
+                remedy="check the state of its axes, then take control again",
             )
 
     def _keep(self, cell: str, keeper: LeaseKeeper) -> None:
@@ -185,6 +185,6 @@ class CellControl(Generic[_Cell]):
 def no_answer(what: str) -> StateError:
     """Return the error for a query that a cell has not answered."""
     return StateError(
-        f"{what}: the cell gave no answer",
-        remedy="see that its bridge runs and that this program reaches it (axisbus fleet list)",
+        f"{what}: the cell did not answer",
+        remedy="check that its bridge runs and that this program reaches it (axisbus fleet list)",
     )

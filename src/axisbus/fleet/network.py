@@ -60,10 +60,10 @@ def require_reachable(network: ZenohNetwork) -> None:
     """
     for endpoint in (*network.connect, *network.listen):
         if not _ENDPOINT.fullmatch(endpoint):
-            raise ArgumentError(f"{endpoint!r} is no endpoint of Zenoh", remedy=_EXAMPLE)
+            raise ArgumentError(f"{endpoint!r} is not an endpoint of Zenoh", remedy=_EXAMPLE)
     if not (network.connect or network.listen or network.scouting or network.config):
         raise ArgumentError(
-            "no endpoint is given, so nobody could be reached",
+            "no endpoint is given, so no cell can be reached",
             remedy=f"give one to listen on or to connect to (--listen tcp/0.0.0.0:{PORT}), a --config, or --scouting",
         )
 
@@ -88,7 +88,7 @@ def opened(network: ZenohNetwork) -> zenoh.Session:
         raise StateError(
             "the Zenoh network cannot be joined",
             observed=_short(error),
-            remedy="look at the endpoints: another program may listen there already; and at the files of the configuration",
+            remedy="check the endpoints: another program may already listen there; and check the files of the configuration",
         ) from error
     never_linger(session)
     return session
@@ -136,7 +136,7 @@ def _config(network: ZenohNetwork) -> zenoh.Config:
         raise StateError(
             f"{what} cannot be used for a Zenoh network",
             observed=_short(error),
-            remedy="it is to be a configuration of Zenoh in JSON5; examples/zenoh has some to copy"
+            remedy="it must be a configuration of Zenoh in JSON5; examples/zenoh has some to copy"
             if network.config is not None
             else _EXAMPLE,
         ) from error

@@ -42,7 +42,7 @@ def _unlinger(near: str, far: str) -> None:
             for file in _FILES.iterdir():
                 _switch_off(int(file.name), ends)
     except Exception:  # a thread of zenoh calls this
-        log.exception("a connection could not be looked at")
+        log.exception("a connection could not be inspected")
 
 
 def _switch_off(number: int, ends: tuple[Any, Any]) -> None:

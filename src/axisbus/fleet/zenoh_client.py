@@ -46,7 +46,7 @@ class ZenohClient:
                 express=True,
             )
         except Exception as error:  # noqa: BLE001  # zenoh's errors have no common base, such as after closing
-            log.debug("%s was not asked: %s", key, error)
+            log.debug("no query was sent to %s: %s", key, error)
             query.end()
 
     def ask(self, key: str, payload: bytes, timeout: float) -> bytes | None:
@@ -82,7 +82,7 @@ class ZenohClient:
                 consolidation=zenoh.ConsolidationMode.NONE,
             )
         except Exception as error:  # noqa: BLE001  # as above
-            log.debug("%s was not asked: %s", key, error)
+            log.debug("no query was sent to %s: %s", key, error)
             ended()
 
     def hear(self, key: str, heard: Heard) -> None:
@@ -154,6 +154,6 @@ def _guarded(function: Callable[[Any], None]) -> Callable[[Any], None]:
         try:
             function(what)
         except Exception:
-            log.exception("a message of the network was passed over")
+            log.exception("a message of the network was ignored")
 
     return guarded

@@ -34,15 +34,15 @@ class MachineEventKind(Enum):
     """The kind of an event."""
 
     COMMAND = "a command was given, or has ended"
-    NODE = "error control has told something of a node"
+    NODE = "error control has reported a change of a node"
     BUS = "the CAN controller has changed"
-    LEFT = "the way out of the machine has begun"
-    EMCY = "an emergency message has come"
-    INCIDENT = "an incident has begun; what belongs to it may not have come yet"
-    SETTLED = "all messages of an incident have come, but for its resets"
+    LEFT = "the shutdown of the machine has begun"
+    EMCY = "an emergency message has arrived"
+    INCIDENT = "an incident has begun; some of its messages may not have arrived yet"
+    SETTLED = "all messages of an incident have arrived, except its resets"
     OVER = "an incident is over"
-    FAULT = "an axis has come into ErrorStop"
-    WELL = "an axis has no error any more"
+    FAULT = "an axis has changed to ErrorStop"
+    WELL = "an axis no longer has an error"
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +118,7 @@ class MachineEventSource:
             if error is not None and str(error) != before:
                 yield _fault(axis.name, error, snapshot.now)
             elif before and error is None:
-                text = "it has no error any more"
+                text = "it no longer has an error"
                 yield MachineEvent(snapshot.now, MachineEventKind.WELL, "info", text, axis.name, (axis.name,))
 
 

@@ -39,7 +39,7 @@ class MachineFollower:
             try:
                 self._follow(serve, every, goes_on)
             except AxisbusError as error:
-                self._once(f"no machine is followed: {error.message}")
+                self._once(f"no machine is observed: {error.message}")
             time.sleep(_WAIT)
 
     def _follow(
@@ -58,7 +58,7 @@ class MachineFollower:
             machine.close()
             return
         with machine, serve(machine) as look:
-            self._once("joined the machine that runs")
+            self._once("joined the running machine")
             while not machine.session.ended:
                 if not goes_on():
                     return

@@ -51,7 +51,7 @@ class Codec:
         try:
             return self._in(_UNPACK(data))
         except Exception as error:  # any kind: deep nesting, or a constructor that rejects its fields
-            raise NotForCrossing(f"what another process sent cannot be read: {error}") from error
+            raise NotForCrossing(f"data from another process cannot be decoded: {error}") from error
 
     @property
     def classes(self) -> Mapping[str, type]:
@@ -72,7 +72,7 @@ class Codec:
     def _known(self, kind: type) -> str:
         name = _name(kind)
         if self._classes.get(name) is not kind:
-            raise NotForCrossing(f"{name} does not cross between processes")
+            raise NotForCrossing(f"{name} cannot be sent to another process")
         return name
 
     # -- out -------------------------------------------------------------------------------------------------------------
@@ -107,7 +107,7 @@ class Codec:
             return ["time", value.isoformat()]
         if isinstance(value, _PLAIN):  # a subclass, such as of numpy
             return _plain(value)
-        raise NotForCrossing(f"{type(value).__name__} does not cross between processes")
+        raise NotForCrossing(f"{type(value).__name__} cannot be sent to another process")
 
     # -- in --------------------------------------------------------------------------------------------------------------
 

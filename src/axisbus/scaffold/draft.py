@@ -88,11 +88,11 @@ def name(node: NodeFound, axis: ProbedAxis) -> str:
 def _missing(node: NodeFound) -> Iterator[str]:
     node_id = node.found.node_id
     if not node.found.answers_sdo:
-        yield f"node {node_id} answers no SDO ({_state(node.found)}): it is left out"
+        yield f"node {node_id} does not answer SDO ({_state(node.found)}): it is left out"
     elif not node.specs:
         yield f"node {node_id}: no EDS ({node.match.note}): give its folder with --eds, or: axisbus eds from-device {node_id} ..."
     elif len(node.specs) > 1:
-        yield f"node {node_id}: {counted(len(node.specs), 'EDS file')} fit it, choose one: {', '.join(node.specs)}"
+        yield f"node {node_id}: {counted(len(node.specs), 'EDS file')} match, choose one: {', '.join(node.specs)}"
     for axis in node.axes:
         if axis.energised:
             yield f"node {node_id}, axis {axis.number} is energised ({axis.power}): another program may be running it"
@@ -101,8 +101,9 @@ def _missing(node: NodeFound) -> Iterator[str]:
 def _head(bus: BusFound) -> list[str]:
     where = f"{bus.interface} {bus.channel}" if bus.channel is not None else bus.interface
     return [
-        f"# A first cell file of what answered on {_plain(where)}. Lines with CONFIRM are proposals: they count only when you",
-        "# have checked them and taken away the # before them. Then: axisbus check, axisbus boot.",
+        f"# A first cell file, made from the nodes on {_plain(where)}. Lines with CONFIRM are proposals: they take effect "
+        "only when you",
+        "# have checked them and removed the # before them. Then: axisbus check, axisbus boot.",
         "",
     ]
 
@@ -116,12 +117,15 @@ def _bus(bus: BusFound, nodes: list[NodeFound]) -> Iterator[str]:
         yield f"bitrate = {bus.bitrate}"
     elif bus.interface != SIMULATED:
         yield _noted("# bitrate = 1_000_000", "MISSING: bit/s")
-    yield _noted('scan_period = "10ms"', "commands, SYNC and feedback travel once in this time")
-    yield _noted('heartbeat = "100ms"', "ours, which the drives watch, and theirs, which we watch")
+    yield _noted('scan_period = "10ms"', "period of SYNC, commands and feedback")
+    yield _noted(
+        'heartbeat = "100ms"',
+        "the master's, which the drives monitor, and the drives', which the master monitors",
+    )
     taken = {node.found.node_id for node in nodes}
     if BusConfig().master_id in taken:
         free = max(set(range(1, 128)) - taken, default=0)
-        yield _noted(f"master_id = {free}", f"our own node-ID; {BusConfig().master_id} is taken")
+        yield _noted(f"master_id = {free}", f"the master's node-ID; {BusConfig().master_id} is taken")
     if bus.options:
         yield "[bus.options]"
         yield from (
@@ -137,7 +141,7 @@ def _node(node: NodeFound) -> Iterator[str]:
     )  # fmt: skip
     identity = ", ".join(f"{title} 0x{value:X}" for title, value in numbers if value is not None)
     if not found.answers_sdo:
-        yield f"# Node {found.node_id}: {_state(found)}, answers no SDO. LEFT OUT."
+        yield f"# Node {found.node_id}: {_state(found)}, does not answer SDO. LEFT OUT."
         return
     yield f"# {_plain(who.device_name or found.kind or 'a device without a name')}: {identity or 'no identity (1018h)'}"
     yield from (f"# {_plain(note)}" for note in node.make.notes)
@@ -153,22 +157,22 @@ def _node(node: NodeFound) -> Iterator[str]:
     if not node.specs:
         yield _noted('# eds = "..."', f"MISSING: {node.match.note}")
     for spec in node.specs:
-        yield _noted(f"# eds = {_text(spec)}", "CONFIRM: several files fit, choose one")
+        yield _noted(f"# eds = {_text(spec)}", "CONFIRM: several files match, choose one")
 
 
 def _axis(node: NodeFound, axis: ProbedAxis) -> Iterator[str]:
     own = name(node, axis)
     if axis.modes:
-        yield f"# It claims the modes {', '.join(axis.modes)} (6502h). It was found {axis.power}."
+        yield f"# It reports the modes {', '.join(axis.modes)} (6502h). It was found {axis.power}."
     yield f"[axes.{own}]"
     yield f"node = {node.found.node_id}"
     if axis.number > 1:
-        yield _noted(f"drive_axis = {axis.number}", "its objects lie 800h after those of the axis before")
+        yield _noted(f"drive_axis = {axis.number}", "its objects are 800h above those of the previous axis")
     yield _noted('unit = "increments"', "until unit and scale are confirmed:")
     yield from _scales(node, axis)
     yield from _limits(axis)
     if not axis.modes or "pp" in axis.modes:
-        yield '# (Where moves fail with a SetPointError although the axis moves, bit 12 tells nothing: handshake = "on-change".)'
+        yield '# (Where moves fail with a SetPointError although the axis moves, bit 12 is not usable: handshake = "on-change".)'
     yield f"[axes.{own}.defaults]"
     yield from _defaults(axis)
     yield f"[axes.{own}.homing]"
@@ -180,18 +184,18 @@ def _axis(node: NodeFound, axis: ProbedAxis) -> Iterator[str]:
 def _scales(node: NodeFound, axis: ProbedAxis) -> Iterator[str]:
     found = scale_proposal.candidates(_DEGREES, axis.values)
     if found:
-        yield _noted(f'# unit = "{_DEGREES}"', "CONFIRM: or mm, rev, ... (and take the line above away)")
+        yield _noted(f'# unit = "{_DEGREES}"', "CONFIRM: or mm, rev, ... (and remove the line above)")
     for side, scale in found:
         yield _noted(f'# scale = "{scale}"', f"CONFIRM: increments per degree {side}, by 608Fh and 6091h")
     if not found:
-        yield _noted('# unit = "..."', "CONFIRM: deg, mm, rev, ... (and take the line above away)")
+        yield _noted('# unit = "..."', "CONFIRM: deg, mm, rev, ... (and remove the line above)")
         yield _noted(
             "# scale = ...",
             "CONFIRM: position increments per unit; the drive's objects suggest nothing (608Fh)",
         )
     if node.make.scale_proposal:
         yield f"# {_plain(node.make.scale_proposal)}"
-    yield _noted("# velocity_scale = ...", "CONFIRM: only where 6081h is not in position increments/s")
+    yield _noted("# velocity_scale = ...", "CONFIRM: only if 6081h is not in position increments/s")
     if axis.get(o.RATED_TORQUE):
         yield _noted(
             "# rated_torque = ...", f"CONFIRM: N·m; 6076h is {axis.get(o.RATED_TORQUE)}, in the standard mN·m"
@@ -212,11 +216,11 @@ def _limits(axis: ProbedAxis) -> Iterator[str]:
     if low is not None and high is not None:
         yield _noted(
             "# limits_in_drive = true",
-            "CONFIRM: boot writes them into 607Dh, 607Fh, 6080h and 6072h, so that they hold without a master too",
+            "CONFIRM: boot writes them into 607Dh, 607Fh, 6080h and 6072h, so that they also apply without a master",
         )
         yield _noted(
             "#",
-            "(607Dh counts from the drive's zero: home the axis first, and see that homing does not mind it)",
+            "(607Dh is relative to the drive's zero: home the axis first, and check that 607Dh does not obstruct homing)",
         )
 
 
@@ -266,7 +270,7 @@ def _says(axis: ProbedAxis, title: str, index: int) -> str:
 
 
 def _state(found: DiscoveredNode) -> str:
-    return f"it says that it is {found.nmt.text}" if found.nmt is not None else "no heartbeat"
+    return f"it reports {found.nmt.text}" if found.nmt is not None else "no heartbeat"
 
 
 def _noted(line: str, note: str) -> str:

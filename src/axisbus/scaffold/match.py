@@ -62,11 +62,13 @@ def _files(folders: Iterable[Path]) -> list[Path]:
             files.append(folder)
             continue
         if not folder.is_dir():
-            raise UserError(f"{folder} is no folder and no file", remedy="give --eds a folder of EDS files")
+            raise UserError(
+                f"{folder} is neither a folder nor a file", remedy="give --eds a folder of EDS files"
+            )
         files += sorted(path for path in folder.rglob("*") if path.suffix.lower() in _SUFFIXES)
         if len(files) > _MOST:
             raise UserError(
-                f"{folder} holds more than {_MOST} EDS files",
+                f"{folder} contains more than {_MOST} EDS files",
                 remedy="give the folder of this machine's files",
             )
     return files
@@ -85,7 +87,7 @@ def match(
     file of the vendor has the device's code. Of equal files the first one is used.
     """
     if not vendor_id:
-        return FileMatch((), exact=False, note="the device gives no vendor ID (1018h:01)")
+        return FileMatch((), exact=False, note="the device reports no vendor ID (1018h:01)")
     ours = [
         each
         for each in known

@@ -59,8 +59,8 @@ def resolved(address: str) -> str:
         ) from error
     if ipaddress.ip_address(found).is_unspecified:
         raise ArgumentError(
-            f"--listen {address} stands for every address of this computer",
-            remedy="give the one by which the page is to be reached",
+            f"--listen {address} means every address of this computer",
+            remedy="give the one address of the page",
         )
     return found
 
@@ -84,9 +84,9 @@ def opened(address: str, port: int, *, tls: bool) -> tuple[socket.socket, PageAd
         )
     except OSError as error:
         raise StateError(
-            f"{address}:{port} cannot be listened at",
+            f"{address}:{port} cannot be used",
             observed=error.strerror or str(error),
-            remedy="give another one: --port N",
+            remedy="give another port: --port N",
         ) from error
     return listening, PageAddress(address, listening.getsockname()[1], _names(address, number), tls)
 

@@ -90,7 +90,7 @@ class PageSocket:
         try:
             self._grow()
         except Exception:
-            log.exception("an axis that has joined is not on the pages")
+            log.exception("a new axis could not be added to the pages")
 
     def _shown(self, now: float) -> str:
         """Return the values of the axes as text, or "null" if they cannot be read: the page shows that; its stops still work."""

@@ -199,7 +199,7 @@ class StandInCell:
             self.overtaken = max(0, self.overtaken - 1)
             return _error(StateError(f"command {ask.id} {m.TOO_LATE}"))
         if ask.token != self.token or time.monotonic() >= self.until:
-            return _error(OwnershipError("nothing is done without a lease"))
+            return _error(OwnershipError("no command is executed without a lease"))
         (axis,) = ask.axes
         self.given.append((verb, ask.values))
         if verb == "jog":

@@ -27,12 +27,14 @@ _LOOK = 1.0  # seconds between two updates of the counters
 @click.command("metrics")
 @click.argument("cell", type=PATH)
 @port_option(_PORT)
-@listen_option("Another address of this computer: whoever reaches it can read them, without encryption.")
+@listen_option(
+    "Another address of this computer: every computer that reaches it can read the figures, without encryption."
+)
 def command(cell: Path, port: int, listen: str) -> int:
     """Serve the figures of the machine of CELL for Prometheus: lateness, bus, nodes, EMCY, axes. It commands nothing.
 
-    It joins the machine that runs, waits for one where none does, and for the next one where it ends; meanwhile axisbus_up is 0.
-    What is unknown or too old is left out. Ctrl-C ends it.
+    It joins the running machine. If no machine is running, or when the machine ends, it waits for the next one; meanwhile
+    axisbus_up is 0. Unknown and outdated values are left out. Ctrl-C ends it.
     """
     require("prometheus_client", "metrics need prometheus-client", "metrics")
     checked(cell)

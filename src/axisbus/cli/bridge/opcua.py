@@ -39,18 +39,20 @@ _LOOK = 0.5  # seconds between two checks for events
 @listen_option("Another address of this computer; needs --certificate and --key, or --insecure.")
 @click.option("--certificate", type=PATH, help="The server's certificate (PEM): all channels are encrypted.")
 @click.option("--key", type=PATH, help="The certificate's private key (PEM).")
-@click.option("--trust", type=PATH, help="A folder with the certificates of the clients that may come in.")
+@click.option("--trust", type=PATH, help="A folder with the certificates of the clients that may connect.")
 @click.option("--users", type=PATH, help="A file of names and passwords (axisbus bridge opcua-user).")
 @click.option(
-    "--insecure", is_flag=True, help="Let everybody who reaches the address read, without encryption."
+    "--insecure", is_flag=True, help="Let every client that reaches the address read, without encryption."
 )
-@click.option("--allow-reset", is_flag=True, help="Let users reset faults; else they may halt and stop.")
+@click.option(
+    "--allow-reset", is_flag=True, help="Let users reset faults; without it, they may only halt and stop."
+)
 @click.option(
     "--rate",
     type=click.IntRange(1, 50),
     default=10,
     show_default=True,
-    help="How often in a second values are looked at.",
+    help="How many times per second values are sampled.",
 )
 def command(
     cell: Path,
@@ -64,10 +66,10 @@ def command(
     allow_reset: bool,
     rate: int,
 ) -> int:
-    """Serve the machine of CELL by OPC UA: its axes, read-only, and what goes wrong as events; users may halt and stop.
+    """Serve the machine of CELL by OPC UA: its axes, read-only, and its faults as events; users may halt and stop.
 
-    It joins the machine that runs, waits for one where none does, and for the next one where it ends; meanwhile all values are bad.
-    Without --users nobody calls a method. Ctrl-C ends it.
+    It joins the running machine. If no machine is running, or when the machine ends, it waits for the next one; meanwhile all
+    values are bad. Without --users no client can call a method. Ctrl-C ends it.
     """
     require("asyncua", "OPC UA needs asyncua", "opcua")
     access = _access(listen, certificate, key, trust, users, insecure)
@@ -122,7 +124,7 @@ def _serve(cell: Path, server: OpcUaServer) -> None:
     MachineFollower(cell, say).run(
         lambda machine: _served(machine, server, happenings), _LOOK, lambda: server.alive
     )
-    raise StateError("the OPC UA server has ended by itself", remedy="start it again")
+    raise StateError("the OPC UA server has ended unexpectedly", remedy="start it again")
 
 
 @contextmanager

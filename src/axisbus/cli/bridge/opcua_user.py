@@ -13,9 +13,10 @@ from axisbus.gateway.opcua.users import line_of
 @click.command("opcua-user")
 @click.argument("name")
 def command(name: str) -> int:
-    """Ask for the password of NAME, twice, and print the line for the file of --users; what is kept is a hash.
+    """Ask for the password of NAME, twice, and print the line for the file of --users; the line contains a hash of the
+    password.
 
-    Where standard input is no terminal, its first line is the password.
+    If standard input is not a terminal, its first line is the password.
     """
     line_of(name, "x")  # report an invalid name before the user types a password
     say(line_of(name, _password()))

@@ -27,11 +27,13 @@ _OPTIONS = (
         envvar="ROS_DOMAIN_ID",
         help="The domain ID of ROS 2; if not given, that of ROS_DOMAIN_ID, else 0.",
     ),
-    click.option("--ros-namespace", metavar="NAME", help="What topics and nodes of ROS 2 begin with."),
+    click.option(
+        "--ros-namespace", metavar="NAME", help="The beginning of the names of topics and nodes of ROS 2."
+    ),
     click.option(
         "--ros-rate",
         type=click.FloatRange(1.0, 200.0),
-        help="Joint states each second at most; 50 if not given.",
+        help="Joint states per second, at most; 50 if not given.",
     ),
 )
 Words = dict[str, Any]
@@ -60,7 +62,7 @@ def ros_of(
     """
     if not ros:
         if ros_command or ros_namespace is not None or ros_rate is not None:
-            raise ArgumentError("options of ROS 2 are given, and ROS 2 is not asked for", remedy="add --ros")
+            raise ArgumentError("options of ROS 2 are given without --ros", remedy="add --ros")
         return None
     require("rosbags", "ROS 2 needs rosbags", "ros")
     from axisbus.gateway.ros.names import namespace_of

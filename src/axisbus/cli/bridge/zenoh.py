@@ -25,19 +25,29 @@ _CONNECTED = 2.0  # seconds for connections, over which another bridge of the sa
 
 @click.command("zenoh")
 @click.argument("cell", type=PATH)
-@click.option("--plant", required=True, metavar="NAME", help="What all keys of the plant begin with.")
+@click.option(
+    "--plant", required=True, metavar="NAME", help="The name of the plant, with which all its keys begin."
+)
 @click.option(
     "--cell", "name", metavar="NAME", help="The cell's name in the plant; that of its file, if not given."
 )
 @click.option(
-    "--connect", multiple=True, metavar="ENDPOINT", help="Somebody to connect to, such as tcp/10.0.0.5:7447."
+    "--connect",
+    multiple=True,
+    metavar="ENDPOINT",
+    help="An endpoint to connect to, such as tcp/10.0.0.5:7447.",
 )
 @click.option(
-    "--listen", multiple=True, metavar="ENDPOINT", help="Where others may connect, such as tcp/10.0.0.7:7447."
+    "--listen",
+    multiple=True,
+    metavar="ENDPOINT",
+    help="The endpoint at which others may connect, such as tcp/10.0.0.7:7447.",
 )
 @click.option("--scouting", is_flag=True, help="Also find others, and be found, by multicast and by gossip.")
 @click.option("--config", type=PATH, help="A configuration of Zenoh (JSON5), for TLS and access rules.")
-@click.option("--recordings", type=PATH, help="A folder whose recordings may be read over the network.")
+@click.option(
+    "--recordings", type=PATH, help="A folder with recordings that clients may read over the network."
+)
 @ros_options
 def command(
     cell: Path,
@@ -52,8 +62,8 @@ def command(
 ) -> int:
     """Join the machine of CELL to a Zenoh network: state, events, commands under a lease, objects, recordings.
 
-    It joins the machine that runs, waits for one where none does, and for the next one where it ends. Whoever takes the lease
-    over the network has the command of the machine; where it is lost, what was moved under it halts. Ctrl-C ends it.
+    It joins the running machine. If no machine is running, or when the machine ends, it waits for the next one. The holder of
+    the lease has control of the machine; if the lease is lost, the axes that were moved under it halt. Ctrl-C ends the bridge.
     """
     network.require_zenoh()
     keys = ZenohCellKeys(named("the plant", plant), named("the cell", cell.stem if name is None else name))
@@ -62,7 +72,9 @@ def command(
     network.require_reachable(wanted)
     checked(cell)
     if recordings is not None and not recordings.is_dir():
-        raise StateError(f"{recordings} is no folder", remedy="name the folder in which recordings are")
+        raise StateError(
+            f"{recordings} is not a folder", remedy="name the folder that contains the recordings"
+        )
     with ExitStack() as stack:
         session = network.opened(wanted)
         stack.callback(session.close)

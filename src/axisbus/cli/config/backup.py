@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 @output_option("The DCF to write [default: node-N-serial-S.dcf].")
 @concise_option("Also write a concise DCF, the content of 1F22h, here.")
 @force_option
-@click.option("--json", "as_json", is_flag=True, help="Print what was read as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the values read as JSON.")
 def command(
     node: str,
     asked: NodeOptions,
@@ -46,7 +46,8 @@ def command(
 ) -> int:
     """Read every object of NODE into a DCF, with its identity and serial number; nothing is written to the drive.
 
-    Without --eds or --cell the drive is asked for its EDS (1021h), and then for the standard's objects one by one.
+    Without --eds or --cell, the EDS is read from the drive (1021h); if the drive has none, the objects of the standard are read
+    one by one.
     """
     require_bus(asked)
     require_free(output, concise_out, force=force)

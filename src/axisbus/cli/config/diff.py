@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 @click.argument("other", required=False)
 @node_options
 @click.option(
-    "--all", "everything", is_flag=True, help="Also compare what can only be read, such as actual values."
+    "--all", "everything", is_flag=True, help="Also compare read-only objects, such as actual values."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the differences as JSON.")
 def command(one: str, other: str | None, asked: NodeOptions, everything: bool, as_json: bool) -> int:
     """Compare configurations: FILE FILE, FILE NODE (the node as it is now), or NODE alone (with the defaults of its EDS).
 
-    A file is a DCF or an EDS; a node is its ID, or an axis of --cell. Compared are the identity and what can be set; controlword,
-    targets and other orders are not. Exit code 1 when something differs. Writes nothing.
+    A file is a DCF or an EDS; a node is its ID, or an axis of --cell. The identity and the settings are compared; controlword,
+    targets and other command objects are not. Exit code 1 when something differs. Writes nothing.
 
     \b
     axisbus config diff old.dcf new.dcf

@@ -55,7 +55,7 @@ def node_reading(files: NodeFiles, node: ByObjects) -> tuple[EdsParseResult, str
         if data is not None:
             return reader.read(data, f"1021h of node {node.node_id}"), "the EDS that the drive stores (1021h)"
         made = writer.dumps(skeleton(node.sdo, tell))
-    what = "a skeleton of the standard objects that it answers to (no maker's objects: give --eds)"
+    what = "a skeleton of the standard objects that exist in it (no maker's objects: give --eds)"
     return reader.read(made, f"skeleton of node {node.node_id}"), what
 
 
@@ -85,7 +85,7 @@ def _key(text: str, option: str) -> Key:
         found = (-1, -1)
     if not (0 <= found[0] <= 0xFFFF and 0 <= found[1] <= 0xFF):
         raise ArgumentError(
-            f"{option} {text!r} names no object",
+            f"{option} {text!r} does not name an object",
             remedy=f"write index and sub-index in hexadecimal, such as {option} 6098 or {option} 607D:1",
         )
     return found

@@ -11,7 +11,7 @@ COMMANDS = {
     "diff": ("axisbus.cli.config.diff", "Compare two files, a file and a node, or a node and its EDS."),
     "restore": (
         "axisbus.cli.config.restore",
-        "Bring a node to what a DCF says, and read every object again.",
+        "Configure a node as in a DCF, and read every object again.",
     ),
 }
 

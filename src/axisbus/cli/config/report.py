@@ -47,12 +47,12 @@ def _show_memory(found: dict[str, Any], report: RestoreReport) -> None:
         restart = "it restarted, and " if stored["restarted"] else ""
         say(f"stored by 1010h in {stored['seconds']:.1f} s; {restart}all was read again")
     elif found["in_ram_only"] and found.get("cannot_store"):
-        say(f"what was written is in RAM: {found['cannot_store']}")
+        say(f"the written values are in RAM: {found['cannot_store']}")
     elif found["in_ram_only"]:
-        say("what was written is in RAM only, and is lost with the next power-off")
-        say_next(f"keep it: axisbus config restore {found['file']} {found['node']} ... --store")
+        say("the written values are in RAM only, and are lost at the next power-off")
+        say_next(f"store it: axisbus config restore {found['file']} {found['node']} ... --store")
     if not report.ok and stored is None and "cut_off" not in found:
-        say_next("mend what failed in the file, or leave it out with --exclude, and run it again")
+        say_next("correct the failed objects in the file, or leave them out with --exclude, and run it again")
 
 
 def _change(each: Result) -> str:

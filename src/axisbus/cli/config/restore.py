@@ -47,21 +47,23 @@ class _Wish:
     "--include",
     multiple=True,
     metavar="OBJECT",
-    help="Also write this calibration object, such as 2105:1; one by one.",
+    help="Also write this calibration object, such as 2105:1; one option per object.",
 )
-@click.option("--exclude", multiple=True, metavar="OBJECT", help="Leave this object as it is.")
+@click.option("--exclude", multiple=True, metavar="OBJECT", help="Do not write this object.")
 @click.option(
     "--replacement",
     is_flag=True,
-    help="The node replaces the one of the file: let revision, serial number and node-ID differ.",
+    help="The node replaces that of the file: allow another revision, serial number and node-ID.",
 )
 @click.option("--store", is_flag=True, help="Store by 1010h, wait for a restart, and read all again.")
 @click.option(
-    "--ignore-limits", is_flag=True, help="Leave it to the drive to refuse values beyond the file's limits."
+    "--ignore-limits",
+    is_flag=True,
+    help="Also write values beyond the file's limits; the drive may refuse them.",
 )
-@click.option("--dry-run", is_flag=True, help="Only say what would be written.")
+@click.option("--dry-run", is_flag=True, help="Only show the values that would be written.")
 @click.option("--concise", is_flag=True, help="FILE is a concise DCF (1F22h); needs the EDS.")
-@click.option("--json", "as_json", is_flag=True, help="Print what came of it as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def command(
     file: str,
     node: str,
@@ -75,13 +77,14 @@ def command(
     concise: bool,
     as_json: bool,
 ) -> int:
-    """Bring NODE to what FILE (a DCF) says: write what differs, in the order that a device takes, and read every object again.
+    """Configure NODE as in FILE (a DCF): write the values that differ, in the order that a device accepts, and read every
+    object again.
 
     It refuses a file of another device, and a node that is energised, operational, or run by another master. Controlword, modes
-    and targets are not written; calibration only as far as --include names it. A restore that was cut off is just run again: it
-    finds what still differs.
+    and targets are not written; calibration objects are written only if --include names them. If a restore was cut off, run it
+    again: it writes the values that still differ.
 
-    Exit code 1 when an object cannot be restored, 3 when the node or the bus fails on the way.
+    Exit code 1 when an object cannot be restored, 3 when the node or the bus fails during the restore.
     """
     wish = _Wish(
         config_files.keys(include, "--include"),
@@ -118,7 +121,7 @@ def _concise_values(file: str, files: NodeFiles, node_id: int) -> Eds:
     given = config_files.eds_file(files, node_id)
     if not given:
         raise click.UsageError(
-            "a concise DCF does not say what its values are: give the node's EDS with --eds"
+            "a concise DCF does not contain the types of its values: give the node's EDS with --eds"
         )
     path = Path(file)
     writes = concise.decode(reader.file_bytes(path), str(path))
@@ -241,7 +244,7 @@ def _cut_off(
     )
     say_error(str(error) or "stopped by Ctrl-C")
     say_error(
-        f"the restore of node {node_id} was cut off after {counted(report.writes, 'write')}; run it again: "
-        "it goes on with what differs"
+        f"the restore of node {node_id} was cut off after {counted(report.writes, 'write')}; run it again: it writes the "
+        "values that still differ"
     )
     return FAILURE if isinstance(error, BusError) else STOPPED

@@ -50,14 +50,14 @@ def _severities(_: click.Context, __: click.Parameter, given: tuple[str, ...]) -
     "--ignore",
     multiple=True,
     metavar="IDS",
-    help="Not these; where both speak of a rule, the longer text counts.",
+    help="Not these; if both options match a rule, the longer text applies.",
 )
 @click.option(
     "--fail-on",
     type=click.Choice(list(_FAILING)),
     default="error",
     show_default=True,
-    help="Exit with 1 from here on.",
+    help="Exit with 1 for findings of this severity or worse.",
 )
 @click.option(
     "--severity",
@@ -67,7 +67,7 @@ def _severities(_: click.Context, __: click.Parameter, given: tuple[str, ...]) -
     callback=_severities,
     help="Show only these: error, warning, note; commas between several. --json and --sarif always have all.",
 )
-@click.option("--all", "each", is_flag=True, help="Show every place, not only the first ones of each rule.")
+@click.option("--all", "each", is_flag=True, help="Show every finding, not only the first ones of each rule.")
 @click.option(
     "--lines", "as_lines", is_flag=True, help="One line each as file:line:column: ..., for editors."
 )
@@ -84,11 +84,12 @@ def command(
 ) -> int:  # fmt: skip
     """Check FILES (EDS, DCF, builtin:NAME, or patterns such as 'eds/*.eds') by CiA DS 306, CiA 301 and CiA 402.
 
-    An error makes a tool or the device fail, a warning deviates from the standard, a note is worth knowing. For each file the rules
-    that it breaks are named, with how often, what to do, and line and column of the first places; --all shows every place, and
-    --explain tells more about a rule.
+    An error makes a tool or the device fail, a warning deviates from the standard, a note is worth knowing. For each file, the
+    report lists the broken rules, with the number of findings, the remedy, and line and column of the first findings. --all
+    shows every finding, and --explain describes a rule.
 
-    Exit codes: 0 nothing from --fail-on up (shown or not), 1 something found or a file that cannot be read, 2 wrong use.
+    Exit codes: 0 no finding of the severity of --fail-on or worse (shown or not), 1 there is one, or a file cannot be read, 2
+    wrong use.
     """
     wanted = rule_selection.chooser(ids_of(select), ids_of(ignore))
     if explain is not None:
@@ -150,8 +151,8 @@ def explain_rule(rule: str, known: Mapping[str, Rule]) -> int:
     """Print the explanation of a rule; return the exit code."""
     found = rule_selection.RuleIds(known).starting(rule)
     if len(found) != 1:
-        there = f"these begin so: {', '.join(found)}" if found and rule else "the list has all: --list"
-        return misuse(f"--explain: {rule[:20]!r} is no rule's id; {there}")
+        there = f"rules that begin so: {', '.join(found)}" if found and rule else "all rules: --list"
+        return misuse(f"--explain: {rule[:20]!r} is not the id of a rule; {there}")
     say_lines(text.explained(known[found[0]]), styled=True)
     return OK
 

@@ -157,7 +157,7 @@ def explained(rule: Rule) -> Iterator[str]:
     width = min(terminal_width() or _TEXT_WIDTH, _TEXT_WIDTH)
     yield f"{_bold(rule.id)} {_coloured(rule.severity.value, rule.severity)}: {rule.title}"
     if rule.clause:
-        yield f"Stands in {rule.clause}."
+        yield f"Reference: {rule.clause}."
     yield ""
     yield from textwrap.wrap(rule.explanation, width)
     yield ""

@@ -21,9 +21,9 @@ from axisbus.wording import counted
 @force_option
 @node_option
 @click.option("--c", "as_c", is_flag=True, help="Write a C header instead, with the layouts of the PDOs.")
-@click.option("--cell", type=PATH, help="With --c, instead of FILE: the PDOs as this cell file plans them.")
+@click.option("--cell", type=PATH, help="With --c, instead of FILE: the PDOs as planned by this cell file.")
 @click.option(
-    "--axis", metavar="NAME", help="With --cell: of the node of this axis alone; --node names one too."
+    "--axis", metavar="NAME", help="With --cell: only for the node of this axis; --node selects a node, too."
 )
 def command(
     file: str | None,
@@ -36,9 +36,10 @@ def command(
 ) -> int:
     """Write a Python module of the objects of FILE (an EDS, a DCF or builtin:NAME): typed constants and enumerations.
 
-    To standard output, or with -o to a file. The module imports nothing of axisbus; the same file gives the same text. With --node,
-    defaults are those for this node ID. With --c a header for C99 and C++: where each object is, its type, and for each PDO of the
-    file a structure with what reads and makes its data; with --cell the PDOs are those that travel after boot-up, node by node.
+    Writes to standard output, or with -o to a file. The module does not import axisbus; the same file gives the same text. With
+    --node, defaults are those for this node ID. With --c, it writes a header for C99 and C++: the location and type of each
+    object, and for each PDO of the file a structure with functions that decode and encode its data. With --cell, the PDOs are
+    those used after boot-up, node by node.
     """
     _require_source(file, cell, axis, as_c=as_c, node=node)
     _require_name(output, as_c=as_c)
@@ -77,11 +78,13 @@ def _require_source(
 ) -> None:
     if (file is None) == (cell is None):
         raise ArgumentError(
-            "of what?" if file is None else "of a file, or of a cell?",
+            "of what?" if file is None else "an input file is missing",
             remedy="give an EDS, a DCF or builtin:NAME; or --c --cell cell.toml",
         )
     if cell is not None and not as_c:
-        raise ArgumentError("a Python module holds no PDOs of a cell", remedy="give --c for a C header")
+        raise ArgumentError(
+            "a Python module cannot contain the PDOs of a cell", remedy="give --c for a C header"
+        )
     if axis is not None and (cell is None or node is not None):
         raise ArgumentError(
             "--axis names a node of a cell", remedy="give it with --cell and without --node; or leave it out"
@@ -92,8 +95,10 @@ def _require_name(output: Path | None, *, as_c: bool) -> None:
     if output is None:
         return
     if as_c and output.suffix not in (".h", ".hpp"):
-        raise ArgumentError(f"{output.name} is no name of a C header", remedy="give one such as -o drive.h")
+        raise ArgumentError(
+            f"{output.name} is not the name of a C header", remedy="give one such as -o drive.h"
+        )
     if not as_c and not (output.suffix == ".py" and output.stem.isidentifier()):
         raise ArgumentError(
-            f"{output.name} is no name of a Python module", remedy="give one such as -o drive.py"
+            f"{output.name} is not the name of a Python module", remedy="give one such as -o drive.py"
         )

@@ -38,7 +38,7 @@ def _wanted(cell: CellConfig, node: int | None, axis: str | None) -> list[int]:
         return there
     remedy = f"name a node that speaks CANopen: --node {there[0]}" if there else ""
     if node is None:
-        raise StateError("the cell has no node that speaks CANopen: nothing of it has PDOs")
+        raise StateError("the cell has no node that speaks CANopen, so it has no PDOs")
     if node not in cell.nodes:
         known = ", ".join(map(str, cell.nodes)) or "none"
         raise UnknownNameError(f"the cell has no node {node}", observed=f"it has {known}", remedy=remedy)

@@ -36,9 +36,11 @@ from axisbus.wording import counted
 @output_option("Write the DCF (with --to-eds: the EDS) here.")
 @concise_option("Write a concise DCF, the content of 1F22h, here.")
 @force_option
-@click.option("--from-concise", type=PATH, help="Take the values of this concise DCF first.")
-@click.option("--values", is_flag=True, help="Print what differs from the defaults, and write nothing.")
-@click.option("--to-eds", is_flag=True, help="Take node and values out of a DCF again; needs -o.")
+@click.option("--from-concise", type=PATH, help="Apply the values of this concise DCF first.")
+@click.option(
+    "--values", is_flag=True, help="Print the values that differ from the defaults, and write nothing."
+)
+@click.option("--to-eds", is_flag=True, help="Remove node and values from a DCF; needs -o.")
 @click.option("--json", "as_json", is_flag=True, help="With --values: print JSON.")
 def command(
     file: str,
@@ -56,10 +58,11 @@ def command(
     to_eds: bool,
     as_json: bool,
 ) -> int:
-    """Make a DCF for one node of FILE (an EDS or DCF): node ID, bit rate, and values that are checked against type, limits, access.
+    """Make a DCF for one node of FILE (an EDS or DCF): node ID, bit rate, and values that are checked against type, limits,
+    access.
 
-    What is not set stays as FILE has it, byte for byte. With --concise also (or only) the writes that configure the device, in the
-    order that it takes them: PDOs disabled first and enabled last, 1020h at the end.
+    All values that are not set remain as in FILE, byte for byte. With --concise, also (or only) write the list of SDO downloads
+    that configure the device, in the order that the device accepts: PDOs disabled first and enabled last, 1020h at the end.
 
     Nothing is sent to a device.
     """
@@ -87,7 +90,7 @@ def _node(reading: EdsParseResult, node: int | None, values: bool) -> int:
     found = node if node is not None else reading.eds.node_id
     if found is None:
         raise ArgumentError(
-            "a DCF is made for one node, and nobody said for which",
+            "a DCF is made for one node, and no node ID is given",
             observed="" if values else f"{reading.eds.source} has no node ID",
             remedy="give --node 5 (1 to 127)",
         )

@@ -18,10 +18,10 @@ from axisbus.errors import EdsError
 @node_option
 @click.option("--json", "as_json", is_flag=True, help="Print the differences as JSON.")
 def command(a: str, b: str, node: int | None, as_json: bool) -> int:
-    """Compare two EDS or DCF files by what they mean: 0x0A equals 10, the order does not matter, $NODEID+x equals $NODEID+x.
+    """Compare the meaning of two EDS or DCF files: 0x0A equals 10, the order does not matter, $NODEID+x equals $NODEID+x.
 
-    Two firmware versions of one drive are the use: what matters for a master stands first. With --node (or when one is a DCF)
-    values are compared as they are for that node. [FileInfo] is not compared.
+    It is made for comparing two firmware versions of one drive: the differences that matter for a master come first. With
+    --node (or when one file is a DCF), values are compared as they are for that node. [FileInfo] is not compared.
 
     Exit codes: 0 the same, 1 different, 2 a file cannot be read.
     """

@@ -25,8 +25,8 @@ _WRITERS = {".html": html, ".htm": html, ".md": markdown, ".markdown": markdown}
 def command(file: str, output: Path | None, force: bool, node: int | None) -> int:
     """Write a complete reference of the device of FILE (an EDS, a DCF or builtin:NAME): every object, the PDOs drawn.
 
-    -o names the file, x.html (one page that needs nothing else, made to be printed too) or x.md; without it, the name of FILE
-    with .html in this folder. With --node, values are those for this node ID.
+    -o names the file, x.html (one self-contained page, also suited for printing) or x.md; without it, the name of FILE with
+    .html in this folder. With --node, values are those for this node ID.
     """
     require_free(output, force=force)
     eds = open_eds(file)

@@ -18,13 +18,13 @@ _FORMATS = ("csv", "json", "dbc")
 
 @click.command("export")
 @file_argument
-@click.option("--csv", "form", flag_value="csv", help="A row for each entry.")
+@click.option("--csv", "form", flag_value="csv", help="One row per entry.")
 @click.option("--json", "form", flag_value="json", help="Device, PDOs and entries.")
 @click.option(
     "--dbc", "form", flag_value="dbc", help="The frames of the node; needs --node and axisbus[dbc]."
 )
-@click.option("--switched-off", is_flag=True, help="In a DBC the PDOs that are switched off, too.")
-@click.option("--words", is_flag=True, help="In a DBC a statusword as one signal, not as one for each bit.")
+@click.option("--switched-off", is_flag=True, help="In a DBC, also the PDOs that are disabled.")
+@click.option("--words", is_flag=True, help="In a DBC, a statusword as one signal, not one per bit.")
 @output_option("Where to write [default: standard output].")
 @force_option
 @node_option
@@ -39,13 +39,13 @@ def command(
 ) -> int:
     """Write the dictionary of FILE (an EDS, a DCF or builtin:NAME) as CSV or JSON, or its PDOs as DBC.
 
-    To standard output, or with -o to a file, whose ending (.csv, .json, .dbc) may name the format. With --node, values that
-    depend on the node ID are those for it; a DBC needs it.
+    Writes to standard output, or with -o to a file, whose ending (.csv, .json, .dbc) may name the format. With --node, values
+    that depend on the node ID are those for it; a DBC needs it.
     """
     chosen = _chosen(form, output)
     if chosen != "dbc" and (switched_off or words):
         raise ArgumentError(
-            f"--switched-off and --words say nothing for {chosen.upper()}", remedy="leave them out"
+            f"--switched-off and --words have no effect on {chosen.upper()}", remedy="leave them out"
         )
     require_free(output, force=force)
     eds = open_eds(file)
@@ -66,7 +66,7 @@ def _chosen(form: str | None, output: Path | None) -> str:
     chosen = form or (ending if ending in _FORMATS else "")
     if not chosen:
         raise ArgumentError(
-            "in which format?", remedy="give --csv, --json or --dbc, or -o with such an ending"
+            "no format is given", remedy="give --csv, --json or --dbc, or -o with such an ending"
         )
     return chosen
 

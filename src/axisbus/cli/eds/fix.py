@@ -31,28 +31,26 @@ class _Done(NamedTuple):
 
 @click.command("fix")
 @click.argument("files", nargs=-1)
-@output_option("Write the mended file here; FILE stays. Of one file only.")
+@output_option("Write the fixed file here; FILE is not changed. For one file only.")
 @force_option
-@click.option(
-    "--write", is_flag=True, help="Write each mended text into its file itself, whole or not at all."
-)
-@click.option("--json", "as_json", is_flag=True, help="Print what is mended as JSON.")
+@click.option("--write", is_flag=True, help="Replace each file by its fixed text, completely or not at all.")
+@click.option("--json", "as_json", is_flag=True, help="Print the fixes as JSON.")
 def command(files: tuple[str, ...], output: Path | None, force: bool, write: bool, as_json: bool) -> int:
-    """Mend in FILES (EDS, DCF, or patterns such as 'eds/*.eds') what can be mended safely, and show it as a diff; nothing is
+    """Fix in FILES (EDS, DCF, or patterns such as 'eds/*.eds') the errors that can be fixed safely, and show a diff; nothing is
     written without --write or -o.
 
-    Mended are counts (SupportedObjects, SubNumber, NrOfEntries, Lines), the numbering of lists, $NODEID, negative numbers in
-    hexadecimal, numbers as programs write them, misspelt names, an incomplete [DummyUsage], names and comments beyond ASCII,
-    comments in the wrong place, and what is there twice word for word. All else stays as it is, byte for byte. What needs
-    judgement is left to you: axisbus eds check.
+    It fixes counts (SupportedObjects, SubNumber, NrOfEntries, Lines), the numbering of lists, $NODEID, negative numbers in
+    hexadecimal, numbers in the notation of programming languages, misspelt names, an incomplete [DummyUsage], names and
+    comments beyond ASCII, misplaced comments, and literal duplicates. Everything else remains as it is, byte for byte. Findings
+    that need judgement are left to you: axisbus eds check.
 
-    Exit codes: 0 nothing to mend, or mended and written; 1 there is something to mend; 2 a file cannot be read, or wrong use.
+    Exit codes: 0 nothing to fix, or fixed and written; 1 there is something to fix; 2 a file cannot be read, or wrong use.
     """
     named = list(expanded(files))
     if not named:
         return misuse("no file is given, such as: axisbus eds fix drive.eds")
     if output is not None and (write or len(named) > 1):
-        return misuse("-o is of one file, and excludes --write: give --write to mend each file itself")
+        return misuse("-o is for one file, and excludes --write: give --write to fix each file in place")
     require_free(output, force=force)
     done = [each for file in named if (each := _mended(file, output, write)) is not None]
     if as_json:
@@ -110,14 +108,14 @@ def _few(files: list[str]) -> str:
 def _summary(done: _Done) -> None:
     mended = done.fixed.mended
     if not mended:
-        say(f"{done.file}: nothing to mend")
+        say(f"{done.file}: nothing to fix")
         return
     for each in mended:
         if not each.changes:  # no line of the diff shows it
             say(f"{done.file}:{each.line}: {each.rule} {each.what}")
     counts = Counter(each.rule for each in mended)
     rules = ", ".join(f"{rule} {count}" for rule, count in sorted(counts.items()))
-    many = counted(len(mended), "mend")
+    many = counted(len(mended), "fix", "fixes")
     if done.target is None:
         say(f"{done.file}: {many} ({rules}), not written")
     else:

@@ -22,9 +22,7 @@ from axisbus.wording import counted
 @click.option("--cell", type=PATH, help="Take the bus from this cell file instead.")
 @output_option("Where to write [default: node-N.eds].")
 @force_option
-@click.option(
-    "--skeleton", "only_skeleton", is_flag=True, help="Do not ask for the EDS that the drive stores."
-)
+@click.option("--skeleton", "only_skeleton", is_flag=True, help="Do not read the EDS that the drive stores.")
 def command(
     node: int,
     interface: str | None,
@@ -36,9 +34,9 @@ def command(
     force: bool,
     only_skeleton: bool,
 ) -> int:
-    """Take the EDS that the drive NODE stores (1021h), or make a skeleton of the standard objects that it answers to.
+    """Read the EDS that the drive NODE stores (1021h), or make a skeleton of the standard objects that exist in the drive.
 
-    Writes nothing to the drive. A skeleton has the standard's names, types and access; the maker's objects are not in it.
+    Writes nothing to the drive. A skeleton has the standard's names, types and access; it does not contain the maker's objects.
     """
     from axisbus.bus.node.from_device import as_file, skeleton, stored_eds
     from axisbus.bus.node.node import CanopenNode
@@ -57,7 +55,7 @@ def command(
         if data is not None:
             what = "the EDS that the drive stores"
         else:
-            tell = stack.enter_context(progress_bar("asking for objects"))
+            tell = stack.enter_context(progress_bar("reading the standard objects"))
             found = skeleton(device.sdo, tell, notes.append)
             data = _HEADER.encode() + writer.dumps(as_file(found, target.name, datetime.now(), bitrate))
             what = f"a skeleton of {counted(len(found.objects), 'object')}"
@@ -69,6 +67,6 @@ def command(
     return OK
 
 
-_HEADER = """; A skeleton read from a drive: which standard objects it has. Names and access are the standard's, not the maker's.
+_HEADER = """; A skeleton read from a drive: the standard objects that it has. Names and access are the standard's, not the maker's.
 ; The maker's own objects (2000h to 5FFFh) are missing. Replace it by the maker's EDS when you have it.
 """

@@ -24,7 +24,7 @@ def command(as_json: bool) -> int:
         say_next(
             f"axisbus eds show {rows[0]['name']}"
             if rows
-            else "axisbus eds from-device takes one from a drive"
+            else "axisbus eds from-device reads one from a drive"
         )
     return OK
 

@@ -30,12 +30,12 @@ from axisbus.errors import EdsError
 @file_argument
 @click.argument("wanted", metavar="[OBJECT]", required=False)
 @node_option
-@click.option("--expand", is_flag=True, help="Show every sub-index, also where many are alike.")
+@click.option("--expand", is_flag=True, help="Show every sub-index, even if many are alike.")
 @click.option("--json", "as_json", is_flag=True, help="Print entries and PDOs as JSON.")
 def command(file: str, wanted: str | None, node: int | None, expand: bool, as_json: bool) -> int:
     """Show the dictionary of FILE (an EDS, a DCF or builtin:NAME) as a tree: types, access, defaults, limits, PDOs drawn.
 
-    OBJECT shows one object with all that is known of it: 6041, 1018:1, TPDO1, or a part of a name; several that match are listed.
+    OBJECT shows one object in full: 6041, 1018:1, TPDO1, or a part of a name; if several objects match, they are listed.
     """
     eds = open_eds(file)
     node_id = node_of(eds, node)

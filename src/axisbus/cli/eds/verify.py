@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 @click.argument("node", type=click.IntRange(1, 127))
 @bus_options
 @click.option("--cell", type=PATH, help="Take the bus from this cell file instead.")
-@click.option("--notes", is_flag=True, help="Also show what may well differ, such as configured values.")
+@click.option(
+    "--notes", is_flag=True, help="Also show differences that are normal, such as configured values."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the differences as JSON.")
 def command(
     file: str,
@@ -40,9 +42,9 @@ def command(
     notes: bool,
     as_json: bool,
 ) -> int:
-    """Hold FILE (an EDS or DCF) against the drive NODE on a bus: identity, existence, access, size, PDO maps, defaults.
+    """Compare FILE (an EDS or DCF) with the drive NODE on a bus: identity, existence, access, size, PDO maps, defaults.
 
-    Reads every object once, writes nothing. Exit code 1 when the drive does not bear the file out.
+    Reads every object once, writes nothing. Exit code 1 when the drive does not agree with the file.
     """
     from axisbus.bus.node.node import CanopenNode
     from axisbus.bus.node.verify import verify
@@ -76,7 +78,7 @@ def _show(file: str, node: int, result: Verification, notes: bool) -> None:
             f"{file}:{each.line}: {each.severity.value}: {each.kind.value}: {where} {each.name} {each.message}"
         )
     counts = Counter(each.severity.value for each in result.differences)
-    left_out = f", {result.left_out} were not to be read" if result.left_out else ""
+    left_out = f", {result.left_out} could not be read" if result.left_out else ""
     say(
         f"{counted(result.read, 'entry', 'entries')} read from node {node}{left_out}: "
         + ", ".join(counted(counts[grade], grade) for grade in ("error", "warning", "note"))
@@ -86,5 +88,5 @@ def _show(file: str, node: int, result: Verification, notes: bool) -> None:
         say_next("use the file in a cell.toml: axisbus check cell.toml")
     else:
         say_next(
-            f"take the EDS of this firmware, or see what the drive has: axisbus eds from-device {node} ..."
+            f"use the EDS of this firmware, or read the objects of the drive: axisbus eds from-device {node} ..."
         )

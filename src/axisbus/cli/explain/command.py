@@ -20,10 +20,10 @@ def _complete(context: click.Context, parameter: click.Parameter, incomplete: st
 @click.command("explain")
 @click.argument("name", required=False, shell_complete=_complete)
 def command(name: str | None) -> int:
-    """Print the page of a symptom: what it is, and what to check, in which order. Without NAME the pages are listed.
+    """Print the page of a symptom: its meaning, and what to check, in which order. Without NAME, list the pages.
 
-    NAME is that of a page, as messages print it; or an error's class, a letter of a boot-up, an SDO abort code, or an error code
-    of a drive (603Fh, EMCY).
+    NAME is the name of a page, as messages print it; or the class of an error, a letter of a boot-up, an SDO abort code, or an
+    error code of a drive (603Fh, EMCY).
 
     \b
     axisbus explain node-lost
@@ -52,7 +52,7 @@ def _wanted(name: str) -> Symptom:
     if symptom is None:
         near = difflib.get_close_matches(name, [*lookup.words()], n=3)
         meant = f"did you mean {' or '.join(near)}? " if near else ""
-        raise UserError(f"no page is called {name!r}", remedy=f"{meant}axisbus explain lists all")
+        raise UserError(f"there is no page {name!r}", remedy=f"{meant}axisbus explain lists all")
     return symptom
 
 

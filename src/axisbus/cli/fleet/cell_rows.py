@@ -113,9 +113,7 @@ def incident_lines(cell: FleetCell) -> list[str]:
             if text
         ]
     if cell.lost_events:
-        lines.append(
-            f"{counted(cell.lost_events, 'event')} more were missed, and are not kept there any more"
-        )
+        lines.append(f"{counted(cell.lost_events, 'event')} more were missed, and are no longer stored there")
     return list(map(_printable, lines))
 
 

@@ -11,10 +11,10 @@ COMMANDS = {
         "axisbus.cli.fleet.list",
         "Show the cells of a plant, their axes, incidents and recordings, once.",
     ),
-    "watch": ("axisbus.cli.fleet.watch", "The same as a table that stays in its place and goes on."),
+    "watch": ("axisbus.cli.fleet.watch", "The same as a table that is updated continuously."),
     "stop": (
         "axisbus.cli.fleet.stop",
-        "Quick-stop all axes of all cells, or of some, whoever commands them.",
+        "Quick-stop all axes of all cells, or of some, whichever program has control.",
     ),
 }
 
@@ -23,6 +23,6 @@ COMMANDS = {
 def command() -> None:
     """See and stop the cells of a plant over its Zenoh network.
 
-    A cell is on it by its bridge: axisbus bridge zenoh CELL --plant PLANT. Not a safety function: a stop that goes through a
-    network may not arrive.
+    A cell joins the network by its bridge: axisbus bridge zenoh CELL --plant PLANT. Not a safety function: a stop that is sent
+    over a network may not arrive.
     """

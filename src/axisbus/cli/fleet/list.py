@@ -24,10 +24,10 @@ def command(
     place: FleetOptions,
     as_json: bool,
 ) -> int:
-    """Show which cells of a plant are there, with their axes, newest incidents and recordings.
+    """Show the cells of a plant that are present, with their axes, newest incidents and recordings.
 
-    It waits for at most about a second for what the cells tell. What is older than a second is unknown. The exit code is 1 where no
-    cell is there, or an endpoint is not reached.
+    It waits at most about one second for the cells' values. A value older than a second is unknown. The exit code is 1 if no
+    cell is found, or an endpoint is not reached.
     """
     with place.fleet() as fleet:
         cells = list(fleet)
@@ -41,15 +41,13 @@ def command(
     for endpoint in unreached:
         say_note(unreached_text(endpoint))
     if not cells and not as_json:
-        say(
-            f"no cell of plant {place.plant} is there: see that its bridges run, and which endpoints they have"
-        )
+        say(f"no cell of plant {place.plant} was found: check that its bridges run, and their endpoints")
     return OK if cells and not unreached else WRONG
 
 
 def unreached_text(endpoint: str) -> str:
     """Return the text for an endpoint without a connection."""
-    return f"NOT REACHED: {endpoint}: of the cells behind it nothing is known"
+    return f"NOT REACHED: {endpoint}: the state of its cells is unknown"
 
 
 def recordings_of(cell: FleetCell) -> Recordings:

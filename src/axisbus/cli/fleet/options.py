@@ -58,11 +58,14 @@ def plant_options(function: Decorated) -> Decorated:
 def _with_options(function: Decorated) -> Decorated:
     for decorate in (
         click.option(
-            "--config", type=PATH, help="A configuration file of Zenoh's, for certificates and the like."
+            "--config", type=PATH, help="A configuration file of Zenoh, for example for certificates."
         ),
-        click.option("--scouting", is_flag=True, help="Search for cells by multicast as well."),
+        click.option("--scouting", is_flag=True, help="Also search for cells by multicast."),
         click.option(
-            "--listen", multiple=True, metavar="ENDPOINT", help="Where cells may come to; repeatable."
+            "--listen",
+            multiple=True,
+            metavar="ENDPOINT",
+            help="The endpoint at which cells may connect; repeatable.",
         ),
         click.option(
             "--connect",

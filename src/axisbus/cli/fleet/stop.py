@@ -22,17 +22,22 @@ _LOOK, _STEP = 1.0, 0.01  # seconds of the search for cells, and between its ste
 @click.argument("cells", nargs=-1, metavar="[CELL]...")
 @plant_options
 @click.option(
-    "--wait", "seconds", type=Seconds(0.1), default=_WAIT, show_default=True, help="Seconds to confirm in."
+    "--wait",
+    "seconds",
+    type=Seconds(0.1),
+    default=_WAIT,
+    show_default=True,
+    help="Seconds within which cells must confirm.",
 )
 def command(
     cells: tuple[str, ...],
     place: FleetOptions,
     seconds: float,
 ) -> int:
-    """Quick-stop all axes of all cells of a plant, or of the named ones, whoever commands them.
+    """Quick-stop all axes of all cells of a plant, or of the named cells, whichever program has control.
 
-    It tells of each cell whether it has confirmed that its drives have stopped. The exit code is 3 where one has not, or an
-    endpoint is not reached, and 1 where no cell is there. It is not a safety function.
+    For each cell it shows whether the cell has confirmed that its drives have stopped. The exit code is 3 if a cell has not, or
+    an endpoint is not reached, and 1 if no cell is found. It is not a safety function.
     """
     with place.fleet(look=0.0) as fleet:
         handles = _stop(fleet, tuple(dict.fromkeys(cells)))
@@ -40,12 +45,12 @@ def command(
         confirmed = [_confirmed(name, handles[name], deadline) for name in sorted(handles)]
         unreached = [] if cells else fleet.unreachable_endpoints
     for endpoint in unreached:
-        say(f"NOT REACHED: {endpoint}: no cell behind it was stopped; use what is at the machine")
+        say(f"NOT REACHED: {endpoint}: its cells were not stopped; use the stop devices at the machine")
     if unreached:
         return FAILURE
     if not confirmed:
         say_error(
-            f"no cell of plant {place.plant} is there, so none was stopped: use what is at the machines"
+            f"no cell of plant {place.plant} was found, so none was stopped: use the stop devices at the machines"
         )
         return WRONG
     return OK if all(confirmed) else FAILURE
@@ -69,7 +74,7 @@ def _confirmed(name: str, handle: Handle, deadline: float) -> bool:
     try:
         handle.wait(max(0.0, deadline - time.monotonic()))
     except TimeoutError:
-        say(f"{name}: NOT CONFIRMED: no answer in time; use what is at the machine")
+        say(f"{name}: NOT CONFIRMED: no answer in time; use the stop devices at the machine")
     except AxisbusError as error:
         say(f"{name}: NOT CONFIRMED: {said_of(error)}")
     else:

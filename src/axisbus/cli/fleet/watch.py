@@ -29,10 +29,10 @@ _RECORDINGS = 10.0  # seconds between two queries for recordings
 @click.option(
     "--every",
     type=Seconds(0.05),
-    help=f"Seconds between two looks  [default: {_PRINTED:g}; {_REPAINTED:g} in a terminal]",
+    help=f"Seconds between two updates  [default: {_PRINTED:g}; {_REPAINTED:g} in a terminal]",
 )
-@click.option("--count", type=click.IntRange(min=1), help="How many looks; without, until Ctrl-C.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON value per look.")
+@click.option("--count", type=click.IntRange(min=1), help="How many updates; without it, until Ctrl-C.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON value per update.")
 def command(
     place: FleetOptions,
     every: float | None,
@@ -41,8 +41,9 @@ def command(
 ) -> int:
     """Show the cells of a plant, their axes, newest incidents and recordings until Ctrl-C; commands nothing.
 
-    A cell that is lost is GONE, and its values unknown, within about a second. "age" is how old a value is by the clock of its own
-    computer, and by this one since it came: clocks are not compared. In a terminal it is one table that stays in its place.
+    When a cell is lost, it is shown as GONE, and its values as unknown, within about a second. "age" is the age of a value by
+    the clock of the cell's computer, plus the time since this computer received it: clocks are not compared. In a terminal it
+    is one table, which is updated in place.
     """
     live = coloured() and not as_json
     pause = every if every is not None else _REPAINTED if live else _PRINTED

@@ -35,11 +35,12 @@ def command(
     node: int,
     yes: bool,
 ) -> int:
-    """Calibrate the motor, the encoder, or both: THE OUTPUT MAY TURN BY ITSELF. It explains, asks, follows, and judges.
+    """Calibrate the motor, the encoder, or both: THE OUTPUT MAY TURN DURING THE CALIBRATION. It explains, asks, follows, and
+    judges.
 
-    Only where one module of CAN Simple beats under this node ID, idle and without an error. Ctrl-C, SIGTERM, a lost module, an
-    error and too many turns end it by idle, then ESTOP, and how the module was left is said. Nothing is saved. Exit code 0 only
-    where it came to its end without an error.
+    It requires that exactly one module of CAN Simple sends heartbeats under this node ID, idle and without an error. Ctrl-C,
+    SIGTERM, a lost module, an error and too many turns end it by idle, then ESTOP, and the state of the module after that is
+    shown. Nothing is saved. Exit code 0 only if the calibration was completed without an error.
     """
     from axisbus.bus.gim6010.run_with_cleanup import run_guarded
     from axisbus.bus.link import ownership
@@ -65,7 +66,7 @@ def command(
 def _tell(calibration: Calibration, line: BusOptions) -> int:
     if calibration.verdict is None:
         say_error(
-            f"{calibration.kind.words} did not come to its end: {calibration.why}\n  observed: {calibration.left}"
+            f"{calibration.kind.words} was not completed: {calibration.why}\n  observed: {calibration.left}"
         )
         return FAILURE
     hint = f"axisbus gim6010 errors {line.words} --node {calibration.node}"
@@ -88,6 +89,6 @@ def tell_judged(kind: CalibrationKind, found: CalibrationResult, left: str, hint
             say_error(f"  {text}")
         say_next(hint)
         return WRONG
-    say(f"{kind.words} came to its end without an error; {left}")
-    say("its result is in RAM: the next start brings the old one back. To keep it, when both are calibrated:")
+    say(f"{kind.words} was completed without an error; {left}")
+    say("its result is in RAM: the next start restores the old one. To save it, when both are calibrated:")
     return OK

@@ -14,7 +14,9 @@ from axisbus.cli.shared.options import Decorated
 
 def yes_option(function: Decorated) -> Decorated:
     """Add --yes."""
-    return click.option("--yes", is_flag=True, help="Do not ask: somebody has seen to all of it.")(function)
+    return click.option("--yes", is_flag=True, help="Skip the confirmation prompt: all conditions are met.")(
+        function
+    )
 
 
 def ask(explanation: Iterable[str], *, yes: bool) -> None:
@@ -29,8 +31,10 @@ def ask(explanation: Iterable[str], *, yes: bool) -> None:
     if yes:
         return
     if not sys.stdin.isatty():
-        raise click.UsageError("nobody can answer here: give --yes, if all of this has been seen to")
-    click.confirm("Shall it begin?", abort=True)
+        raise click.UsageError(
+            "no terminal to answer the question: give --yes, if all of these conditions are met"
+        )
+    click.confirm("Start now?", abort=True)
 
 
 def end_by(number: int) -> None:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     "given",
     multiple=True,
     metavar="CATEGORY=WORD",
-    help="Explain an error word that was read elsewhere (axis=0x40); needs no bus.",
+    help="Explain an error word that was read by another tool (axis=0x40); needs no bus.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the errors as JSON.")
 def command(
@@ -42,11 +42,11 @@ def command(
     given: tuple[str, ...],
     as_json: bool,
 ) -> int:
-    """Tell every error of a module: its category, what each bit means, and what to check.
+    """Show every error of a module: its category, the meaning of each bit, and what to check.
 
-    CAN Simple: the axis's word is in each heartbeat, the others are asked for. CANopen: 603Fh, 1001h, and the module's own bits.
-    Modbus RTU (--modbus): its error registers. USB (--usb): its error words.
-    Exit code 1 when there is an error, 3 when no module with this node ID is found. It clears nothing.
+    CAN Simple: the axis's word is in each heartbeat, the others are read. CANopen: 603Fh, 1001h, and the module's own bits.
+    Modbus RTU (--modbus): its error registers. USB (--usb): its error words. Exit code 1 when there is an error, 3 when no
+    module with this node ID is found. It clears nothing.
     """
     from axisbus.drives.gim6010.discovery import error_report
 
@@ -68,8 +68,8 @@ def command(
             say(text)
     if not found:
         say_error(
-            f"no module with node ID {node} was heard, and none answers\n"
-            f"  remedy:   see who is there: axisbus gim6010 find {BusOptions(interface, channel, bitrate, option).words}"
+            f"no module with node ID {node} was heard, and none answers a request\n"
+            f"  remedy:   list the modules: axisbus gim6010 find {BusOptions(interface, channel, bitrate, option).words}"
         )
         return FAILURE
     return WRONG if any(each.errors for each in found) else OK

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 @click.option(
     "--ask",
     type=click.Choice(["none", "heard", "all"]),
-    help="Whom to ask: nobody, those that were heard, or every node ID. By default all, and those heard beside foreign traffic.",
+    help="The node IDs to ask: none, those that were heard, or all. By default all, and those heard if there is other traffic.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
 def command(
     interface: str | None,
     channel: str | None,
@@ -36,11 +36,11 @@ def command(
 ) -> int:
     """Find the modules on a bus: protocol, node ID, firmware, state, errors, supply voltage, and what to type next.
 
-    It listens for 1.5 s and then asks: one request at a time, at least 10 ms apart, at most 24 for each module, and none that
-    commands anything. Nothing is sent on an identifier that somebody else uses; at the first sign that nobody acknowledges it
-    ends. Takes some 10 s where all node IDs are asked. Exit code 1 when there is none, or several have one node ID.
+    It listens for 1.5 s and then sends requests: one at a time, at least 10 ms apart, at most 24 for each module, and none that
+    commands anything. Nothing is sent on an identifier that another node uses; at the first sign that no node acknowledges, it
+    ends. Takes some 10 s if all node IDs are asked. Exit code 1 when no module is found, or several have one node ID.
 
-    Other bit rates are listened to in an adapter's listen-only mode alone; where it has none, only the rate that is given is tried.
+    It listens at other bit rates only in an adapter's listen-only mode; if the adapter has none, only the given rate is tried.
     """
     from axisbus.drives.gim6010.discovery.finder import Finder, ProbeScope
     from axisbus.drives.gim6010.discovery.results import findings

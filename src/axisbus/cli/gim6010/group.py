@@ -7,15 +7,15 @@ import click
 from axisbus.cli.shared.lazy import LazyGroup
 
 COMMANDS = {
-    "find": ("axisbus.cli.gim6010.find", "Find the modules on a bus, and tell what each speaks."),
-    "errors": ("axisbus.cli.gim6010.errors", "Tell every error of a module, and what to check."),
+    "find": ("axisbus.cli.gim6010.find", "Find the modules on a bus, and show the protocol of each."),
+    "errors": ("axisbus.cli.gim6010.errors", "Show every error of a module, and what to check."),
     "params": ("axisbus.cli.gim6010.params.group", "Read, write, back up and restore parameters by name."),
     "set-id": ("axisbus.cli.gim6010.set_id", "Give a module that speaks CAN Simple another node ID."),
     "set-bitrate": (
         "axisbus.cli.gim6010.settings.set_bitrate",
         "Give a module that is alone another bit rate.",
     ),
-    "zero": ("axisbus.cli.gim6010.settings.zero", "Make the place where a module stands its zero."),
+    "zero": ("axisbus.cli.gim6010.settings.zero", "Set the present position of a module as its zero."),
     "limits": (
         "axisbus.cli.gim6010.settings.limits",
         "Show or set a module's limits of velocity and current.",
@@ -23,36 +23,36 @@ COMMANDS = {
     "termination": ("axisbus.cli.gim6010.settings.termination", "Switch a module's terminating resistor."),
     "watchdog": (
         "axisbus.cli.gim6010.settings.watchdog",
-        "Show, arm or switch off what notices a dead master.",
+        "Show, arm or switch off the watchdogs that detect a dead master.",
     ),
     "endstops": ("axisbus.cli.gim6010.settings.endstops", "Switch a module's own limit switches."),
     "brake-resistor": ("axisbus.cli.gim6010.settings.brake_resistor", "Switch a braking resistor."),
-    "pwm": ("axisbus.cli.gim6010.settings.pwm", "Map the pulses of a remote control, and tell the steps."),
+    "pwm": ("axisbus.cli.gim6010.settings.pwm", "Map the pulses of a remote control, and show the steps."),
     "pulses": (
         "axisbus.cli.gim6010.settings.pulses",
-        "Tell what a pulse of pulse and direction is, and the steps.",
+        "Show the size of a pulse of pulse and direction, and the steps.",
     ),
-    "calibrate": ("axisbus.cli.gim6010.calibrate", "Calibrate a module, which turns by itself; asks before."),
+    "calibrate": ("axisbus.cli.gim6010.calibrate", "Calibrate a module, which turns its motor; asks before."),
     "modbus": (
         "axisbus.cli.gim6010.modbus.group",
         "Read, write, move and stop a module over RS485 (Modbus RTU).",
     ),
     "tune": (
         "axisbus.cli.gim6010.tune",
-        "Try gains by a step that is measured, which turns a module; asks before.",
+        "Try gains by a measured step, which turns a module; asks before.",
     ),
-    "to-canopen": ("axisbus.cli.gim6010.to_canopen", "Bring a module from CAN Simple to CANopen."),
+    "to-canopen": ("axisbus.cli.gim6010.to_canopen", "Change a module from CAN Simple to CANopen."),
     "to-can-simple": (
         "axisbus.cli.gim6010.to_can_simple",
-        "Tell how a module is brought back to CAN Simple.",
+        "Change a module back to CAN Simple, or show the steps.",
     ),
 }
 
 
 @click.group(cls=LazyGroup, table=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
 def command() -> None:
-    """Find GIM6010-8 modules, and look into them, whatever they speak.
+    """Find and inspect GIM6010-8 modules, in any of their protocols.
 
-    Nothing here enables or turns a module but what asks before, and modbus move, velocity and torque. All of it was tried on
-    simulated modules only.
+    No command here enables or turns a module, except those that ask before, and modbus move, velocity and torque. All of it was
+    tried on simulated modules only.
     """

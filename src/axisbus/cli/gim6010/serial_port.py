@@ -29,7 +29,7 @@ def modbus_options(function: Decorated) -> Decorated:
         click.option(
             "--modbus",
             metavar="PORT",
-            help="Reach it over RS485, by this serial port; -b is its rate then.  [default: 115200]",
+            help="Use RS485, by this serial port; -b is then the rate of the port.  [default: 115200]",
         ),
     ):
         function = decorate(function)
@@ -39,7 +39,7 @@ def modbus_options(function: Decorated) -> Decorated:
 def _target(port: str | None, parity: str | None, given: dict[str, Any]) -> ModbusTarget | None:
     if port is None:
         if parity is not None:
-            raise click.UsageError("--parity goes with --modbus")
+            raise click.UsageError("--parity needs --modbus")
         return None
     if given["interface"] is not None or given["channel"] is not None:
         raise click.UsageError("give a CAN bus with -i and -c, or a serial port with --modbus, not both")

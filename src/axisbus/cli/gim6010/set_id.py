@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 @bus_options
 @modbus_options
 @usb_options
-@click.option("--node", type=click.IntRange(0, 63), help="The node ID that it has; not with --usb.")
-@click.option("--no-save", is_flag=True, help="Leave it in RAM: the next start brings the old one back.")
+@click.option("--node", type=click.IntRange(0, 63), help="Its present node ID; not with --usb.")
+@click.option("--no-save", is_flag=True, help="Leave it in RAM: the next start restores the old one.")
 def command(
     new: int,
     interface: str | None,
@@ -38,11 +38,11 @@ def command(
     usb: str | None,
     no_save: bool,
 ) -> int:
-    """Give a module that speaks CAN Simple or Modbus RTU (--modbus) the node ID NEW, save it, and see it come back.
+    """Give a module that speaks CAN Simple or Modbus RTU (--modbus) the node ID NEW, save it, and check that it comes back.
 
-    First all that is on the bus is looked for (some 10 s): refused where NEW is taken or clashes with a CANopen node, where several
-    modules have the old one, and where the module is not idle. Over --modbus NEW alone is asked for, over --usb nobody is looked
-    for. Saving restarts it.
+    First the command searches the whole bus (some 10 s). It refuses if NEW is taken or clashes with a CANopen node, if several
+    modules have the old ID, or if the module is not idle. Over --modbus it looks for NEW only, over --usb there is no search.
+    Saving restarts the module.
     """
     line = BusOptions(interface, channel, bitrate, option)
     from axisbus.bus.gim6010.node_id import set_node_id
@@ -51,9 +51,9 @@ def command(
     if usb is not None:
         return _over_usb(usb, new, save=not no_save)
     if node is None:
-        raise click.UsageError("give the node ID that it has with --node (axisbus gim6010 find tells it)")
+        raise click.UsageError("give its present node ID with --node (axisbus gim6010 find shows it)")
     if new == node:
-        raise click.UsageError(f"{node} is the node ID that it has")
+        raise click.UsageError(f"{node} is already its node ID")
     if serial is not None:
         return rename(serial, new, save=not no_save)
     finder, found = survey(line)
@@ -71,7 +71,7 @@ def command(
     except BaseException:
         if told:
             say_error(
-                f"it has node ID {new} in RAM; unless it was saved, it has {node} again after it is switched off and on"
+                f"it has node ID {new} in RAM; unless it was saved, it has {node} again after switching it off and on"
             )
         raise
     say_next(f"label it {new}; then axisbus gim6010 find {line.words}")
@@ -87,6 +87,6 @@ def _over_usb(usb: str, new: int, *, save: bool) -> int:
             module.save()
             say("saved: it restarted, and has it")
         else:
-            say_next(f"keep it: axisbus gim6010 set-id {new} {usb_words(usb)}")
-    say(f"label it {new}; on its bus no other node may have it: axisbus gim6010 find")
+            say_next(f"save it: axisbus gim6010 set-id {new} {usb_words(usb)}")
+    say(f"label it {new}; no other node on its bus may have this ID: axisbus gim6010 find")
     return OK

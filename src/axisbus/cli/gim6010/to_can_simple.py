@@ -24,15 +24,15 @@ def command(
     node: int | None,
     usb: str | None,
 ) -> int:
-    """Bring a module that speaks CANopen back to CAN Simple, over --usb; else tell how, and write nothing.
+    """Change a module from CANopen back to CAN Simple, over --usb; otherwise show the steps, and write nothing.
 
-    No object of CANopen is known that changes the protocol. Exit code 0 where it speaks CAN Simple already, or does now, 1 where
-    the steps are told, 3 where no module has this node ID.
+    No object of CANopen is known that changes the protocol. Exit code 0 if it already speaks CAN Simple, or does now, 1 if the
+    steps are shown, 3 if no module has this node ID.
     """
     if usb is not None:
         return _over_usb(usb)
     if node is None:
-        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
+        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find shows it)")
     from axisbus.drives.gim6010.discovery.results import ProtocolsFound
     from axisbus.drives.gim6010.node_id_preconditions import OVER_USB
 
@@ -40,13 +40,13 @@ def command(
     found = [each for each in survey(line, node)[1] if each.ours and node in each.addresses]
     if not found:
         say_error(
-            f"no module has the node ID {node}\n  remedy:   see who is there: axisbus gim6010 find {line.words}"
+            f"no module has the node ID {node}\n  remedy:   list the modules: axisbus gim6010 find {line.words}"
         )
         return FAILURE
     if all(each.protocol is ProtocolsFound.CAN_SIMPLE for each in found):
-        say(f"node {node} speaks CAN Simple already")
+        say(f"node {node} already speaks CAN Simple")
         return OK
-    say(f"node {node} is brought to CAN Simple over USB:")
+    say(f"change node {node} to CAN Simple over USB:")
     for step in OVER_USB[ProtocolsFound.CAN_SIMPLE]:
         say(f"  {step}")
     return WRONG

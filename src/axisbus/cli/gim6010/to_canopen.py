@@ -22,11 +22,12 @@ _BACK = 25.0  # s, the time of a restart as reported by owners
 @click.command("to-canopen")
 @module_options
 def command(asked: ModuleSelection) -> int:
-    """Bring a module that speaks CAN Simple to CANopen: write the protocol, save, and find it again.
+    """Change a module from CAN Simple to CANopen: write the protocol, save, and find it again.
 
-    Needs its list of endpoints, and a module that answers them; for one that does not, the steps over USB are told. First all that
-    is on the bus is looked for (some 10 s): refused for node ID 0, where the ID is taken, or goes with no other module on the bus.
-    Over --modbus and --usb nobody is looked for; where RS485 is its interface it speaks CANopen once CAN is: that is told.
+    Needs its list of endpoints, and a module that answers them; for a module that does not, the steps over USB are shown. First
+    the command searches the whole bus (some 10 s). It refuses node ID 0, and an ID that is taken or that clashes with another
+    module on the bus. Over --modbus and --usb there is no search; if RS485 is the interface of the module, it speaks CANopen
+    only after CAN becomes its interface, and the command says so.
     """
     from axisbus.drives.gim6010 import node_id_preconditions
     from axisbus.errors import NodeError
@@ -36,7 +37,7 @@ def command(asked: ModuleSelection) -> int:
     if not asked.over_can:
         return _by_another_way(asked)
     if node is None:
-        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
+        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find shows it)")
     finder, found = survey(asked.line)
     node_id_preconditions.require_one(finder, found, node)
     node_id_preconditions.require_canopen(found, node)
@@ -63,7 +64,7 @@ def _by_another_way(asked: ModuleSelection) -> int:
         put(module, ParameterBatch(((_PROTOCOL, _CANOPEN),)), save=True)
         on_can = module.read(_INTERFACE) == _CAN
     say("saved: it speaks CANopen" + ("" if on_can else " once CAN is its interface"))
-    say("look first that no other node on that bus has its node ID: axisbus gim6010 find")
+    say("check first that no other node on that bus has its node ID: axisbus gim6010 find")
     if not on_can:
         say_next(f"axisbus gim6010 params set {_INTERFACE}={_CAN} --save {asked.words}")
     return OK
@@ -91,6 +92,6 @@ def _over_usb() -> None:
     from axisbus.drives.gim6010.discovery.results import ProtocolsFound
     from axisbus.drives.gim6010.node_id_preconditions import OVER_USB
 
-    say("over USB it is done like this:")
+    say("do this over USB:")
     for step in OVER_USB[ProtocolsFound.CANOPEN]:
         say(f"  {step}")

@@ -32,7 +32,7 @@ _PATHS = {
 @click.command("tune")
 @click.argument("loop", type=click.Choice(["position", "velocity"]))
 @click.option("--step", "size", type=float, required=True, help="In turns of the rotor, or in turns/s of it.")
-@click.option("--for", "seconds", type=Seconds(), required=True, help="How long each side is looked at.")
+@click.option("--for", "seconds", type=Seconds(), required=True, help="How long each side is recorded.")
 @click.option("--velocity", type=float, default=0.0, help="Of a step of position: turns/s of the rotor.")
 @click.option("--acceleration", type=float, default=0.0, help="Of a step of position: turns/s² of the rotor.")
 @click.option("--pos-gain", type=float, help="In (turns/s)/turn.")
@@ -42,7 +42,7 @@ _PATHS = {
     "--raise-to",
     type=float,
     metavar="GAIN",
-    help="The manual's way: raise the gain by 30 % each time, up to this, until it is too much; then lower it.",
+    help="The manual's method: raise the gain by 30 % each time, up to this value, until it is too high; then lower it.",
 )
 @module_options
 @yes_option
@@ -59,18 +59,19 @@ def command(
     raise_to: float | None,
     yes: bool,
 ) -> int:
-    """Try gains: THE OUTPUT TURNS. A step there and back is made and measured; it explains and asks first, and saves nothing.
+    """Try gains: THE OUTPUT TURNS. It makes a step forward and back and measures it; it explains and asks first, and saves
+    nothing.
 
-    Overshoot, settling and ripple are told, and what the manual has one try next; with --raise-to that is done, one trial after the
-    other, and asked before each. Gains that are given are set before, in RAM; with --list those of before are told and read back.
-    Ctrl-C, SIGTERM, an error, a lost module, and a rotor that goes too far or too fast end it by velocity 0, idle, then ESTOP. Exit
-    code 0 only where both sides were measured, and with --raise-to where a gain was found.
+    It shows overshoot, settling and ripple, and the next step that the manual recommends. With --raise-to it takes these steps,
+    one trial after the other, and asks before each. Given gains are set before, in RAM; with --list the previous gains are
+    shown, and the new ones read back. Ctrl-C, SIGTERM, an error, a lost module, and a rotor that goes too far or too fast end
+    it by velocity 0, idle, then ESTOP. Exit code 0 only if both sides were measured, and with --raise-to if a gain was found.
     """
     from axisbus.drives.gim6010.tuning.trial import Gains, Loop, ModuleTrial, explanation
 
     require_can(asked, "the step is commanded and measured over CAN")
     if asked.node is None:
-        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
+        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find shows it)")
     asked.line.check()
     gains = Gains(pos_gain, vel_gain, vel_integrator_gain)
     trial = ModuleTrial(asked.node, Loop(loop), size, seconds, velocity, acceleration)
@@ -113,7 +114,7 @@ def _before(asked: ModuleSelection) -> dict[str, float]:
 
 def _tell_where_they_are(gains: Gains) -> None:
     if any(getattr(gains, name) is not None for name in _PATHS):
-        say("  note: the gains that were tried may be in its RAM; its next start brings the old ones back")
+        say("  note: the gains that were tried may be in its RAM; its next start restores the old ones")
 
 
 def _tell_gains(
@@ -124,14 +125,14 @@ def _tell_gains(
         given = [name for name in _PATHS if getattr(gains, name) is not None]
         if given:
             say(
-                f"  note: nothing confirms the gains that were sent ({', '.join(given)}): give --list to have them read"
+                f"  note: nothing confirms the gains that were sent ({', '.join(given)}): give --list to read them back"
             )
         return True
     for name, path in _PATHS.items():
         say(f"  {path}: {before[name]:.6g} before, {after[name]:.6g} now")
     changed = [f"{_PATHS[name]}={value:.9g}" for name, value in before.items() if after[name] != value]
     if changed:
-        say("in RAM only: the next start brings the old ones back, and so does")
+        say("in RAM only: the next start restores the old ones, and so does")
         say(f"  axisbus gim6010 params set {' '.join(changed)} {asked.words}")
     return _were_taken(gains, after)
 
@@ -147,7 +148,7 @@ def _were_taken(gains: Gains, after: dict[str, float]) -> bool:
     ]
     if lost:
         say_error(
-            f"the module has not taken {', '.join(lost)}: the step was made with other gains than were given"
+            f"the module has not accepted {', '.join(lost)}: the step was made with other gains than those given"
         )
     return not lost
 

@@ -47,10 +47,10 @@ def try_once(asked: ModuleSelection, trial: ModuleTrial, gains: Gains) -> tuple[
 def tell(tuning: ModuleTuning) -> int:
     """Print the result of a trial; return its exit code."""
     if not tuning.ended:
-        say_error(f"the trial did not come to its end: {tuning.why}\n  observed: {tuning.left}")
+        say_error(f"the trial was not completed: {tuning.why}\n  observed: {tuning.left}")
         return FAILURE
     for name, response in (("there", tuning.there), ("back", tuning.back)):
-        say(f"  {name + ':':<7}{'too few samples to be measured' if response is None else response}")
+        say(f"  {name + ':':<7}{'too few samples for a measurement' if response is None else response}")
     say(tuning.left)
     if not tuning.confirmed:
         return FAILURE
@@ -69,7 +69,7 @@ def search_for(trial: ModuleTrial, gains: Gains, most: float) -> GainSearch:
     first = getattr(gains, trial.loop.value)
     if first is None:
         option = "--pos-gain" if trial.loop.value == "position" else "--vel-gain and --vel-integrator-gain"
-        raise click.UsageError(f"--raise-to needs the gain to begin with: give {option}")
+        raise click.UsageError(f"--raise-to needs a first gain: give {option}")
     return GainSearch(trial.loop, first, most)
 
 
@@ -78,10 +78,10 @@ def explained(search: GainSearch) -> Iterator[str]:
     from axisbus.drives.gim6010.tuning.search import MOST_TRIALS
 
     yield (
-        f"  this is made again and again, {MOST_TRIALS} times at the most: {search.name} from {search.first:g} on, 30 % more each "
+        f"  this is repeated, at most {MOST_TRIALS} times: {search.name} from {search.first:g} on, 30 % more each "
         f"time, up to {search.most:g}"
     )
-    yield "  IT IS RAISED UNTIL THE MACHINE OSCILLATES OR OVERSHOOTS, and lowered then; nothing is saved"
+    yield "  IT IS RAISED UNTIL THE MACHINE OSCILLATES OR OVERSHOOTS, then lowered; nothing is saved"
 
 
 def run_search(
@@ -95,8 +95,8 @@ def run_search(
     from axisbus.drives.gim6010.tuning.advice import worse
 
     while search.next is not None:
-        if search.trials and not yes and not click.confirm(f"Go on with {search.name} {search.next:.4g}?"):
-            say(f"ended by no; {_so_far(search)}")
+        if search.trials and not yes and not click.confirm(f"Continue with {search.name} {search.next:.4g}?"):
+            say(f"ended by your answer no; {_so_far(search)}")
             return FAILURE, gains
         gains = replace(gains, **{trial.loop.value: search.next})
         say(f"{search.name} {search.next:.4g}:")
@@ -114,9 +114,9 @@ def run_search(
 
 
 def _tell_end(search: GainSearch) -> int:
-    say(f"{search.ends}; it is so in its RAM")
+    say(f"{search.ends}; this value is in its RAM")
     if search.best is None:
-        say_error(f"  no {search.name} was found that is smooth: look for play, friction and what is loose")
+        say_error(f"  no {search.name} was found that is smooth: look for play, friction and loose parts")
         return WRONG
     if search.name == "vel_gain":
         say_next(_INTEGRATOR)

@@ -45,10 +45,10 @@ def usb_options(function: Decorated) -> Decorated:
             "--serial",
             "serial_number",
             metavar="HEX",
-            help="With --usb: its serial number, where several are there.",
+            help="With --usb: its serial number, if several are connected.",
         ),
         click.option(
-            "--usb", is_flag=True, help="Reach it by its USB port; it brings its own list of endpoints."
+            "--usb", is_flag=True, help="Use its USB port; the list of endpoints is read from the module."
         ),
     ):
         function = decorate(function)
@@ -58,7 +58,7 @@ def usb_options(function: Decorated) -> Decorated:
 def _wanted(usb: bool, serial: str | None, given: dict[str, Any]) -> str | None:
     if not usb:
         if serial is not None:
-            raise click.UsageError("--serial goes with --usb")
+            raise click.UsageError("--serial needs --usb")
         return None
     others = [typed for name, typed in _OTHERS.items() if given.get(name) is not None]
     if others:

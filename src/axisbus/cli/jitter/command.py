@@ -35,16 +35,16 @@ _US = 1e6
 @click.option(
     "--for", "seconds", type=Seconds(0.1), default=10.0, show_default=True, help="How long, in seconds."
 )
-@output_option("The picture to write, .png or .svg; without, none is drawn.")
+@output_option("The picture to write, .png or .svg; without it, none is drawn.")
 @force_option
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
 @beside_option
 def command(cell: Path, seconds: float, output: Path | None, force: bool, as_json: bool, beside: bool) -> int:
-    """Measure how evenly CELL's cycle is kept; joins its machine where one runs, else boots it; energises nothing.
+    """Measure the jitter of CELL's cycle; joins the running machine, or boots the cell if none is running; energises nothing.
 
-    SYNC against the period, when the last TPDO and the last RPDO of a cycle were there after it, and how far the nodes' answers are
-    apart: as this computer sees the frames, whose times of reception are the kernel's own on SocketCAN. Exit code 1 where cycles
-    are missing.
+    It measures the period of SYNC, when the last TPDO and the last RPDO of a cycle arrive after SYNC, and how far the nodes'
+    answers are apart: as this computer sees the frames. On SocketCAN the times of reception are the kernel's. Exit code 1 if
+    cycles are missing.
     """
     if output is not None:
         require_picture(output)
@@ -67,7 +67,7 @@ def command(cell: Path, seconds: float, output: Path | None, force: bool, as_jso
         draw(pace, output, cell.name)
         say(f"written: {output}")
     if not as_json:
-        say_next(f"what the wire alone takes: axisbus plan {cell}")
+        say_next(f"time needed on the wire alone: axisbus plan {cell}")
     return WRONG if pace.missing else OK
 
 

@@ -99,7 +99,7 @@ def lss_options(function: Callable[..., Any]) -> Callable[..., Any]:
         click.option(
             "--beside-operation",
             is_flag=True,
-            help="Even while a machine is running on the bus (else refused).",
+            help="Also while a machine is running on the bus (otherwise refused).",
         ),
         click.option(
             "--timeout",
@@ -107,7 +107,7 @@ def lss_options(function: Callable[..., Any]) -> Callable[..., Any]:
             default=_FLOOR,
             show_default=True,
             metavar="SECONDS",
-            help="Least wait for an answer; it grows by itself with the slowest answer seen.",
+            help="Shortest wait for an answer; it increases automatically with the slowest answer seen.",
         ),
         bus_options,
         click.argument("cell", type=PATH, required=False),
@@ -120,7 +120,7 @@ def slave_options(function: Callable[..., Any]) -> Callable[..., Any]:
     """Add the three options that select a slave: -s, --found, --only."""
     for decorate in (
         click.option(
-            "--only", is_flag=True, help="The only LSS slave on the bus (wrong where there are two or more)."
+            "--only", is_flag=True, help="The only LSS slave on the bus (wrong if there are two or more)."
         ),
         click.option("--found", is_flag=True, help="The one slave without a node-ID, found by a scan."),
         slave_option(multiple=False),
@@ -190,7 +190,7 @@ def require_one(slave: tuple[int, ...] | None, found: bool, only: bool) -> None:
 
     if bool(slave) + found + only != 1:
         raise click.UsageError(
-            "name the slave in one way: -s VENDOR PRODUCT REVISION SERIAL, --found (the one without a node-ID) or --only "
+            "name the slave by one of these: -s VENDOR PRODUCT REVISION SERIAL, --found (the one without a node-ID) or --only "
             "(the only one on the bus)"
         )
     if slave:
@@ -202,7 +202,7 @@ def _found(master: LssMaster) -> LssAddress:
     slaves = [slave for slave in scanned.slaves if not slave.has_node_id]
     if scanned.incomplete:
         raise UserError(
-            "the search for LSS slaves without a node-ID could not be ended",
+            "the search for LSS slaves without a node-ID could not be completed",
             observed=scanned.incomplete,
             remedy="name the slave by its identity (-s)",
         )
@@ -227,8 +227,8 @@ def _require_selectable(slave: Unconfigured) -> None:
     if slave.check is Check.UNSELECTABLE:
         raise UserError(
             f"the LSS slave {slave.address} cannot be selected by its address",
-            observed="it answers fast scan, but no switch state selective",
-            remedy="connect it alone and name it by --only",
+            observed="it answers fast scan, but not switch state selective",
+            remedy="connect only this slave, and name it by --only",
         )
 
 

@@ -27,12 +27,12 @@ def command(
     revision: int | None,
     serial: int | None,
 ) -> int:
-    """Find every LSS slave without a node-ID by fast scan: on the bus of CELL (a cell.toml), or with -i and -c on any.
+    """Find every LSS slave without a node-ID by fast scan: on the bus of CELL (a cell.toml), or with -i and -c on any bus.
 
-    Takes 1 to 2 s for the first slave, and some seconds more beside slaves that go on answering after they were found (against
-    CiA 305): each of these is checked, excluded by its address, and the search goes on. Changes nothing; refused while a machine is
-    running. Slaves with a node-ID do not take part: see axisbus scan. Exit code 1 when there is none, when two have the same
-    identity, or when the search could not be ended.
+    Takes 1 to 2 s for the first slave. It takes some seconds more if slaves continue to answer after they were found (against
+    CiA 305): each of these is checked and excluded by its address, and the search continues. Changes nothing; refused while a
+    machine is running. Slaves with a node-ID do not take part: see axisbus scan. Exit code 1 when no slave is found, when two
+    have the same identity, or when the search could not be completed.
     """
     from axisbus.cia305.scan_result import KnownIdentity
 
@@ -55,15 +55,15 @@ def _as_json(slave: Unconfigured) -> dict[str, object]:
 
 def _show(scanned: Scanned, where: Where) -> None:
     if scanned.others:
-        say("other slaves without a node-ID are there that are not as asked for")
+        say("there are other slaves without a node-ID, which do not match the given identity")
     if scanned.incomplete:
         say(f"NOT ALL MAY HAVE BEEN FOUND: {scanned.incomplete}")
     if not scanned.slaves:
         if not scanned.incomplete:
             say(
-                "no LSS slave without a node-ID answers: they have one, have no LSS fast scan, or another bit rate"
+                "no LSS slave without a node-ID answers: they have a node-ID, no LSS fast scan, or another bit rate"
             )
-        say_next(f"see who has a node-ID: axisbus scan {where.words_and_rate}")
+        say_next(f"to list nodes with a node-ID: axisbus scan {where.words_and_rate}")
         return
     bare = [each for each in scanned.slaves if not each.has_node_id]
     say(f"{len(bare)} without a node-ID:")
@@ -76,15 +76,17 @@ def _show(scanned: Scanned, where: Where) -> None:
 
 
 def _show_slave(slave: Unconfigured) -> None:
-    own = f", has node-ID {slave.node_id} and answers fast scan all the same" if slave.has_node_id else ""
+    own = f", has node-ID {slave.node_id} and answers fast scan nevertheless" if slave.has_node_id else ""
     say(f"  {say_slave(slave.address)}{own}")
     if slave.answers_on:
         say(
-            "    goes on answering fast scan after it was found, against CiA 305: it was excluded by its address"
+            "    continues to answer fast scan after it was found, against CiA 305: it was excluded by its address"
         )
         say(f"    address: {slave.check.sentence}")
     if slave.twins:
-        say("    several slaves have this same identity: connect one at a time, LSS cannot tell them apart")
+        say(
+            "    several slaves have this same identity: connect one at a time, because LSS cannot distinguish them"
+        )
 
 
 def _show_next(bare: list[Unconfigured], where: Where) -> None:
@@ -96,4 +98,4 @@ def _show_next(bare: list[Unconfigured], where: Where) -> None:
         say_next(f"give each a node-ID: {give}")
     elif bare:
         give = f"axisbus lss set-node-id NODE_ID {where.words_and_rate} --only --store"
-        say_next(f"connect it alone, and give it a node-ID: {give}")
+        say_next(f"connect only this slave, and give it a node-ID: {give}")

@@ -10,8 +10,8 @@ COMMANDS = {
     "find": ("axisbus.cli.lss.find", "Find every slave without a node-ID; changes nothing."),
     "inquire": ("axisbus.cli.lss.inquire", "Show a slave's identity and node-ID."),
     "set-node-id": ("axisbus.cli.lss.set_node_id", "Give a slave a node-ID."),
-    "set-bitrate": ("axisbus.cli.lss.set_bitrate", "Tell slaves another bit rate, and change over to it."),
-    "store": ("axisbus.cli.lss.store", "Have a slave keep node-ID and bit rate without power."),
+    "set-bitrate": ("axisbus.cli.lss.set_bitrate", "Set the bit rate of slaves, and change over to it."),
+    "store": ("axisbus.cli.lss.store", "Make a slave store node-ID and bit rate."),
 }
 
 

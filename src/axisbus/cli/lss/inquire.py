@@ -33,9 +33,9 @@ def command(where: Where, as_json: bool, slave: tuple[int, ...] | None, found: b
     if told.configured:
         say(f"node-ID {told.node_id}")
         say_next(
-            f"another one: axisbus lss set-node-id NODE_ID {where.words_and_rate} -s {told.address} --store --reset"
+            f"to change it: axisbus lss set-node-id NODE_ID {where.words_and_rate} -s {told.address} --store --reset"
         )
         return OK
-    say("no node-ID" if told.node_id is not None else "does not tell its node-ID")
+    say("no node-ID" if told.node_id is not None else "does not report its node-ID")
     say_next(f"give it one: axisbus lss set-node-id NODE_ID {where.words_and_rate} -s {told.address} --store")
     return OK

@@ -27,10 +27,12 @@ A node without LSS must be set by its switches or its own tool."""
 @lss_options
 @slave_option(multiple=True)
 @click.option(
-    "--all", "everybody", is_flag=True, help="Every LSS slave at once (one that refuses may go unheard)."
+    "--all", "everybody", is_flag=True, help="Every LSS slave at once (a refusal may not be noticed)."
 )
 @click.option(
-    "--activate", is_flag=True, help="Change over now, all together (else at the next power-up, if stored)."
+    "--activate",
+    is_flag=True,
+    help="Change over now, all together (otherwise at the next power-up, if stored).",
 )
 @click.option(
     "--delay",
@@ -40,8 +42,8 @@ A node without LSS must be set by its switches or its own tool."""
     metavar="SECONDS",
     help="Silence before and after the change-over, 0.01 to 65.",
 )
-@click.option("--store", is_flag=True, help="Keep it without power.")
-@click.option("--yes", is_flag=True, help="I know what a bit rate does to the other nodes.")
+@click.option("--store", is_flag=True, help="Store it.")
+@click.option("--yes", is_flag=True, help="I know how a change of the bit rate affects the other nodes.")
 def command(
     rate: int,
     where: Where,
@@ -53,12 +55,12 @@ def command(
     store: bool,
     yes: bool,
 ) -> int:
-    """Tell LSS slaves the bit rate RATE (bit/s), and with --activate change over to it.
+    """Set the bit rate of LSS slaves to RATE (bit/s), and with --activate change over to it.
 
-    Nothing changes on the bus without --activate; with --store alone the slaves come up at the new rate when they are switched on
-    next. A change over is begun only when every slave named has answered. Our own adapter is then opened again at the new rate, and
-    the slaves are asked at it; where the rate is the system's (SocketCAN), the lines to type are printed. Needs --yes. Exit code 3
-    when a slave does not answer at the new rate.
+    Nothing changes on the bus without --activate; with --store alone the slaves use the new rate after their next power-up. The
+    change-over begins only when every named slave has answered. The adapter of this computer is then opened again at the new
+    rate, and the command checks that the slaves answer. If the system sets the adapter's rate (SocketCAN), the command prints
+    the lines to type. Needs --yes. Exit code 3 when a slave does not answer at the new rate.
     """
     from axisbus.cia305.master import require_delay
     from axisbus.cia305.services import LssAddress, bit_timing_index
@@ -70,7 +72,7 @@ def command(
             "name the slaves by -s VENDOR PRODUCT REVISION SERIAL, once for each, or all with --all"
         )
     if not yes:
-        raise click.UsageError(f"{_WARNING}\nIf that is so, say it with --yes.")
+        raise click.UsageError(f"{_WARNING}\nTo confirm that, give --yes.")
     addresses = None if everybody else [LssAddress(*each) for each in slave]
     done = None
     with open_master(where) as master:
@@ -98,7 +100,7 @@ def _change_over(
             return change_over(master, addresses, rate, delay, opening, stack)
     except KeyboardInterrupt:
         say_error(
-            f"the slaves may be changing over to {rate} bit/s all the same: look with axisbus scan {where.words} -b {rate}"
+            f"the slaves may nevertheless be changing over to {rate} bit/s: check with axisbus scan {where.words} -b {rate}"
         )
         raise
 
@@ -115,23 +117,23 @@ def _as_json(done: ChangedOver) -> dict[str, Any]:
 
 
 def _show_told(rate: int, where: Where, store: bool) -> None:
-    say(f"told: {rate} bit/s{', stored' if store else ''}")
+    say(f"set: {rate} bit/s{', stored' if store else ''}")
     if not store:
-        say("nothing has changed yet, and at the next power-up they will have forgotten it")
-        say_next("the same command with --activate, --store or both")
+        say("nothing has changed yet, and the new rate is lost at the next power-up")
+        say_next("repeat the command with --activate, --store or both")
         return
     say(
-        "nothing has changed yet: the new rate holds from their next power-up; switch all of them off and on together"
+        "nothing has changed yet: the new rate applies from their next power-up; switch all of them off and on together"
     )
     say_next(f"{_adapter(where, rate)}axisbus scan {where.words} -b {rate}")
 
 
 def _show_changed(done: ChangedOver, where: Where, store: bool) -> None:
     say(
-        f"told: {done.bitrate} bit/s{', stored' if store else ''}, changed over; our adapter {done.adapter.value}"
+        f"set: {done.bitrate} bit/s{', stored' if store else ''}, changed over; the adapter of this computer {done.adapter.value}"
     )
     if not store:
-        say("not stored: at the next power-up they are back at the old rate")
+        say("not stored: after the next power-up they have the old rate again")
     scan = f"axisbus scan {where.words} -b {done.bitrate}"
     if not done.asked:
         say(
@@ -140,7 +142,7 @@ def _show_changed(done: ChangedOver, where: Where, store: bool) -> None:
         say(
             "type, in this order:"
             if done.commands
-            else "set our own rate where it is set: on the computer that the link belongs to, or by timing among the options"
+            else "set the rate of this master's adapter: on the computer of the link, or by timing among the options"
         )
         for line in done.commands:
             say(f"  {line}")
@@ -156,7 +158,8 @@ def _show_changed(done: ChangedOver, where: Where, store: bool) -> None:
         say(f"  a slave without a node-ID answers at {done.bitrate} bit/s")
     if not done.complete:
         say(
-            "THE BUS IS HALF CHANGED OVER: switch the silent ones off and on (the old rate holds then, where it was not stored)"
+            "THE BUS IS HALF CHANGED OVER: switch the silent slaves off and on (they then have the old rate, unless the new "
+            "one was stored)"
         )
     say_next(scan)
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 @click.argument("node_id", type=NumberType())
 @lss_options
 @slave_options
-@click.option("--store", is_flag=True, help="Keep it without power (else it is gone at the next power-up).")
+@click.option("--store", is_flag=True, help="Store it (otherwise it is lost at the next power-up).")
 @click.option(
     "--reset",
     is_flag=True,
@@ -43,11 +43,11 @@ def command(
     store: bool,
     reset: bool,
 ) -> int:
-    """Give one LSS slave NODE_ID (1 to 127; 255 takes it away), if nobody on the bus has it. Energises nothing.
+    """Give one LSS slave NODE_ID (1 to 127; 255 removes it), if no other node on the bus has it. Energises nothing.
 
-    A slave that had none uses it at once and boots. One that had a node-ID takes the new one with a reset of its communication,
-    which --reset sends: that stops the node. Some slaves that had none need that reset, too. Exit code 3 when it
-    refuses, or does not boot under its new node-ID.
+    A slave without a node-ID uses the new one at once and boots. A slave with a node-ID takes the new one with a reset of its
+    communication, which --reset sends: that stops the node. Some slaves without a node-ID need that reset, too. Exit code 3
+    when the slave refuses, or does not boot under its new node-ID.
     """
     from axisbus.cia305.services import require_node_id
 
@@ -77,31 +77,34 @@ def _show(given: NodeIdGiven, where: Where, reset: bool) -> None:
     say(f"{say_slave(done.address)}: {what}{', stored' if done.stored else ''}")
     if not done.stored:
         again = f"axisbus lss store {where.words_and_rate} -s {done.address}"
-        say(f"not stored: the old one is back at the next power-up (to keep it: {again})")
+        say(f"not stored: it has the old one again after the next power-up (to store the new one: {again})")
     if given.booted:
         say(f"it booted as node {done.node_id}")
         say_next(f"axisbus scan {where.words_and_rate}")
     elif given.booted is False:
-        say(f"it sent no boot-up message as node {done.node_id}; look with axisbus scan whether it is there")
+        say(
+            f"it sent no boot-up message as node {done.node_id}; check with axisbus scan whether it is on the bus"
+        )
         say(_without_boot(stored=done.stored, reset=reset))
     elif done.old is None:
         say(
-            "it does not tell its node-ID, so it was not reset: switch it off and on if it was stored, or reset it by hand"
+            "it does not report its node-ID, so it was not reset: switch it off and on if the node-ID was stored, or reset "
+            "the slave at the device"
         )
     elif not done.at_once and not reset:
         say("it takes effect when its communication is reset, or at the next power-up if stored")
-        say_next("the same command with --reset, when the node may stop; or switch it off and on")
+        say_next("repeat the command with --reset, when the node may stop; or switch it off and on")
 
 
 def _without_boot(*, stored: bool, reset: bool) -> str:
     """Return the next steps for a slave that did not boot under its new node-ID."""
     tried = (
-        "it took no reset of its communication as this node either"
+        "a reset of its communication under this node-ID had no effect either"
         if reset
-        else "the same command with --reset"
+        else "repeat the command with --reset"
     )
     if stored:
         return f"some slaves need more: {tried}; or switch it off and on: the node-ID is stored"
     all_nodes = "axisbus nmt reset-communication all (it stops every node of the bus)"
-    keeps = "keep its power on, or the node-ID is lost (--store keeps it)"
+    keeps = "do not switch it off, or the node-ID is lost (--store stores it)"
     return f"some slaves take it with a reset of their communication: {tried}, or {all_nodes}; {keeps}"

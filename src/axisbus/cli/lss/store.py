@@ -28,6 +28,6 @@ def command(where: Where, as_json: bool, slave: tuple[int, ...] | None, found: b
     if as_json:
         say_json({"stored": True, **({} if address is None else as_numbers(address))})
         return OK
-    say("stored: node-ID and bit rate are kept without power")
+    say("stored: node-ID and bit rate survive a power-off")
     say_next(f"axisbus scan {where.words_and_rate}")
     return OK

@@ -34,32 +34,32 @@ _SHOWN = 3  # events of each node and sort in one update
 every_option = click.option(
     "--every",
     type=Seconds(0.01),
-    help=f"Seconds between two looks  [default: {_PRINTED:g}; {_REPAINTED:g} in a terminal]",
+    help=f"Seconds between two updates  [default: {_PRINTED:g}; {_REPAINTED:g} in a terminal]",
 )
 
 
 @click.command("monitor")
 @click.argument("cell", type=PATH)
 @every_option
-@click.option("--count", type=click.IntRange(min=1), help="How many looks; without, until Ctrl-C.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON value per look.")
-@click.option(
-    "--listen", is_flag=True, help="Boot nothing and send nothing: show what the bus tells by itself."
-)
+@click.option("--count", type=click.IntRange(min=1), help="How many updates; without it, until Ctrl-C.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON value per update.")
+@click.option("--listen", is_flag=True, help="Boot nothing and send nothing: only listen to the bus.")
 @beside_option
 def command(
     cell: Path, every: float | None, count: int | None, as_json: bool, listen: bool, beside: bool
 ) -> int:
-    """Boot CELL and show its axes, or join its machine where it runs already; energises nothing.
+    """Boot CELL and show its axes, or join its machine if it is already running; energises nothing.
 
-    On a terminal it is one table that stays in its place. "age" is how long ago a position was told by its drive.
+    On a terminal it is one table, which is updated in place. "age" is the time since the drive reported the position.
 
-    With --listen it boots nothing either, and sends nothing at all, beside a running master or without any: NMT states,
-    heartbeats, the newest PDOs with names and units, EMCYs, the period of SYNC, and what shows that a master is at work.
+    With --listen it boots nothing and sends nothing at all, also if a master is running: it shows NMT states, heartbeats, the
+    newest PDOs with names and units, EMCYs, the period of SYNC, and the frames by which it recognises a master.
     """
     if listen:
         if beside:
-            raise click.UsageError("--listen sends nothing, so it needs no --beside: leave one of them out")
+            raise click.UsageError(
+                "--listen sends nothing, so it does not need --beside: leave one of them out"
+            )
         from axisbus.cli.monitor.listen import run as listen_to
 
         return listen_to(cell, _PRINTED if every is None else every, count, as_json)

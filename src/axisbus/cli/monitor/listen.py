@@ -19,7 +19,7 @@ from axisbus.machine.bus_monitor import Beat, BusMonitor, NodeHeard
 from axisbus.trace import json_form, text
 from axisbus.wording import counted
 
-_NOTHING = "nothing was heard: nobody sends, or not on this channel or at this bit rate"
+_NOTHING = "nothing was heard: no node sends, or not on this channel or at this bit rate"
 
 
 def run(path: Path, every: float, count: int | None, as_json: bool) -> int:
@@ -36,7 +36,9 @@ def run(path: Path, every: float, count: int | None, as_json: bool) -> int:
             say(against)
         for line in told(overview.foreign.speakers):
             say(line)
-        say_next(f"every frame in words: axisbus trace {path}; who answers (this sends): axisbus scan {path}")
+        say_next(
+            f"every frame decoded: axisbus trace {path}; nodes that answer (this sends): axisbus scan {path}"
+        )
     return OK
 
 
@@ -82,7 +84,7 @@ def _of_bus(overview: BusMonitor, rate: float, now: float) -> list[str]:
 
 def _of_node(node: NodeHeard, now: float) -> list[str]:
     who = f"{node.node_id} {node.name}".rstrip()
-    state = "NMT state not told" if node.state is None else node.state.text
+    state = "NMT state not reported" if node.state is None else node.state.text
     heartbeat = "nothing heard" if not node.frames else f"{state}; heartbeat {_pace(node.beat, now)}"
     return [
         f"{who:<10} {heartbeat}",

@@ -88,7 +88,10 @@ def _head(seen: MonitorUpdate, width: int, room: int) -> list[Text]:
     lines = _table(seen.rows, width)
     if len(lines) > room:
         hidden = len(lines) - max(1, room - 1)
-        lines = [*lines[: max(1, room - 1)], Text(f"{hidden} more: make the window higher", style="dim")]
+        lines = [
+            *lines[: max(1, room - 1)],
+            Text(f"{hidden} more: increase the height of the window", style="dim"),
+        ]
     about = [Text(printable(line), style="dim") for line in seen.machine]
     lines += about[: max(0, room - len(lines) - _NEWS_AT_LEAST)]
     for line in lines:

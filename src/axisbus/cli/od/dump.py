@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 @force_option
 @click.option("--json", "as_json", is_flag=True, help="Print the values as JSON.")
 def command(node: str, asked: NodeOptions, output: Path | None, force: bool, as_json: bool) -> int:
-    """Read every object of NODE that its EDS lets be read, and say what each means; writes nothing to the drive.
+    """Read every object of NODE that is readable by its EDS, and show its meaning; writes nothing to the drive.
 
-    Without an EDS the objects of CiA 301 and CiA 402 are asked for. DOMAINs and objects that refuse a scan (ObjFlags) are left out.
+    Without an EDS the objects of CiA 301 and CiA 402 are read. DOMAINs and objects that refuse a scan (ObjFlags) are left out.
     """
     require_bus(asked)
     require_free(output, force=force)

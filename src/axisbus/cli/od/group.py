@@ -7,10 +7,10 @@ import click
 from axisbus.cli.shared.lazy import LazyGroup
 
 COMMANDS = {
-    "read": ("axisbus.cli.od.read", "Read objects and say what they mean."),
-    "write": ("axisbus.cli.od.write", "Write one object, checked before and read back after."),
+    "read": ("axisbus.cli.od.read", "Read objects and show their meaning."),
+    "write": ("axisbus.cli.od.write", "Write one object; checked before, read back after."),
     "dump": ("axisbus.cli.od.dump", "Read every object of a node; writes nothing."),
-    "watch": ("axisbus.cli.od.watch", "Read objects again and again, and show what changes."),
+    "watch": ("axisbus.cli.od.watch", "Read objects periodically, and show changes."),
 }
 
 

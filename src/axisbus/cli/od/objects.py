@@ -43,13 +43,13 @@ def split(arguments: tuple[str, ...]) -> list[tuple[str, str]]:
     if ":" not in first:
         if len(arguments) < 2:
             raise click.UsageError(
-                f"name an object behind the node, such as {first or '5'}:6041; all of them: axisbus od dump {first or '5'}"
+                f"name an object after the node, such as {first or '5'}:6041; all of them: axisbus od dump {first or '5'}"
             )
         return [(first, each) for each in arguments[1:]]
     parts = [each.partition(":") for each in arguments]
     for node, colon, wanted in parts:
         if not colon or not wanted:
-            raise click.UsageError(f"{node!r} names no object: write NODE:OBJECT, such as 5:6041")
+            raise click.UsageError(f"{node!r} does not name an object: write NODE:OBJECT, such as 5:6041")
     return [(node, wanted) for node, _, wanted in parts]
 
 

@@ -20,7 +20,7 @@ from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, node_options, requi
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the values as JSON.")
 def command(arguments: tuple[str, ...], asked: NodeOptions, kind: str | None, as_json: bool) -> int:
-    """Read objects and say what they mean; writes nothing. A record is read whole.
+    """Read objects and show their meaning; writes nothing. A record is read whole.
 
     \b
     axisbus od read --cell cell.toml x:Statusword 5:6064 5:1018

@@ -24,10 +24,10 @@ from axisbus.errors import SdoError
     type=Seconds(0.01),
     default=0.5,
     show_default=True,
-    help="Seconds between two looks.",
+    help="Seconds between two reads.",
 )
-@click.option("--count", type=click.IntRange(min=1), help="How many looks; without, until Ctrl-C.")
-@click.option("--all", "everything", is_flag=True, help="Show every look, not only changes.")
+@click.option("--count", type=click.IntRange(min=1), help="How many reads; without it, until Ctrl-C.")
+@click.option("--all", "everything", is_flag=True, help="Show every read, not only changes.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per line.")
 def command(
     arguments: tuple[str, ...],
@@ -37,9 +37,9 @@ def command(
     everything: bool,
     as_json: bool,
 ) -> int:
-    """Read objects every so often and show what changes; writes nothing. A node that does not answer is said so and asked again.
+    """Read objects periodically and show changes; writes nothing. A node that does not answer is reported and read again.
 
-    Exit code 3 when the last look got no answer.
+    Exit code 3 when the last read got no answer.
     """
     require_bus(asked)
     files = NodeFiles.of(asked.cell, asked.eds)

@@ -25,9 +25,11 @@ from axisbus.wording import counted
 @click.command("write", context_settings={"ignore_unknown_options": True})
 @click.argument("arguments", metavar="NODE:OBJECT VALUE", nargs=-1, required=True, shell_complete=od.complete)
 @node_options
-@click.option("--type", "kind", metavar="TYPE", help="Write as this type, where the EDS has none.")
-@click.option("--may-move", is_flag=True, help="Allow what can energise, move or drop a drive.")
-@click.option("--json", "as_json", is_flag=True, help="Print what came of it as JSON.")
+@click.option("--type", "kind", metavar="TYPE", help="Write as this type, if the EDS has none.")
+@click.option(
+    "--may-move", is_flag=True, help="Allow objects that can energise or move a drive, or drop its load."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 @take_option
 def command(
     arguments: tuple[str, ...],
@@ -114,12 +116,12 @@ def _say(
         return
     say(f"{what}: {written.words(value, shown)}")
     for each in energised:
-        say(f"node {node_id} is ENERGISED ({each}); no program watches it now")
+        say(f"node {node_id} is ENERGISED ({each}); no program monitors it now")
     if energised:
         cell = files.cell.file if files.cell is not None else "CELL"
         say_next(f"stop it: axisbus stop {cell}")
     elif dictionary.has(c301.STORE_PARAMETERS, 1) and not is_command(entry.index):
-        say_next(f"it is in RAM only; to keep it: axisbus save {node_id} ...")
+        say_next(f"it is in RAM only; to store it: axisbus save {node_id} ...")
 
 
 def _plain(

@@ -28,15 +28,16 @@ _US = 1e6
 @click.option(
     "-b", "--bitrate", type=click.IntRange(min=1), help="Bit rate in bit/s, instead of the cell's own."
 )
-@output_option("The picture to write, .png or .svg; without, none is drawn.")
+@output_option("The picture to write, .png or .svg; without it, none is drawn.")
 @force_option
 @click.option("--json", "as_json", is_flag=True, help="Print the timetable as JSON.")
 def command(cell: Path, bitrate: int | None, output: Path | None, force: bool, as_json: bool) -> int:
-    """Show the timetable of CELL's cycle: each frame on the wire, at the latest and with all stuff bits that there can be.
+    """Show the timetable of CELL's cycle: the latest time of each frame on the wire, with the highest possible number of stuff
+    bits.
 
-    And how much of the cycle is left for SDO and heartbeats, the shortest scan_period that the wire can hold, and what would
-    shorten it. It opens no bus. What drives and computer take besides is measured by axisbus jitter. Exit code 1 where the cycle
-    does not fit.
+    It also shows the time left in the cycle for SDO and heartbeats, the shortest scan_period that the wire allows, and changes
+    that would shorten it. It opens no bus. axisbus jitter measures the additional times of drives and computer. Exit code 1 if
+    the cycle does not fit.
     """
     if output is not None:
         require_picture(output)
@@ -57,7 +58,7 @@ def command(cell: Path, bitrate: int | None, output: Path | None, force: bool, a
         draw(table, loaded, output)
         say(f"written: {output}")
     if not as_json:
-        say_next(f"how computer and drives keep it: axisbus jitter {cell}")
+        say_next(f"to measure computer and drives: axisbus jitter {cell}")
     return OK if table.fits else WRONG
 
 
@@ -65,7 +66,7 @@ def _known_rate(cell: CellConfig) -> int:
     rate = rate_of(cell)
     if rate is None:
         raise ArgumentError(
-            "no timetable can be made: the bit rate is not known",
+            "the timetable cannot be calculated: the bit rate is not known",
             remedy="give it with -b 1000000, or write bitrate in [bus] of the cell file",
         )
     return rate
@@ -75,7 +76,7 @@ def _show(cell: CellConfig, table: Timetable) -> None:
     say(
         f"at {table.bitrate / 1000:g} kbit/s, a cycle each {table.period * 1000:g} ms; µs after its beginning, at the latest:"
     )
-    say(f"{0:>8} {table.waits * _US:>8.0f}  a frame that is under way, for which SYNC waits")
+    say(f"{0:>8} {table.waits * _US:>8.0f}  a frame that is already on the wire, for which SYNC waits")
     for slot in table.slots:
         say(_row(cell, slot))
 
@@ -93,21 +94,21 @@ def _row(cell: CellConfig, slot: CycleSlot) -> str:
 
 def _show_periods(table: Timetable, least: float | None, shorter: list[PeriodReduction]) -> None:
     say(
-        f"what comes in every cycle is through after {table.every * _US:.0f} µs, "
+        f"the frames of every cycle are complete after {table.every * _US:.0f} µs, "
         f"in the fullest cycle after {table.fullest * _US:.0f}"
     )
     transfers = int(table.left * table.bitrate / SDO_TRANSFER)
     if table.fits:
         say(
-            f"on average {table.load:.0%} of the wire are taken; {table.left * _US:.0f} µs of a cycle are left: "
+            f"on average {table.load:.0%} of the wire are used; {table.left * _US:.0f} µs of a cycle are left: "
             f"{transfers} SDO transfers"
         )
     else:
-        say(f"IT DOES NOT FIT: {table.load:.0%} of the wire are wanted, with no room for SDO")
+        say(f"IT DOES NOT FIT: {table.load:.0%} of the wire are needed, with no time left for SDO")
     say(
-        "no period up to 1 s can be held"
+        "no period up to 1 s is possible"
         if least is None
-        else f'the shortest scan_period that the wire can hold: "{least * 1000:g}ms"'
+        else f'the shortest scan_period that the wire allows: "{least * 1000:g}ms"'
     )
     for change in shorter:
         say(f'  "{change.period * 1000:g}ms" with {change.what}')

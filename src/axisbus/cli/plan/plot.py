@@ -43,7 +43,7 @@ def draw(table: Timetable, cell: CellConfig, path: Path) -> None:
     at = {node_id: row for row, node_id in enumerate(nodes)}
     figure, panel = pyplot.subplots(figsize=(_WIDTH, _AROUND + _ROW * len(rows)), layout="constrained")
     end = max(table.period, table.fullest) * _MS
-    panel.barh(0, table.waits * _MS, color="#bbbbbb", height=0.7, label="a frame that is under way")
+    panel.barh(0, table.waits * _MS, color="#bbbbbb", height=0.7, label="a frame that is already on the wire")
     for slot in table.slots:
         _bar(panel, slot, at[slot.node], end)
     panel.axvline(table.period * _MS, color="#222222", linewidth=1.2, linestyle="--")

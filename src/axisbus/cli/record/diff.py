@@ -16,11 +16,11 @@ from axisbus.record.compare import Compared, compare
 @click.argument("first", type=PATH)
 @click.argument("second", type=PATH)
 @click.option(
-    "--within", type=float, help="Exit code 1 where a position differs by more than this, in its axis's unit."
+    "--within", type=float, help="Exit code 1 if a position differs by more than this, in its axis's unit."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def command(first: Path, second: Path, within: float | None, as_json: bool) -> int:
-    """Lay FIRST and SECOND over each other from when an axis first moved, and show the largest deviations of each axis."""
+    """Align FIRST and SECOND at the first motion of an axis, and show the largest deviations of each axis."""
     compared = compare(read(first), read(second))
     _tell_json(compared) if as_json else _tell(compared)
     positions = [one for one in compared.deviations if one.column == "position"]
@@ -38,7 +38,7 @@ def _tell(compared: Compared) -> None:
             f"{one.first:>12.4f}  {one.second:>12.4f} {one.unit}"
         )
     if compared.only:
-        say(f"in one of them only: {', '.join(compared.only)}")
+        say(f"in only one of them: {', '.join(compared.only)}")
 
 
 def _tell_json(compared: Compared) -> None:

@@ -20,14 +20,14 @@ _KINDS: dict[str, Callable[[Recorded, Path], None]] = {".csv": write_csv, ".parq
 
 @click.command("export")
 @click.argument("recording", type=PATH)
-@output_option("The file to write; .csv or .parquet says what it is.", required=True)
+@output_option("The file to write; its ending, .csv or .parquet, selects the format.", required=True)
 @force_option
 def command(recording: Path, output: Path, force: bool) -> int:
-    """Write RECORDING as a table with a row for each cycle: CSV (units in the heads) or Parquet (units in the metadata)."""
+    """Write RECORDING as a table with a row for each cycle: CSV (units in the header) or Parquet (units in the metadata)."""
     write = _KINDS.get(output.suffix.lower())
     if write is None:
         raise UserError(
-            f"{output} is of no kind that is known here", remedy=f"end its name in {' or '.join(_KINDS)}"
+            f"{output} does not end with a known format", remedy=f"end its name in {' or '.join(_KINDS)}"
         )
     require_free(output, force=force)
     recorded = read(recording)

@@ -23,15 +23,15 @@ _WIDTH = 140
 @click.command("faults")
 @click.argument("cell", type=PATH)
 def command(cell: Path) -> int:
-    """List the faults of CELL that its cores have kept, the oldest first: the newest 20, each with 1.5 s before and 1 s after it.
+    """List the stored faults of CELL, the oldest first: the newest 20, each with 1.5 s before and 1 s after it.
 
-    They are kept by themselves where the core has a process of its own; axisbus plot draws one.
+    The core stores them automatically if it runs in its own process; axisbus plot draws one.
     """
     found = faults_of(path_of(reader.load(cell)))
     for path in found:
         say(f"{path}\n    {_line(path)}")
     if not found:
-        say(f"no fault of {cell} has been kept")
+        say(f"no fault of {cell} has been stored")
         return OK
     say_next(f"axisbus plot {found[-1]} -o fault.png")
     return OK

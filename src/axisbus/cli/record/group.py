@@ -9,9 +9,9 @@ from axisbus.cli.shared.lazy import LazyGroup
 _START = "start"
 COMMANDS = {
     _START: ("axisbus.cli.record.start", "Record the machine of a cell; the word start may be left out."),
-    "faults": ("axisbus.cli.record.faults", "List the faults that a cell's cores have kept."),
+    "faults": ("axisbus.cli.record.faults", "List the stored faults of a cell."),
     "export": ("axisbus.cli.record.export", "Write a recording as CSV or Parquet."),
-    "diff": ("axisbus.cli.record.diff", "Lay two recordings of one job over each other."),
+    "diff": ("axisbus.cli.record.diff", "Compare two recordings of the same job."),
 }
 _HELP = ("-h", "--help")
 
@@ -30,5 +30,5 @@ class _Group(LazyGroup):
 def command() -> None:
     """Record each cycle of a cell's axes into an MCAP file: axisbus record cell.toml -o run.mcap
 
-    Joins the machine of the cell where it runs already. See axisbus record start -h.
+    Joins the machine of the cell if it is already running. See axisbus record start -h.
     """

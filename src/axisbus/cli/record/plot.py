@@ -16,16 +16,18 @@ from axisbus.record.plot import plot
 
 @click.command("plot")
 @click.argument("recording", type=PATH)
-@output_option("The picture to write, .png or .svg; without, beside the recording.")
+@output_option("The picture to write, .png or .svg; without it, in the folder of the recording.")
 @click.option(
-    "--from", "begin", type=float, default=-math.inf, help="Seconds of the recording to begin with."
+    "--from", "begin", type=float, default=-math.inf, help="Begin at this time of the recording, in seconds."
 )
-@click.option("--to", "end", type=float, default=math.inf, help="Seconds of the recording to end with.")
+@click.option(
+    "--to", "end", type=float, default=math.inf, help="End at this time of the recording, in seconds."
+)
 @click.option("--title", default="", help="A title, instead of the file's name and the time.")
 def command(recording: Path, output: Path | None, begin: float, end: float, title: str) -> int:
-    """Draw RECORDING: of each axis position and command, velocity, torque, following error and state; what happened, with words.
+    """Draw RECORDING: position and command, velocity, torque, following error and state of each axis; and the events, as text.
 
-    RECORDING is an MCAP file, or a CSV file that axisbus record export or axisbus demo has written (that knows of no events).
+    RECORDING is an MCAP file, or a CSV file that axisbus record export or axisbus demo has written (which contains no events).
     """
     if not begin < end:
         raise click.UsageError("--from must be less than --to")

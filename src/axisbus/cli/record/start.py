@@ -28,8 +28,8 @@ _LOOK = 0.2  # seconds
 @click.argument("cell", type=PATH)
 @output_option("The MCAP file to write.", required=True)
 @force_option
-@click.option("--for", "seconds", type=Seconds(), help="How long, in seconds; without, until Ctrl-C.")
-@click.option("--axes", metavar="AXIS,...", help="Only these axes; without, all of them.")
+@click.option("--for", "seconds", type=Seconds(), help="How long, in seconds; without it, until Ctrl-C.")
+@click.option("--axes", metavar="AXIS,...", help="Only these axes; without it, all of them.")
 @click.option(
     "--objects",
     metavar="AXIS:OBJECT,...",
@@ -39,7 +39,7 @@ _LOOK = 0.2  # seconds
 @click.option(
     "--when",
     metavar="CONDITION",
-    help="Keep only the moment at which this becomes true: 'x.velocity > 100', '|x.following_error| > 0.5', "
+    help="Record only the moment at which this becomes true: 'x.velocity > 100', '|x.following_error| > 0.5', "
     "'x.state = ErrorStop', fault, 'part = true' (an input or output), x.probe (its touch probe latches an edge).",
 )
 @click.option(
@@ -61,16 +61,16 @@ def command(
     after: float,
     beside: bool,
 ) -> int:
-    """Record CELL into an MCAP file: each cycle of its axes, commands with their ends, faults, nodes that come and go.
+    """Record CELL into an MCAP file: each cycle of its axes, commands with their ends, faults, lost and recovered nodes.
 
-    Joins the machine of the cell where it runs already, and else boots the cell; energises nothing. The file can be read however
-    this ends, up to its last second.
+    Joins the machine of the cell if it is already running, otherwise boots the cell; energises nothing. However the recording
+    ends, the file can be read, up to its last second.
     """
     library()
     require_free(output, force=force)
     if when is not None:
         if objects is not None:
-            raise click.UsageError("--when keeps a moment of the axes: leave --objects out")
+            raise click.UsageError("--when records a moment of the axes: leave --objects out")
         return _capture(cell, output, _names(axes), StartTrigger(when, before, after), seconds, beside)
     recording = None
     try:
@@ -112,10 +112,10 @@ def _capture(
         until = None if seconds is None else time.monotonic() + seconds
         while not capture.done and not machine.session.ended and (until is None or time.monotonic() < until):
             capture.wait(_LOOK)
-            draw("it has come" if capture.fired else f"waiting for {when}")
+            draw("the condition has become true" if capture.fired else f"waiting for {when}")
         draw("")
     if capture.failed or not capture.fired:
-        say(f"nothing was recorded: {capture.failed or 'the moment did not come'}")
+        say(f"nothing was recorded: {capture.failed or 'the condition did not become true'}")
         return FAILURE if capture.failed else WRONG
     say(f"recorded: {output}")
     say_next(f"axisbus plot {output} -o {output.with_suffix('.png')}")
@@ -141,4 +141,4 @@ def _look_on(machine: Machine, recording: Recording, seconds: float | None) -> N
     finally:
         draw("")
     if not recording.failed:
-        say("the machine was closed by whoever opened it")
+        say("the program that opened the machine has closed it")

@@ -19,7 +19,7 @@ def take_option(function: Callable[..., Any]) -> Callable[..., Any]:
     return click.option(
         "--take",
         is_flag=True,
-        help="Where the machine runs already, take its command from the program that has it: all that moves halts first.",
+        help="If the machine is already running, take control from the program that has it: all moving axes halt first.",
     )(function)
 
 
@@ -53,8 +53,8 @@ def require_none_runs(cell: Path) -> None:
     if runs(cell):
         raise StateError(
             f"a machine of {cell} runs on this computer, and this command cannot join it",
-            observed="its drives are simulated, on a bus of its own, which no other program can be on",
-            remedy=f"end that machine first; or use what joins it: axisbus monitor {cell}, axisbus od, axisbus nmt",
+            observed="its drives are simulated, on a bus that no other program can join",
+            remedy=f"end that machine first; or use commands that join it: axisbus monitor {cell}, axisbus od, axisbus nmt",
         )
 
 
@@ -73,9 +73,9 @@ def running(cell: Path, verb: str, why: str, remedy: str, *, command: bool, take
 def no_machine(cell: Path, verb: str, why: str, remedy: str) -> StateError:
     """Return the error of a command that needs a running machine, as for ``running``."""
     return StateError(
-        f"no machine of {cell} runs on this computer, and {verb} {why}",
+        f"no machine of {cell} is running on this computer, and {verb} {why}",
         observed=out_of_reach(cell),
-        remedy=f"{remedy}; one that is just starting can be joined once it has booted",
+        remedy=f"{remedy}; a machine that is just starting can be joined after it has booted",
     )
 
 
@@ -88,5 +88,5 @@ def join(cell: Path, command: bool, take: bool) -> Machine | None:
     machine = Machine.try_attach(cell, command=command, force=take)
     if machine is not None:
         has = "this command has" if command else f"{machine.control_owner or 'nobody'} has"
-        echo(f"joined the machine that runs already; {has} its command", err=True)
+        echo(f"joined the running machine; {has} control", err=True)
     return machine

@@ -45,7 +45,7 @@ def require_whole(cell: CellConfig, name: str, verb: str) -> None:
     pair = _pair_of(cell, name)
     if pair is not None:
         raise StateError(
-            f"{name}: {' and '.join(pair.axes)} carry one beam, and axisbus {verb} is for both",
+            f"{name}: {' and '.join(pair.axes)} carry one beam, and axisbus {verb} applies to both",
             observed=f"they are [gantries.{pair.name}] of cell.toml",
             remedy=f"name the pair: {pair.name}",
         )

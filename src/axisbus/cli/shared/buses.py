@@ -69,7 +69,7 @@ def simulated(channel: str | None, option: tuple[str, ...]) -> CellConfig:
             "-i sim simulates the nodes of a cell file: give it with -c (-c examples/cell.toml)"
         )
     if option:
-        raise click.UsageError("-i sim has no adapter, and so no options for one: leave -O out")
+        raise click.UsageError("-i sim has no adapter, and therefore no adapter options: leave -O out")
     loaded = reader.load(Path(channel))
     if loaded.bus.interface == SIMULATED:
         return loaded
@@ -95,7 +95,7 @@ def with_options(
     bus, options = cell.bus, parse_options(option)
     if bus.interface == SIMULATED and (channel is not None or options):
         raise click.UsageError(
-            f"{cell.file} is simulated, on a bus of its own: leave -c and -O out, or say another bus with -i"
+            f"{cell.file} is simulated, and needs no bus: leave -c and -O out, or give another bus with -i"
         )
     given = replace(
         bus,

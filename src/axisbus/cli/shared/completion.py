@@ -47,7 +47,7 @@ def complete_interface(_: click.Context, __: click.Parameter, incomplete: str) -
     """Return python-can's interfaces, and the simulated one."""
     from axisbus.bus.link.adapter import interfaces
 
-    simulated = ("sim", "stand-ins for the nodes of a cell file, which -c names")
+    simulated = ("sim", "simulated nodes of a cell file, which -c names")
     return _fitting(incomplete, [*((name, "") for name in interfaces()), simulated])
 
 

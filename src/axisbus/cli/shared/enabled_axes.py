@@ -62,9 +62,9 @@ def commanded(
 def _say_left(machine: Machine) -> None:
     all_off = not machine.is_attached or all(axis.state is AxisState.DISABLED for axis in machine)
     say(
-        "all axes stand and are disabled"
+        "all axes are at standstill and disabled"
         if all_off
-        else "the axes stand; what was enabled before is so still"
+        else "the axes are at standstill; those that were enabled before are still enabled"
     )
 
 
@@ -83,7 +83,7 @@ def _disable_again(cell: Path, names: Sequence[str]) -> None:
         echo(f"left enabled: {', '.join(left)}; {error.observed}", err=True)
     except (AxisbusError, ExceptionGroup) as error:
         echo(
-            f"look after {', '.join(names)}: whether it is enabled is not known ({one_line(error)})",
+            f"check {', '.join(names)}: it is not known whether it is enabled ({one_line(error)})",
             err=True,
         )
 
@@ -126,7 +126,7 @@ def home(machine: Machine, chosen: Sequence[Mover]) -> None:
 def say_position(mover: Mover, what: str) -> None:
     """Print the position of an axis or pair, if it is known, and the skew of a pair."""
     known = all(axis.snapshot.position is not None for axis in axes_of(mover))
-    where = f"{mover.position:.4f} {mover.unit}" if known else "a position that is not known"
+    where = f"{mover.position:.4f} {mover.unit}" if known else "an unknown position"
     if known and isinstance(mover, Gantry) and mover.homed:
         where += f", {abs(mover.skew):.4f} {mover.unit} out of square"
     say(f"{mover.name}: {what} {where}")

@@ -10,7 +10,7 @@ from axisbus.errors import AxisbusError, help_line
 _WHO = re.compile(r"([A-Za-z_][\w-]*)(?:\.\w+\(|: )")  # "x.move_absolute(1 deg): ...", or "x: ..."
 
 # How to reopen the machine: by the command itself if it has opened the machine, else by the program that it has joined.
-_AGAIN = "where the machine runs already, end it (Ctrl-C in axisbus run) and start it again; then give the command again"
+_AGAIN = "if the machine is already running, end it (Ctrl-C in axisbus run) and start it again; then repeat the command"
 
 # Longer patterns first: the shorter ones replace the rest.
 _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
@@ -30,13 +30,13 @@ _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"axis\.reset\(\) and axis\.enable\(\)", "axisbus reset CELL AXIS"),
         (r"axis\.enable\(allow_moving=True\) catches it in motion; ", ""),
         (r"wait until it is off: axis\.disable\(coast=True\)\.wait\(\)", "wait until it is off"),
-        (r"let it stand, then release it: axis\.release\(\)", "wait until it stands"),
-        (r"enable it first: axis\.enable\(\)", "give the command again"),
+        (r"let it stand, then release it: axis\.release\(\)", "wait until it is at standstill"),
+        (r"enable it first: axis\.enable\(\)", "repeat the command"),
         (r"axis\.reset\(\)", "axisbus reset CELL AXIS"),
         (r"axis\.home\(\)", "axisbus home CELL AXIS"),
         (r"axis\.(?:halt|stop|quick_stop|disable|release)\(\)", "axisbus stop CELL"),
         (r"axis\.enable\(\)", "axisbus move CELL AXIS=..., which enables it"),
-        (r"axis\.position", "where the axis is"),
+        (r"axis\.position", "the position of the axis"),
         (r"axis\.error", "axisbus monitor CELL"),
         (r"; axis\.snapshot keeps what was seen last, with its time", ""),
         (r"machine\.node\(ID\)\.sdo\[(0x)?(\w+)\]", r"axisbus od read ID:\2"),
@@ -49,10 +49,10 @@ _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"(then )?close the machine,? (?:and|which)[^;]*", rf"\1{_AGAIN}"),
         (r"; in a program: \S+\(\d+\)\.command\(NmtCommand\.START\)", ""),
         (r"--cell CELL", "--cell CELL"),
-        (r"(?:close it, and )?open (?:the machine|it) again(?: to go on)?", "give the command again"),
+        (r"(?:close it, and )?open (?:the machine|it) again(?: to go on)?", "repeat the command"),
         (r"Machine\.attach\(cell, command=True, force=True\)", "--take"),
         (r"; or open the cell in this program: Machine\.open", ""),
-        (r"read it while the machine is open", "give the command again"),
+        (r"read it while the machine is open", "repeat the command"),
     )
 )  # fmt: skip
 # A bus that was given by options has no [bus] table.

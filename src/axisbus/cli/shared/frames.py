@@ -76,7 +76,7 @@ class FrameSourceOptions:
         """
         if self.recording is not None and self.interface is not None:
             raise click.UsageError(
-                f"{self.recording} and -i both say where frames come from: leave one of them out"
+                f"{self.recording} and -i both name the source of the frames: leave one of them out"
             )
         if self.source is not None and self.recording is None and self.cell is not None:
             raise click.UsageError(f"{self.source} and --cell are both cell files: leave one of them out")

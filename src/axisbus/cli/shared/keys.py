@@ -95,7 +95,7 @@ def keyboard() -> Iterator[Keyboard]:
         before = termios.tcgetattr(terminal)
     except (ImportError, OSError, ValueError, termios.error) as error:
         raise StateError(
-            "keys are needed, and standard input is no terminal that could give them one by one",
+            "keys are needed, and standard input is not a terminal",
             observed=str(error),
             remedy="run it in a terminal (on Linux or macOS; ssh needs -t)",
         ) from error

@@ -77,4 +77,4 @@ class BesideAxes:
             return ""
         holder = next((each.who for each in programs if each.commands), "nobody")
         others = "; ".join(each.who for each in programs if not each.commands)
-        return f"commanded by {holder}; looking on: {others}"
+        return f"{holder} has control; other clients: {others}"

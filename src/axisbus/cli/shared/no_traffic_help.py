@@ -13,16 +13,16 @@ if TYPE_CHECKING:
     from axisbus.bus.link.other_rates import BitRateTraffic
 
 _SYSTEM = (
-    "the link's rate is the system's; another one is tried in listen-only mode, which disturbs nobody: sudo ip link set {0} down; "
+    "the system sets the link's rate; try another rate in listen-only mode, which disturbs no node: sudo ip link set {0} down; "
     "sudo ip link set {0} up type can bitrate {1} listen-only on; axisbus trace -i socketcan -c {0} (afterwards: listen-only off)"
 )
 _NO_MODE = (
-    "python-can cannot open this adapter in listen-only mode, and a wrong bit rate destroys every frame of a living bus: ask "
-    "whoever set the bus up, or try another rate with -b only where nothing else runs on it"
+    "python-can cannot open this adapter in listen-only mode, and a wrong bit rate destroys every frame of a working bus: "
+    "ask the person who set up the bus, or try another rate with -b only if nothing else runs on it"
 )
 _ALONE = (
-    "a node that is alone with this adapter is heard only by one that acknowledges it: where nothing else runs on this bus, scan "
-    f"it with -b {BIT_RATE} too, the rate with which a GIM6010-8 leaves its factory"
+    "if the bus has only one node and this adapter, its frames are received only if this adapter acknowledges them: if "
+    f"nothing else runs on this bus, scan it with -b {BIT_RATE} too, the factory setting of a GIM6010-8"
 )
 
 
@@ -69,4 +69,4 @@ def show(heard: BitRateTraffic | None, opening: Opening) -> None:
         return
     for line in lines(heard):
         say(line)
-    say_next(f"write this rate: -b {heard.bitrate}, or bitrate = {heard.bitrate} in [bus]")
+    say_next(f"use this rate: -b {heard.bitrate}, or bitrate = {heard.bitrate} in [bus]")

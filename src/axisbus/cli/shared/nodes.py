@@ -78,7 +78,7 @@ class NodeFiles:
             if axes
             else "without a cell file only node IDs can be used"
         )
-        raise ArgumentError(f"{text!r} is no node", observed=known, remedy="give a node ID from 1 to 127")
+        raise ArgumentError(f"{text!r} is not a node", observed=known, remedy="give a node ID from 1 to 127")
 
     def eds_for(self, node_id: int) -> Eds | None:
         """Return the EDS of a node; None if none was given."""

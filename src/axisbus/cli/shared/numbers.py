@@ -34,7 +34,7 @@ class Seconds(click.ParamType):  # type: ignore[type-arg,unused-ignore]
             found = math.nan
         if not self._least <= found <= _LONGEST:
             self.fail(
-                f"{value!r} is no time to wait: give seconds, {self._least:g} or more, or a time such as 500ms or 10s",
+                f"{value!r} is not a valid time: give seconds, {self._least:g} or more, or a time such as 500ms or 10s",
                 param,
                 ctx,
             )
@@ -54,5 +54,5 @@ class BitRate(click.ParamType):  # type: ignore[type-arg,unused-ignore]
             rate = 0
         if not _SLOWEST <= rate <= _FASTEST:
             meant = f", such as {rate * 1000}" if _SLOWEST <= rate * 1000 <= _FASTEST else ", such as 500000"
-            self.fail(f"{value!r} is no bit rate of a CAN bus: give bit/s{meant}", param, ctx)
+            self.fail(f"{value!r} is not a bit rate of a CAN bus: give bit/s{meant}", param, ctx)
         return rate

@@ -23,7 +23,7 @@ def port_option(default: int) -> Callable[[Decorated], Decorated]:
         type=click.IntRange(0, 65535),
         default=default,
         show_default=True,
-        help="0: one that is free.",
+        help="0: any free port.",
     )
 
 
@@ -37,7 +37,7 @@ def beside_option(function: Decorated) -> Decorated:
     return click.option(
         "--beside",
         is_flag=True,
-        help="Open the bus even where another master is heard; both then command the same drives.",
+        help="Open the bus even if another master is heard; both then command the same drives.",
     )(function)
 
 
@@ -47,7 +47,7 @@ def bus_options(function: Decorated) -> Decorated:
         click.option(
             "-O", "--option", multiple=True, metavar="KEY=VALUE", help="Further option for the adapter."
         ),
-        click.option("-b", "--bitrate", type=BitRate(), help="Bit rate in bit/s, where the adapter sets it."),
+        click.option("-b", "--bitrate", type=BitRate(), help="Bit rate in bit/s, if the adapter sets it."),
         click.option(
             "-c",
             "--channel",
@@ -92,7 +92,7 @@ def parse_options(pairs: tuple[str, ...]) -> dict[str, Any]:
         if not sign or not key:
             raise click.UsageError(f"-O {pair}: write KEY=VALUE")
         if key in _OWN_OPTIONS:
-            raise click.UsageError(f"-O {pair}: the {key} has an option of its own, {_OWN_OPTIONS[key]}")
+            raise click.UsageError(f"-O {pair}: the {key} has a separate option, {_OWN_OPTIONS[key]}")
         options[key] = _value(text)
     return options
 

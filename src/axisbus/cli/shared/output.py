@@ -28,7 +28,7 @@ def concise_option(text: str) -> Callable[[_F], _F]:
 
 def force_option(function: _F) -> _F:
     """Add ``--force``, without which no existing file is replaced (see ``require_free``)."""
-    return click.option("--force", is_flag=True, help="Replace a file that is there.")(function)
+    return click.option("--force", is_flag=True, help="Replace an existing file.")(function)
 
 
 def require_writable(output: Path | None, concise: Path | None = None) -> None:
@@ -45,7 +45,7 @@ def require_writable(output: Path | None, concise: Path | None = None) -> None:
         except OSError as error:
             raise _cannot(path, error, option) from error
     if output is not None and concise is not None and os.path.realpath(output) == os.path.realpath(concise):
-        raise UserError(f"{concise} is named for two files; nothing was written", remedy="give two names")
+        raise UserError(f"{concise} is given for two files; nothing was written", remedy="give two names")
 
 
 def require_free(output: Path | None, concise: Path | None = None, *, force: bool) -> None:
@@ -60,7 +60,7 @@ def require_free(output: Path | None, concise: Path | None = None, *, force: boo
     for path, option in _given(output, concise):
         if not force and os.path.lexists(path) and not _is_special(path):
             raise UserError(
-                f"{path} is there already; nothing was written",
+                f"{path} already exists; nothing was written",
                 remedy=f"give another name with {option}, or --force to replace it",
             )
 
@@ -109,7 +109,7 @@ def _try(path: Path) -> None:
     target = Path(os.path.realpath(path))
     folder = next(each for each in target.parents if os.path.lexists(each))
     if not folder.is_dir():
-        raise NotADirectoryError(f"{folder} is no folder")
+        raise NotADirectoryError(f"{folder} is not a folder")
     target.exists()  # fails if the name is too long
     probe = _beside(folder)
     probe.touch(exist_ok=False)

@@ -76,4 +76,4 @@ def told(recording: Recording) -> str:
         text += f"; {counted(recording.lost, 'cycle')} not taken in time"
     for label, reads in recording.reads.items():
         text += f"; {label}: {counted(reads, 'value')} ({reads / max(recording.seconds, 1e-3):.0f} a second)"
-    return f"{text}; then it could not be written: {recording.failed}" if recording.failed else text
+    return f"{text}; then the file could not be written: {recording.failed}" if recording.failed else text

@@ -34,7 +34,7 @@ _Function = TypeVar("_Function", bound=Callable[..., object])
 def for_option(function: _Function) -> _Function:
     """Add --for: the seconds after which the axes are halted."""
     return click.option(
-        "--for", "seconds", type=Seconds(0.0), help="Halt after so many seconds; without, at Ctrl-C."
+        "--for", "seconds", type=Seconds(0.0), help="Halt after so many seconds; without it, at Ctrl-C."
     )(function)
 
 
@@ -105,7 +105,7 @@ def _require_turning(axis: Axis) -> None:
     if axis.error is not None:
         raise axis.error
     raise StateError(
-        f"{axis.name}: does not go on",
+        f"{axis.name}: the motion ended early",
         observed=f"it is in {axis.state.value}",
-        remedy="look who else commands or halts it: axisbus monitor",
+        remedy="check which other program commands or halts it: axisbus monitor",
     )

@@ -33,7 +33,7 @@ class CanSimple(click.ParamType):  # type: ignore[type-arg,unused-ignore]
             found = -1, FACTORY
         if not 0 <= found[0] <= MOST_NODE_ID:
             self.fail(
-                f"{value!r} is no module: give a node ID from 0 to 63, or one with a firmware: 5:0.5.11",
+                f"{value!r} is not a module: give a node ID from 0 to 63, or one with its firmware: 5:0.5.11",
                 param,
                 ctx,
             )

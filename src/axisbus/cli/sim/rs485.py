@@ -24,7 +24,7 @@ class Modbus(CanSimple):
         """Convert text to both."""
         found = super().convert(value, param, ctx)
         if not found[0]:
-            self.fail("0 is everybody's address in Modbus: give a node ID from 1 to 63", param, ctx)
+            self.fail("0 is the broadcast address of Modbus: give a node ID from 1 to 63", param, ctx)
         return found
 
 

@@ -37,7 +37,7 @@ _PORT = 29536  # the default port of socketcand
     "wanted",
     type=CanSimple(),
     multiple=True,
-    help="Beside them a GIM6010-8 that speaks CAN Simple, with this node ID (0 to 63) and firmware; repeat it for more.",
+    help="In addition, a GIM6010-8 that speaks CAN Simple, with this node ID (0 to 63) and firmware; repeat it for more.",
 )
 @click.option(
     "--modbus",
@@ -49,13 +49,13 @@ _PORT = 29536  # the default port of socketcand
 @port_option(_PORT)
 @output_option("Write CELL with the [bus] to use into this file.")
 @force_option
-@click.option("--faults", type=PATH, help="A TOML file of what goes wrong, and when.")
+@click.option("--faults", type=PATH, help="A TOML file of faults and their times.")
 @click.option(
     "--control",
     type=PATH,
-    help="Make a socket there, by which tests reach the drives (axisbus.SimulationControl).",
+    help="Make a socket at this path, for tests to control the drives (axisbus.SimulationControl).",
 )
-@click.option("--for", "seconds", type=Seconds(), help="How long, in seconds; without, until Ctrl-C.")
+@click.option("--for", "seconds", type=Seconds(), help="How long, in seconds; without it, until Ctrl-C.")
 def command(
     cell: Path | None,
     wanted: tuple[Wanted, ...],
@@ -67,12 +67,15 @@ def command(
     control: Path | None,
     seconds: float | None,
 ) -> int:
-    """Simulate the drives of CELL for other terminals and programs, on a port of this computer alone.
+    """Simulate the drives of CELL for other terminals and programs, on a port of this computer that other computers cannot
+    reach.
 
-    With --can-simple or --modbus there may be no CELL. From firmware 0.6.8 on such a module only beats in its 29-bit protocol.
+    With --can-simple or --modbus, CELL may be left out. From firmware 0.6.8 on, such a module only sends heartbeats in its
+    29-bit protocol.
 
-    It speaks the protocol of socketcand, so that python-can's interface of that name and other tools which know it join. No
-    hardware is needed or touched, whatever [bus] says in CELL. Ctrl-C ends it; then its drives are gone.
+    It uses the protocol of socketcand, so that python-can's interface of that name, and other tools that support it, can
+    connect. No hardware is needed or touched, whatever [bus] says in CELL. Ctrl-C ends the simulation, and its drives
+    disappear.
     """
     config = None if cell is None else checked(cell)
     _require_enough(config, (*wanted, *on_line), {"-o": output, "--faults": faults, "--control": control})
@@ -127,7 +130,7 @@ def _require_enough(
         raise click.UsageError("give a cell file, or modules with --can-simple or --modbus")
     for option, value in options.items():
         if value is not None:
-            raise click.UsageError(f"{option} belongs to the drives of a cell file: give one, too")
+            raise click.UsageError(f"{option} needs a cell file: give one, too")
 
 
 def _require_others(config: CellConfig, wanted: tuple[Wanted, ...]) -> None:
@@ -146,7 +149,7 @@ def _require_beside(config: CellConfig, output: Path | None) -> None:
     relative = [file for file in files if not Path(file).expanduser().is_absolute()]
     if output is not None and relative and output.absolute().parent != config.folder.absolute():
         raise UserError(
-            f"{output} would not find {relative[0]}, which {config.file} names from where it is",
+            f"{output} would not find {relative[0]}, which {config.file} names relative to its own folder",
             remedy=f"write it into the same folder: -o {config.folder / output.name}",
         )
 

@@ -33,7 +33,7 @@ from axisbus.session import LATENESS_BOUNDS, LatenessReport
 _VALUES = {
     "position": "Actual position, in the axis's unit.",
     "velocity": "Actual velocity, in the axis's unit per second.",
-    "torque": "Actual torque, in N·m, or in parts of the rated torque where that is not given.",
+    "torque": "Actual torque in N·m, or as a fraction of the rated torque if that is not given.",
     "following_error": "Demand minus actual position, in the axis's unit.",
 }
 _BOUNDS = ["+Inf" if bound == inf else repr(bound) for bound in LATENESS_BOUNDS]
@@ -69,7 +69,7 @@ class Exporter:
         machine = self.machine
         alive = machine is not None and machine.session.silent is None
         yield GaugeMetricFamily(
-            "axisbus_up", "Whether the machine runs, and its image is of now.", float(alive)
+            "axisbus_up", "Whether the machine runs, and its process image is current.", float(alive)
         )
         for name, words, counts, labels in self._counted():
             family = CounterMetricFamily(f"axisbus_{name}", words, labels=labels)
@@ -82,9 +82,19 @@ class Exporter:
 
     def _counted(self) -> Iterator[tuple[str, str, Counts, tuple[str, ...]]]:
         yield "emcy", "Emergency messages (CiA 301 7.2.7).", self._emcy.counts, ("node", "code")
-        yield "node_events", "What error control told.", self._events.counts, ("node", "event")
-        yield "lost_cycles", "Cycles that a program observed and did not take.", self._cycles.counts, _READER
-        yield "lost_frames", "Frames that a program tapped and did not take.", self._frames.counts, _READER
+        yield "node_events", "Events of error control.", self._events.counts, ("node", "event")
+        yield (
+            "lost_cycles",
+            "Cycles that a program observed but did not receive in time.",
+            self._cycles.counts,
+            _READER,
+        )
+        yield (
+            "lost_frames",
+            "Frames that a program listened to but did not receive in time.",
+            self._frames.counts,
+            _READER,
+        )
 
 
 def _all_of(families: Iterator[Metric]) -> list[Metric]:
@@ -96,11 +106,15 @@ def _all_of(families: Iterator[Metric]) -> list[Metric]:
 
 
 def _machine(machine: Machine) -> Iterator[Metric]:
-    yield InfoMetricFamily("axisbus_machine", "How the core runs.", {"degree": machine.real_time_status})
+    yield InfoMetricFamily(
+        "axisbus_machine", "The real-time status of the core.", {"degree": machine.real_time_status}
+    )
     yield from _cycle(machine.cycle_jitter)
     carried = machine.bus_traffic
     if carried is not None:
-        yield CounterMetricFamily("axisbus_bus_frames", "Frames on the bus, both ways.", carried.frames)
+        yield CounterMetricFamily(
+            "axisbus_bus_frames", "Frames on the bus, in both directions.", carried.frames
+        )
         yield CounterMetricFamily("axisbus_bus_octets", "Their data.", carried.octets)
     yield GaugeMetricFamily(
         "axisbus_bus_bitrate", "Bit rate of the bus, in bit/s.", machine.cell.bus.bitrate or 0
@@ -108,8 +122,8 @@ def _machine(machine: Machine) -> Iterator[Metric]:
 
 
 def _cycle(lateness: LatenessReport) -> Iterator[Metric]:
-    yield CounterMetricFamily("axisbus_cycles", "Cycles that were done.", lateness.cycles)
-    skipped = CounterMetricFamily("axisbus_skipped_cycles", "Cycles not done, by why.", labels=("cause",))
+    yield CounterMetricFamily("axisbus_cycles", "Executed cycles.", lateness.cycles)
+    skipped = CounterMetricFamily("axisbus_skipped_cycles", "Skipped cycles, by reason.", labels=("cause",))
     for cause, count in lateness.causes.items():
         skipped.add_metric((cause,), count)
     yield skipped
@@ -120,15 +134,17 @@ def _cycle(lateness: LatenessReport) -> Iterator[Metric]:
         sum_value=lateness.total,
     )
     yield GaugeMetricFamily(
-        "axisbus_cycle_lateness_worst_seconds", "The latest since the machine runs.", lateness.worst
+        "axisbus_cycle_lateness_worst_seconds",
+        "The largest lateness since the machine started.",
+        lateness.worst,
     )
 
 
 def _sdo(machine: Machine) -> Iterator[Metric]:
-    ends = CounterMetricFamily(
-        "axisbus_sdo_transfers", "SDO transfers, by how they ended.", labels=("node", "end")
+    ends = CounterMetricFamily("axisbus_sdo_transfers", "SDO transfers, by result.", labels=("node", "end"))
+    again = CounterMetricFamily(
+        "axisbus_sdo_retries", "Attempts after the first of each transfer.", labels=("node",)
     )
-    again = CounterMetricFamily("axisbus_sdo_retries", "Attempts beside the first of each.", labels=("node",))
     for count in machine.sdo_counts:
         for end, number in count.ends.items():
             ends.add_metric((str(count.node), end.value), number)
@@ -137,14 +153,12 @@ def _sdo(machine: Machine) -> Iterator[Metric]:
 
 
 def _nodes(machine: Machine) -> Iterator[Metric]:
-    state = GaugeMetricFamily(
-        "axisbus_node_nmt_state", "The NMT state that is reported.", labels=("node", "state")
-    )
+    state = GaugeMetricFamily("axisbus_node_nmt_state", "The reported NMT state.", labels=("node", "state"))
     booted = GaugeMetricFamily(
         "axisbus_node_booted", "Whether the node has come up.", labels=("node", "device")
     )
     again = GaugeMetricFamily(
-        "axisbus_node_boot_retries", "Requests that its boot-up made more than once.", labels=("node",)
+        "axisbus_node_boot_retries", "Requests that its boot-up repeated.", labels=("node",)
     )
     for report in machine.reports:
         name = str(report.node_id)

@@ -113,7 +113,7 @@ class MetricsServer:
             raise StateError(
                 f"metrics cannot be served on {address}:{port}",
                 observed=error.strerror or str(error),
-                remedy="give another --port; 0 takes one that is free",
+                remedy="give another --port; 0 takes a free port",
             ) from error
         self._thread = threading.Thread(
             target=self._server.serve_forever, name="axisbus-metrics", daemon=True

@@ -46,21 +46,21 @@ def decide(given: Given) -> Access:
 def _require_sense(given: Given) -> None:
     if not (given.loopback or given.certificate or given.insecure):
         raise ArgumentError(
-            "the address can be reached by others",
-            remedy="give --certificate, --key and --trust; or --insecure, where the network is trusted and everybody may read",
+            "other computers can reach the address",
+            remedy="give --certificate, --key and --trust; or --insecure, if the network is trusted and every client may read",
         )
     if given.certificate and not (given.trust or given.users):
         raise ArgumentError(
-            "with a certificate alone, whoever has one of his own could come in",
+            "with only a server certificate, every client with a certificate of its own could connect",
             remedy="give --trust (a folder with the certificates of clients), --users (names and passwords), or both",
         )
     if given.trust and not given.certificate:
         raise ArgumentError(
-            "certificates of clients are known on encrypted channels only",
+            "certificates of clients are checked only on encrypted channels",
             remedy="give --certificate and --key as well",
         )
     if given.users and not (given.certificate or given.loopback):
         raise ArgumentError(
-            "passwords would cross the network for all to read",
-            remedy="give --certificate and --key; or leave --users out, and nobody calls methods",
+            "passwords would cross the network unencrypted",
+            remedy="give --certificate and --key; or leave --users out; then no client can call methods",
         )

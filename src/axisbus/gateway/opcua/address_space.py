@@ -57,7 +57,9 @@ class AddressSpaceBuilder:
         running = await self._variable(
             machine, "Running", False, ua.VariantType.Boolean, "Whether a machine runs."
         )
-        devices = await self._variable(machine, "Devices", [], ua.VariantType.String, "What each node is.")
+        devices = await self._variable(
+            machine, "Devices", [], ua.VariantType.String, "The identity of each node."
+        )
         await devices.write_value_rank(1)
         incidents = await self._object(machine, f"{self._path}/Incidents", "Incidents")
         await self._methods(machine, self._path, verbs, call, "")
@@ -84,7 +86,7 @@ class AddressSpaceBuilder:
         node = await self._object(axes, path, axis.name)
         kind = axis_type(axis)
         if kind is not None:
-            row = OpcuaVariable(AXIS_TYPE, Type.UINT16, "How it moves.", states=AXIS_TYPES)
+            row = OpcuaVariable(AXIS_TYPE, Type.UINT16, "The motion of the axis.", states=AXIS_TYPES)
             made, text = await self._of_row(node, path, row, axis)
             await self._write(made, ua.Variant(kind, ua.VariantType.UInt16))
             assert text is not None

@@ -42,7 +42,7 @@ class OpcuaMethodCalls:
         if ended.status == "Good":
             result.OutputArguments = [ua.Variant(ended.text, ua.VariantType.String)]
         else:
-            words = f"{verb.value} of {axis or 'all axes'}, asked for by {CALLER.get()}, did not go well"
+            words = f"{verb.value} of {axis or 'all axes'}, called by {CALLER.get()}, failed"
             await self.refused(OpcuaEvent(self._looker.now(), REFUSED, words, ended.text, axis=axis))
         return result
 

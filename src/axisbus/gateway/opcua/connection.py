@@ -146,7 +146,7 @@ class GuardedProtocol(OPCUAProtocol):
         try:
             return self._is_welcome(header, buf) and bool(await super()._process_one_msg(header, buf))
         except Exception:
-            log.debug("OPC UA: a message that cannot be read", exc_info=True)
+            log.debug("OPC UA: a message cannot be decoded", exc_info=True)
             return False
 
     def _is_welcome(self, header: Any, buf: Any) -> bool:

@@ -41,7 +41,7 @@ def _read_soundly(buffer: Buffer, size: int) -> bytes:
     pieces = getattr(_left, "pieces", None)
     if pieces is not None:
         if pieces <= 0:
-            raise _refused("too many pieces")
+            raise _refused("too many chunks")
         _left.pieces = pieces - 1
     return _read(buffer, size)
 

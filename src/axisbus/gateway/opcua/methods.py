@@ -29,7 +29,7 @@ class OpcuaMethod(Enum):
 
 _WORDS = {
     OpcuaMethod.HALT: "Brake to standstill; stays enabled.",
-    OpcuaMethod.STOP: "Quick stop, as the drive is configured to do it.",
+    OpcuaMethod.STOP: "Quick stop, as configured in the drive.",
     OpcuaMethod.RESET: "Reset faults; enables nothing.",
 }
 
@@ -42,7 +42,7 @@ class MethodResult(NamedTuple):
 
 
 NO_MACHINE = MethodResult(
-    "BadNoCommunication", "no machine runs, and nothing was asked of any drive by this call"
+    "BadNoCommunication", "no machine is running, and this call sent nothing to any drive"
 )
 _REFUSED = (  # the first match counts
     (OwnershipError, "BadUserAccessDenied"),
@@ -96,7 +96,7 @@ def _of(axis: Axis, command: Handle | AxisbusError, limit: float) -> MethodResul
     if error is not None:
         return MethodResult(status_of(error), str(error))
     if isinstance(command, Handle) and command.busy:
-        return MethodResult("BadTimeout", f"{command.name}: not ended after {limit:g} s; it goes on")
+        return MethodResult("BadTimeout", f"{command.name}: not completed after {limit:g} s; it continues")
     return MethodResult("Good", _whereabouts(axis))
 
 
@@ -104,7 +104,7 @@ def _whereabouts(axis: Axis) -> str:
     try:
         return f"{axis.name}: {axis.state.value} at {axis.position:g} {axis.unit}"
     except StaleError:
-        return f"{axis.name}: {axis.snapshot.state.value}, where it is, is not known"
+        return f"{axis.name}: {axis.snapshot.state.value}; its position is not known"
 
 
 def _together(ends: Sequence[MethodResult]) -> MethodResult:

@@ -196,7 +196,7 @@ class OpcUaServer:
             self._fails = False
         except Exception:
             if not self._fails:  # once, not at each update
-                log.exception("the values of the machine cannot be told by OPC UA")
+                log.exception("the values of the machine cannot be published by OPC UA")
             self._fails = True
 
     async def _keep_measuring(self) -> None:

@@ -22,7 +22,7 @@ AXIS_STATES: States = {number: state.value for number, state in enumerate(AxisSt
 MAKERS_OWN = 255
 CONTROL_MODES: States = {
     **{int(mode): mode.text for mode in ModeOfOperation},
-    MAKERS_OWN: "a mode of the maker's",
+    MAKERS_OWN: "a manufacturer-specific mode",
 }
 
 _AXIS_STATE_NUMBERS = {state: number for number, state in enumerate(AxisState)}

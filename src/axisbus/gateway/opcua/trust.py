@@ -54,7 +54,7 @@ def trusted(folder: Path) -> Trust:
         raise ConfigError("the folder cannot be read", file=str(folder), observed=str(error)) from error
     if not files:
         raise ConfigError(
-            "there is no certificate of a client in it",
+            "it contains no certificate of a client",
             file=str(folder),
             remedy=f"put them there, each in a file that ends in {', '.join(_ENDINGS)}",
         )
@@ -65,7 +65,7 @@ def _der(path: Path) -> bytes:
     try:
         return _parsed(path.read_bytes()).public_bytes(Encoding.DER)
     except _UNFIT as error:
-        raise ConfigError("that is no certificate", file=str(path), observed=str(error)) from error
+        raise ConfigError("this is not a certificate", file=str(path), observed=str(error)) from error
 
 
 def _parsed(octets: bytes) -> x509.Certificate:

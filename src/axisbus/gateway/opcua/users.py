@@ -52,11 +52,11 @@ def line_of(name: str, password: str, salt: bytes | None = None) -> str:
     """
     if not _NAME.fullmatch(name):
         raise ArgumentError(
-            f"{name!r} is no name of a user",
+            f"{name!r} is not the name of a user",
             remedy="take at most 64 letters, digits, and _ . @ - after the first",
         )
     if not 0 < len(password) <= LONGEST:
-        raise ArgumentError("that is no password", remedy=f"give 1 to {LONGEST} characters")
+        raise ArgumentError("this is not a password", remedy=f"give 1 to {LONGEST} characters")
     salt = secrets.token_bytes(_SALT) if salt is None else salt
     found = _hashed(password, _COST, _BLOCK, _PARALLEL, salt, _LENGTH)
     return f"{name}:scrypt:{_COST}:{_BLOCK}:{_PARALLEL}:{_text(salt)}:{_text(found)}"
@@ -101,10 +101,10 @@ def read(path: Path) -> Users:
             continue
         name, secret = _read_line(line.strip(), str(path), number)
         if name in found:
-            raise ConfigError(f"{name} stands there twice", file=str(path), line=number)
+            raise ConfigError(f"{name} is there twice", file=str(path), line=number)
         found[name] = secret
     if not found:
-        raise ConfigError("there is no user in it", file=str(path), remedy=_FORM)
+        raise ConfigError("it contains no user", file=str(path), remedy=_FORM)
     return Users(found)
 
 
@@ -121,9 +121,9 @@ def _read_line(line: str, file: str, number: int) -> tuple[str, Secret]:
             base64.b64decode(kept, validate=True),
         )
     except (ValueError, binascii.Error):
-        raise ConfigError("that is no user", file=file, line=number, remedy=_FORM) from None
+        raise ConfigError("this is not a user", file=file, line=number, remedy=_FORM) from None
     if kind != "scrypt" or not _NAME.fullmatch(name) or not _is_sound(secret):
-        raise ConfigError("that is no user", file=file, line=number, remedy=_FORM)
+        raise ConfigError("this is not a user", file=file, line=number, remedy=_FORM)
     return name, secret
 
 

@@ -74,7 +74,7 @@ ROWS = (
     OpcuaVariable(
         "HomingState",
         Type.UINT16,
-        "Whether the position is a confirmed one.",
+        "Whether the position is confirmed (homed).",
         lambda snapshot, _: states.homing_state(snapshot.homed),
         states=states.HOMING_STATES,
     ),

@@ -54,19 +54,19 @@ class Freshness:
         self._note(attachment.gid, max(number, number if known is None else known.number), quickest)
         if now - self._beat > STOOD or now < self._from:
             raise StateError(
-                "a trajectory came while the bridge stood still",
-                remedy=f"{_REMEDY}, once the bridge runs again",
+                "a trajectory arrived while the bridge was suspended",
+                remedy=f"{_REMEDY}, when the bridge runs again",
             )
         if known is not None and number <= known.number:
             raise StateError(
-                "a trajectory came once more, or out of order",
-                observed=f"its number is {number}, and {known.number} was there",
+                "a trajectory arrived twice, or out of order",
+                observed=f"its number is {number}, and {known.number} had arrived before",
                 remedy=_REMEDY,
             )
         if way - quickest > HELD_UP:
             raise StateError(
-                "a trajectory came too late",
-                observed=f"it was {way - quickest:.3f} s longer on its way than others of its sender",
+                "a trajectory arrived too late",
+                observed=f"it was {way - quickest:.3f} s slower than other messages of its sender",
                 remedy=_REMEDY,
             )
 

@@ -76,7 +76,7 @@ def too_large(size: int) -> ArgumentError | None:
     """Return why a message is too large to decode; None if it is not."""
     if size <= LARGEST:
         return None
-    return ArgumentError("a message is no JointTrajectory", observed=f"it has {counted(size, 'octet')}")
+    return ArgumentError("a message is not a JointTrajectory", observed=f"it has {counted(size, 'octet')}")
 
 
 def trajectory_of(data: bytes) -> JointTrajectory:
@@ -91,7 +91,7 @@ def trajectory_of(data: bytes) -> JointTrajectory:
     try:
         found: Any = _store().deserialize_cdr(data, JOINT_TRAJECTORY)
     except Exception as error:  # the package raises various errors for an invalid message
-        raise ArgumentError("a message is no JointTrajectory", observed=str(error)) from error
+        raise ArgumentError("a message is not a JointTrajectory", observed=str(error)) from error
     stamp = found.header.stamp
     return JointTrajectory(
         stamp.sec * _SECOND + stamp.nanosec,

@@ -74,7 +74,7 @@ def namespace_of(text: str) -> str:
     wrong = [part for part in parts if not _PART.fullmatch(part)]
     if wrong or "//" in text:
         raise ArgumentError(
-            f"{text!r} is no namespace of ROS 2",
+            f"{text!r} is not a namespace of ROS 2",
             remedy="write letters, digits and _, not beginning with a digit; parts are separated by /",
         )
     return "/" + "/".join(parts)

@@ -131,7 +131,7 @@ class RosNodes:
             try:
                 self._heard(commander, sample, key)
             except Exception:
-                log.exception("a trajectory could not be taken")
+                log.exception("a trajectory could not be received")
 
         subscriber = session.declare_subscriber(key, hear)
         stack.callback(subscriber.undeclare)
@@ -168,4 +168,6 @@ class RosNodes:
         self._say(f"joints in ROS 2: {named}")
         for axis in self._machine:
             if axis.name not in joints:
-                self._say(f"{axis.name} is no joint in ROS 2: {axis.unit} is no unit of an angle or a length")
+                self._say(
+                    f"{axis.name} is not a joint in ROS 2: {axis.unit} is not a unit of an angle or a length"
+                )

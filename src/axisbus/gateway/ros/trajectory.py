@@ -61,9 +61,9 @@ def _require_joints(message: JointTrajectory, joints: Mapping[str, JointUnit]) -
             else "none is named"
         )
         raise ArgumentError(
-            "the trajectory is not of joints of this machine",
+            "the joints of the trajectory do not match this machine",
             observed=f"{why}; there are {', '.join(joints) or 'none'}",
-            remedy="name axes of the cell, each once, that are in a unit of angle or length",
+            remedy="name axes of the cell, each once, with a unit of angle or length",
         )
 
 
@@ -72,17 +72,17 @@ def _require_now(message: JointTrajectory, now: int) -> None:
     if message.stamp and abs(late) > NEAR:
         when = f"{late / 1e9:.3f} s ago" if late > 0 else f"in {-late / 1e9:.3f} s"
         raise StateError(
-            "the trajectory is not to begin now",
-            observed=f"by its header.stamp it begins {when}; half a second is allowed either way",
-            remedy="send it when it is to begin, with a stamp of 0; or set the clocks of both computers alike",
+            "the trajectory does not begin now",
+            observed=f"by its header.stamp it begins {when}; half a second of difference is allowed",
+            remedy="send it when it shall begin, with a stamp of 0; or synchronise the clocks of both computers",
         )
 
 
 def _point(count: int, point: Waypoint, factors: list[float]) -> TrajectoryPoint:
     if any(point.effort):
         raise ArgumentError(
-            f"point {count} of the trajectory asks for an effort",
-            remedy="send positions; efforts are not led to",
+            f"point {count} of the trajectory contains an effort",
+            remedy="send positions; efforts are not supported",
         )
     kinds = {
         "positions": point.positions,
@@ -97,7 +97,7 @@ def _point(count: int, point: Waypoint, factors: list[float]) -> TrajectoryPoint
                 remedy="give positions of each joint; velocities, and accelerations with them, of all or of none",
             )
         if not all(map(math.isfinite, values)):
-            raise ArgumentError(f"point {count} of the trajectory has {kind} that are no finite numbers")
+            raise ArgumentError(f"point {count} of the trajectory has {kind} that are not finite numbers")
     turned = [
         tuple(value / factor for value, factor in zip(each, factors, strict=False)) for each in kinds.values()
     ]

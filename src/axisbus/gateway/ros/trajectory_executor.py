@@ -119,7 +119,8 @@ class Commander:
             self._waiting.put_nowait(_Heard(data, now, halts))
         except queue.Full:
             raise StateError(
-                "a trajectory came while others wait", remedy="send the next one when the axes stand"
+                "a trajectory arrived while others wait",
+                remedy="send the next one when the axes are at standstill",
             ) from None
 
     def _halt(self, named: tuple[str, ...]) -> None:
@@ -128,7 +129,7 @@ class Commander:
         names = to_halt(named, self._machine.axes)
         for name in names:
             look_at_end(self._machine[name].halt())
-        self._tell(f"a trajectory without points came: {', '.join(names)}: halt", None)
+        self._tell(f"a trajectory without points arrived: {', '.join(names)}: halt", None)
 
     # -- the threads ---------------------------------------------------------------------------------------------------
 
@@ -153,14 +154,14 @@ class Commander:
             except AxisbusError as error:
                 self._tell("a trajectory was refused", error)
             except Exception as error:
-                log.exception("a trajectory could not be followed")
+                log.exception("a trajectory could not be executed")
                 self._tell(
-                    "a trajectory was refused", AxisbusError("it could not be followed", observed=str(error))
+                    "a trajectory was refused", AxisbusError("it could not be executed", observed=str(error))
                 )
 
     def _follow(self, heard: _Heard) -> None:
         if self._handle is not None and self._handle.busy:
-            raise StateError("a trajectory is under way", remedy=_HALT_FIRST)
+            raise StateError("a trajectory is being executed", remedy=_HALT_FIRST)
         wanted = judged(trajectory_of(heard.data), self._joints(), time.time_ns())
         for name in wanted.axes:
             _require_rest(self._machine[name])
@@ -178,10 +179,10 @@ class Commander:
 
     def _require_wanted(self, heard: _Heard) -> None:
         if heard.halts != self._halts:
-            raise Stopped("the trajectory was not begun", observed="a halt came after it")
+            raise Stopped("the trajectory was not started", observed="a halt arrived after it")
         if time.monotonic() - heard.at > _WAITED:
             raise StateError(
-                "the trajectory was not begun",
+                "the trajectory was not started",
                 observed=f"the machine was not ready for it within {_WAITED:g} s",
                 remedy="send it again",
             )
@@ -212,16 +213,14 @@ class Commander:
         try:
             guest.close()
         except BaseException as error:  # noqa: BLE001  # the machine may be gone: then there is nothing to release
-            log.info("while the command was given back: %s", error)
+            log.info("while control was released: %s", error)
 
     def _end(self, handle: Handle) -> None:
         error = handle.exception()
         if error is None:
-            self._tell(
-                "the trajectory has come to its end" if handle.done else "the trajectory was broken off", None
-            )
+            self._tell("the trajectory is complete" if handle.done else "the trajectory was aborted", None)
         else:
-            self._tell("the trajectory has ended before its end", error)
+            self._tell("the trajectory has ended early", error)
 
 
 def _require_rest(axis: Axis) -> None:
@@ -229,11 +228,11 @@ def _require_rest(axis: Axis) -> None:
         raise StateError(
             f"{axis.name} is not enabled, and no trajectory enables it",
             observed=f"it is {axis.state.value}",
-            remedy=f"have it enabled by another program: axisbus enable CELL {axis.name}",
+            remedy=f"enable it by another program: axisbus enable CELL {axis.name}",
         )
     if axis.state is not AxisState.STANDSTILL:
         raise StateError(
-            f"{axis.name} is under way, and a trajectory begins from standstill",
+            f"{axis.name} is moving, and a trajectory begins from standstill",
             observed=f"it is {axis.state.value}",
             remedy=_HALT_FIRST,
         )

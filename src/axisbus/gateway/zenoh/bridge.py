@@ -97,15 +97,15 @@ class Bridge:
         others = names - own
         if others and (not own or min(others) < min(own)):
             raise StateError(
-                f"another bridge of {self._cell.keys.base} is on this network already",
-                remedy="end that one, or give this cell another name: --cell NAME",
+                f"another bridge of {self._cell.keys.base} is already on this network",
+                remedy="end that bridge, or give this cell another name: --cell NAME",
             )
 
     def _heard(self, sample: zenoh.Sample) -> None:
         """Report another bridge of this name that has appeared over a new connection."""
         other = str(sample.key_expr).rpartition("/")[2]
         if sample.kind == zenoh.SampleKind.PUT and other != self._name:
-            text = f"another bridge of {self._cell.keys.base} is on this network too: end one of them"
+            text = f"another bridge of {self._cell.keys.base} is also on this network: end one of them"
             self._say(text)
             self._events.tell(Happened("machine", text, severity="error"))
 

@@ -45,17 +45,17 @@ class CommandDeduplicator(Generic[Under]):
         if number not in known.given:
             raise StateError(
                 f"command {number} of {client} {TOO_LATE}",
-                observed=f"command {known.highest} was heard before, and this one is not kept",
-                remedy="count the ids upwards; a program that begins anew takes another name",
+                observed=f"command {known.highest} was received before, and this one is no longer stored",
+                remedy="count the ids upwards; a restarted program uses another name",
             )
         before, under = known.given[number]
         if (
             before != what
         ):  # also if a program restarts under its old name: it must not get answers of its previous run
             raise StateError(
-                f"command {number} of {client} was another one: nothing was done",
-                observed="it was for something else, or under an earlier lease",
-                remedy="give each command an id of its own; a program that begins anew takes another name",
+                f"command {number} of {client} was a different command: nothing was done",
+                observed="it had other contents, or belonged to an earlier lease",
+                remedy="give each command its own id; a restarted program uses another name",
             )
         return under
 
@@ -89,4 +89,4 @@ def require_id(number: int) -> None:
         ArgumentError: the number is below 1, or above 2^53.
     """
     if not 0 < number <= 1 << 53:
-        raise ArgumentError(f"{number} is no id of a command", remedy="count them from 1")
+        raise ArgumentError(f"{number} is not the id of a command", remedy="count them from 1")

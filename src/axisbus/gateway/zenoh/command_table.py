@@ -91,7 +91,7 @@ def act_of(verb: str, ask: CommandAsk, axes: Collection[str]) -> BridgeAction:
     if len(set(named)) < len(named):
         raise ArgumentError(f"{verb}: an axis is named twice")
     if row.single and len(ask.axes) != 1:
-        raise ArgumentError(f"{verb}: which axis?", remedy="name the one axis that is to move")
+        raise ArgumentError(f"{verb}: no axis is given", remedy="name the one axis to move")
     return BridgeAction(verb, row.call or verb, named, _values(verb, row, ask.values))
 
 
@@ -104,9 +104,7 @@ def _values(verb: str, row: ZenohVerb, given: Mapping[str, Value]) -> dict[str, 
             )
     for name in row.needs:
         if given.get(name) is None:
-            raise ArgumentError(
-                f"{verb}: how much is the {name}?", remedy=f"give it as {_WORDS[known[name]]}"
-            )
+            raise ArgumentError(f"{verb}: no {name} given", remedy=f"give it as {_WORDS[known[name]]}")
     return {
         name: _typed(verb, name, value, known[name]) for name, value in given.items() if value is not None
     }
@@ -115,5 +113,5 @@ def _values(verb: str, row: ZenohVerb, given: Mapping[str, Value]) -> dict[str, 
 def _typed(verb: str, name: str, value: Value, kind: type) -> Any:
     fits = type(value) is kind or (kind is float and type(value) is int)
     if not fits:
-        raise ArgumentError(f"{verb}: {value!r} is no {name}", remedy=f"give it as {_WORDS[kind]}")
+        raise ArgumentError(f"{verb}: {value!r} is not a valid {name}", remedy=f"give it as {_WORDS[kind]}")
     return kind(value)

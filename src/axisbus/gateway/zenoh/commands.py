@@ -108,8 +108,8 @@ class Commands:
             self._rate = lease.token, Bucket()
         if not self._rate[1].take(now):
             raise StateError(
-                f"nothing was done: {lease.who} sends too many of its orders in too short a time",
-                remedy="send at most 60 commands a second; halt and quick stop are heard always",
+                f"nothing was done: {lease.who} sends too many commands in too short a time",
+                remedy="send at most 60 commands a second; halt and quick stop are always accepted",
             )
         return guest, now
 
@@ -118,5 +118,6 @@ def _require_sound(ask: CommandAsk) -> None:
     require_id(ask.id)
     if not ask.client or len(ask.client) > LONGEST:
         raise ArgumentError(
-            "a client has no name, or one that is too long", remedy=f"it may have {LONGEST} characters"
+            "a client has no name, or its name is too long",
+            remedy=f"at most {LONGEST} characters are allowed",
         )

@@ -73,4 +73,4 @@ class DeferredReplies:
             try:
                 each.reply(each.doing.answer if not each.doing.busy else RUNNING)
             except Exception as error:  # noqa: BLE001  # the client is gone
-                log.debug("an answer could not be given: %s", error)
+                log.debug("an answer could not be sent: %s", error)

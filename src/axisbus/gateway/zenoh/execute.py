@@ -55,8 +55,8 @@ def perform(machine: Machine, act: BridgeAction) -> CommandExecutor:
         except AxisbusError as error:
             refused.append(error)
         except Exception as error:  # the other axes have to be stopped in any case
-            log.exception("%s could not be given", act)
-            refused.append(CommandError(f"{act}: it could not be given", observed=str(error)))
+            log.exception("%s could not be executed", act)
+            refused.append(CommandError(f"{act}: it could not be executed", observed=str(error)))
     return CommandExecutor(handles, refused[0] if refused else None)
 
 

@@ -38,7 +38,9 @@ class RecordingsWorker:
         try:
             self._work.put_nowait((ask, reply))
         except queue.Full:
-            reply(refused(StateError("too many questions about recordings wait", remedy="ask again later")))
+            reply(
+                refused(StateError("too many queries about recordings are waiting", remedy="try again later"))
+            )
 
     def close(self) -> None:
         """End, and kill the running process; blocks briefly."""
@@ -64,7 +66,8 @@ class RecordingsWorker:
         if self._folder is None:
             return refused(
                 StateError(
-                    "this cell shows no recordings", remedy="name their folder there: --recordings FOLDER"
+                    "this cell does not publish recordings",
+                    remedy="name their folder there: --recordings FOLDER",
                 )
             )
         command = [sys.executable, "-m", "axisbus.gateway.zenoh.recordings_worker", str(self._folder)]
@@ -75,7 +78,7 @@ class RecordingsWorker:
             try:
                 told, _ = reading.communicate(msgspec.json.encode(ask), _LONGEST)
             except subprocess.TimeoutExpired:
-                return refused(StateError(f"reading took longer than {_LONGEST:g} s, and was given up"))
+                return refused(StateError(f"reading took longer than {_LONGEST:g} s, and was aborted"))
             finally:
                 reading.kill()
                 self._reading = None

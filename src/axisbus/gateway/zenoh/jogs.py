@@ -13,7 +13,7 @@ from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.machine import Machine
 
 _CLIENTS = 64
-_AGAIN = "let go of the button, and press it again"
+_AGAIN = "release the button, and press it again"
 
 
 class Jogs:

@@ -22,10 +22,10 @@ _RENEW = "take the lease, and renew it at least three times a second"
 class LeasePhase(Enum):
     """The phase of a lease."""
 
-    FREE = "nobody has the lease"
-    TAKING = "it is being taken: what moves is being halted"
+    FREE = "no client has the lease"
+    TAKING = "it is being taken: moving axes are being halted"
     HELD = "it is held"
-    ENDING = "it is ending: what was moved under it is being halted"
+    ENDING = "it is ending: the axes that were moved under it are being halted"
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,23 +78,29 @@ class CellLease:
             return None
         if self.phase is LeasePhase.TAKING:
             return OwnershipError(
-                "the lease changes hands", observed=self.phase.value, remedy="ask again in a moment"
+                "the lease is changing its holder",
+                observed=self.phase.value,
+                remedy="try again in a moment",
             )
         own = client == self.client
         return OwnershipError(
             f"{'another program of this name' if own else self.who} has the lease",
-            observed=f"the name is {client}, and the lease was taken by it before" if own else "",
-            remedy="wait until it is released or not renewed any more, or take it over, which halts what moves",
+            observed=f"the name is {client}, and this name already holds the lease" if own else "",
+            remedy="wait until it is released or no longer renewed, or take it over, which halts all moving axes",
         )
 
     def why_not(self, client: str, token: str, now: float) -> AxisbusError:
         """Return why a client may not command."""
         if self.phase is not LeasePhase.HELD or now >= self.until:
-            return OwnershipError("nothing is done without a lease", observed=self._why(now), remedy=_RENEW)
+            return OwnershipError(
+                "no command is executed without a lease", observed=self._why(now), remedy=_RENEW
+            )
         if client != self.client:
-            return OwnershipError(f"{self.who} has the lease, nobody else commands", remedy=_RENEW)
-        seen = "it names none" if not token else "its token is of an earlier one"
-        return OwnershipError("the command is of no lease of now", observed=seen, remedy=_RENEW)
+            return OwnershipError(f"{self.who} has the lease; no other client may command", remedy=_RENEW)
+        seen = "it names no lease" if not token else "its token belongs to an earlier lease"
+        return OwnershipError(
+            "the command does not belong to the present lease", observed=seen, remedy=_RENEW
+        )
 
     def _why(self, now: float) -> str:
         return "it was not renewed in time" if self.over(now) else self.phase.value

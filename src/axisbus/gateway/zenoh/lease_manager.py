@@ -79,10 +79,10 @@ class Holding:
         with self._changed:
             refused = self._lease.refusal(client, over=over)
             if refused is None and (self._closing or self._wanted is not None):
-                refused = OwnershipError("the lease changes hands", remedy="ask again in a moment")
+                refused = OwnershipError("the lease is changing its holder", remedy="try again in a moment")
             if refused is None:
                 if self._lease.phase is LeasePhase.HELD:
-                    self._end(f"{who or client} took the lease over")
+                    self._end(f"{who or client} took over the lease")
                 self._next = client, who
                 self._wanted = over, answer
                 if self._lease.phase is LeasePhase.FREE:
@@ -173,12 +173,12 @@ class Holding:
         severity: Severity = (
             "info" if why.endswith(_RELEASED) else "warning"
         )  # a release is normal, other ends are not
-        self._tell(Happened("lease", f"{who} has the lease no more: {why}", severity=severity))
+        self._tell(Happened("lease", f"{who} no longer has the lease: {why}", severity=severity))
         try:
             if guest is not None:
                 guest.close()
         except BaseException as error:  # noqa: BLE001  # the machine may be gone: then there is nothing to release
-            log.info("while the command was given back: %s", error)
+            log.info("while control was released: %s", error)
         with self._changed:
             self._guest = None
             wanted = self._wanted
@@ -194,8 +194,8 @@ class Holding:
         except AxisbusError as refused:
             error = refused
         except Exception as unforeseen:
-            log.exception("the command could not be had")
-            error = AxisbusError("the command could not be had", observed=str(unforeseen))
+            log.exception("control could not be obtained")
+            error = AxisbusError("control could not be obtained", observed=str(unforeseen))
         with self._changed:
             self._wanted = None
             self._guest = guest

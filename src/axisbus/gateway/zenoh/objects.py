@@ -40,7 +40,7 @@ class TransferWorker:
         try:
             self._work.put_nowait((work, reply))
         except queue.Full:
-            reply(answer_of(StateError("too many transfers wait", remedy="ask again in a moment")))
+            reply(answer_of(StateError("too many transfers are waiting", remedy="try again in a moment")))
 
     def close(self) -> None:
         """End without carrying out the waiting transfers, and without waiting for the running one."""
@@ -58,8 +58,8 @@ class TransferWorker:
             except AxisbusError as error:
                 answer = answer_of(error)
             except Exception as error:
-                log.exception("an object could not be had")
-                answer = answer_of(AxisbusError("the object could not be had", observed=str(error)))
+                log.exception("an object could not be transferred")
+                answer = answer_of(AxisbusError("the object could not be transferred", observed=str(error)))
             reply(answer)
 
 
@@ -100,7 +100,7 @@ def write(machine: Machine, node_id: int, index: int, subindex: int, value: Valu
     if not written.agrees(typed):
         raise StateError(
             f"node {node_id}: {entry} reads back another value",
-            observed=f"it reads {written.after!r}, written was {typed!r}: the drive limits or rounds it",
+            observed=f"{typed!r} was written, {written.after!r} was read back: the drive limits or rounds it",
         )
     return ObjectAnswer() if written.after is None else _shown(written.after)
 
@@ -114,7 +114,7 @@ def _typed(entry: DictionaryEntry, value: Value) -> Typed:
     """Return a value in the type of the object; octets are given as hexadecimal digits."""
     kind, told = entry.data_type, type(value)
     if kind is None or value is None:
-        raise ArgumentError(f"{entry}: it has no type by its EDS, or the value is missing")
+        raise ArgumentError(f"{entry}: its EDS gives no type, or the value is missing")
     if kind in _TEXT and isinstance(value, str):
         return value
     if kind in _REAL and told in (int, float) and math.isfinite(float(value)):
@@ -123,14 +123,14 @@ def _typed(entry: DictionaryEntry, value: Value) -> Typed:
         return int(value)
     if not kind.integer and kind not in (*_REAL, *_TEXT) and isinstance(value, str):
         return _octets(entry, value)
-    raise ArgumentError(f"{entry}: {value!r} is no value of its type, {kind.name}")
+    raise ArgumentError(f"{entry}: {value!r} is not a value of its type, {kind.name}")
 
 
 def _octets(entry: DictionaryEntry, digits: str) -> bytes:
     try:
         return bytes.fromhex(digits)
     except ValueError:
-        raise ArgumentError(f"{entry}: {digits!r} are no hexadecimal digits", remedy="write 01FF") from None
+        raise ArgumentError(f"{entry}: {digits!r} are not hexadecimal digits", remedy="write 01FF") from None
 
 
 def _shown(value: Typed) -> ObjectAnswer:

@@ -60,9 +60,9 @@ class MachinePoller:
             try:
                 self._look()
             except AxisbusError as error:  # the machine has ended, or is about to
-                log.debug("nothing could be seen: %s", error)
+                log.debug("the machine could not be observed: %s", error)
             except Exception:
-                log.exception("a look at the machine went wrong")
+                log.exception("an observation of the machine failed")
             time.sleep(_LEAST)
 
     def _look(self) -> None:
@@ -73,4 +73,4 @@ class MachinePoller:
         self._commander = None if who is None or own in who else who
         guest = self._holding.guest
         if guest is not None and not guest.has_control:
-            self._holding.lost(f"{who or 'another program'} took the command of the machine")
+            self._holding.lost(f"{who or 'another program'} took control of the machine")

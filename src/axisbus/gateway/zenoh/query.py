@@ -50,8 +50,8 @@ class ZenohQuery:
             return b""
         if len(payload) > LARGEST:
             raise ArgumentError(
-                "the query brings too much",
-                observed=f"it has {counted(len(payload), 'byte')}, and may have {LARGEST}",
+                "the query is too large",
+                observed=f"it has {counted(len(payload), 'byte')}, and at most {LARGEST} are allowed",
             )
         return payload.to_bytes()
 
@@ -65,7 +65,7 @@ class ZenohQuery:
             return msgspec.json.decode(self.data, type=kind)
         except (msgspec.MsgspecError, ValueError, RecursionError) as error:
             raise ArgumentError(
-                f"the query brings no {kind.__name__} of this protocol", observed=str(error)
+                f"the query does not contain a {kind.__name__} of this protocol", observed=str(error)
             ) from error
 
     def answer(self, key: str, message: msgspec.Struct, *, last: bool = True) -> None:
@@ -73,7 +73,7 @@ class ZenohQuery:
         try:
             self._query.reply(key, msgspec.json.encode(message), encoding=_JSON)
         except Exception as error:  # noqa: BLE001  # the client or the session is gone
-            log.debug("an answer on %s could not be given: %s", key, error)
+            log.debug("an answer on %s could not be executed: %s", key, error)
         if last:
             self.drop()
 
@@ -82,7 +82,7 @@ class ZenohQuery:
         try:
             self._query.drop()  # type: ignore[no-untyped-call]
         except Exception as error:  # noqa: BLE001
-            log.debug("a query could not be let go of: %s", error)
+            log.debug("a query could not be closed: %s", error)
 
 
 def heard(take: Callable[[ZenohQuery], None]) -> Callable[[zenoh.Query], None]:
@@ -93,7 +93,7 @@ def heard(take: Callable[[ZenohQuery], None]) -> Callable[[zenoh.Query], None]:
         try:
             take(asked)
         except Exception as error:  # noqa: BLE001
-            log.warning("a query on %s could not be taken: %s", asked.key, error)
+            log.warning("a query on %s could not be processed: %s", asked.key, error)
             asked.drop()
 
     return hear

@@ -42,9 +42,7 @@ def chosen(folder: Path, name: str) -> Path:
     """
     there = next((each for each in recordings(folder) if each.name == name), None)
     if there is None:
-        raise ArgumentError(
-            f"there is no recording {name!r}", remedy="ask without a name: they are listed then"
-        )
+        raise ArgumentError(f"there is no recording {name!r}", remedy="query without a name to list them")
     if there.size > LARGEST:
         raise StateError(
             f"{name} is too large to be read over the network",

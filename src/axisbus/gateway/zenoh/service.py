@@ -200,7 +200,8 @@ def _stop(verb: str, asked: ZenohQuery) -> CommandAsk:
 def _require_name(ask: LeaseAsk) -> None:
     if not 0 < len(ask.client) <= LONGEST or len(ask.who) > LONGEST:
         raise ArgumentError(
-            "a client has no name, or one that is too long", remedy=f"it may have {LONGEST} characters"
+            "a client has no name, or its name is too long",
+            remedy=f"at most {LONGEST} characters are allowed",
         )
 
 
@@ -216,5 +217,7 @@ def _place(key: str) -> tuple[int, int, int]:
     except ValueError:
         found = -1, -1, -1
     if not (0 < found[0] < 128 and 0 <= found[1] <= 0xFFFF and 0 <= found[2] <= 0xFF):
-        raise ArgumentError(f"{'/'.join((node, index, subindex))} is no object", remedy="write od/1/6041/00")
+        raise ArgumentError(
+            f"{'/'.join((node, index, subindex))} is not an object", remedy="write od/1/6041/00"
+        )
     return found

@@ -14,14 +14,12 @@ ENTER = "/enter"
 STOP = "/stop"
 _READS = frozenset({"GET", "HEAD"})
 _FORBIDDEN, _WRONG_HOST, _TOO_LARGE, _TOO_MANY = 403, 421, 413, 503
-_ANOTHER = (
-    "Another one is made by an open page (Link), or where the command runs: press Enter in its terminal."
-)
-_NEEDS_LINK = f"This browser has not come in by a link of axisbus web. {_ANOTHER}"
+_ANOTHER = "An open page (Link) makes another one; so does the terminal in which axisbus web runs: press Enter there."
+_NEEDS_LINK = f"This browser was not opened by a link of axisbus web. {_ANOTHER}"
 
-_LATE = f"This browser was away for more than 12 hours: its link holds no longer. {_ANOTHER}"
+_LATE = f"This browser was away for more than 12 hours: its link is no longer valid. {_ANOTHER}"
 _FROM_ELSEWHERE = (
-    "This browser came in from another address, or by another user of this computer: its link holds for that one alone."
+    "This browser was opened from another address, or by another user of this computer: its link is valid only for that one."
     f" {_ANOTHER}"
 )
 
@@ -106,7 +104,7 @@ def decide(
     if arrival.socket and (crowded := _crowded(sockets, session)) is not None:
         return crowded
     if arrival.length > most_bytes and arrival.path != STOP:
-        return AccessRefused(_TOO_LARGE, f"A request may bring {counted(most_bytes, 'byte')}.")
+        return AccessRefused(_TOO_LARGE, f"A request may have at most {counted(most_bytes, 'byte')}.")
     return session
 
 
@@ -117,7 +115,7 @@ def _crowded(sockets: Mapping[int, int], session: PageSession) -> AccessRefused 
         return None
     return AccessRefused(
         _TOO_MANY,
-        f"This browser has {counted(own, 'socket')} open already, all together {all_of_them}."
+        f"This browser already has {counted(own, 'socket')} open, all browsers together {all_of_them}."
         " Close a page that is not needed.",
     )
 
@@ -138,7 +136,9 @@ def _of_origin(arrival: AdmissionRequest, door: ServedOrigin) -> AccessRefused |
         return None
     if len(arrival.origins) == 1 and arrival.origins[0].lower() in door.origins:
         return None
-    return AccessRefused(_FORBIDDEN, "This comes from another page than ours, or does not say from which.")
+    return AccessRefused(
+        _FORBIDDEN, "This request comes from a page of another server, or does not name its page."
+    )
 
 
 def _entered(arrival: AdmissionRequest, keys: PageSessions) -> Entered | AccessRefused:

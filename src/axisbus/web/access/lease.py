@@ -38,11 +38,11 @@ class PageLease:
         """Return the lease of ``seat``; ``over``: take the controls from the page that has them, by an explicit request."""
         if seat.role is not Role.OPERATOR:
             return Refusal(
-                "this page looks on: it has no controls to take",
-                "ask an operator for a link; halt and stop it may",
+                "this is an observer page: it cannot take the controls",
+                "ask an operator for a link; halt and stop are permitted",
             )
         if self.holder is not None and not self.held_by(seat) and not over:
-            return Refusal(f"{self.holder.who} has the controls", "take them over, and tell whoever is there")
+            return Refusal(f"{self.holder.who} has the controls", "take them over, and inform that user")
         return PageLease(seat)
 
     def without(self, seat: Seat) -> PageLease:

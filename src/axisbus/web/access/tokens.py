@@ -37,9 +37,9 @@ class PageSession:
 class LinkRefusal(Enum):
     """Why a link is refused."""
 
-    USED = "was used already: it opens one browser, once"
-    LATE = "was made more than an hour ago, and holds no longer"
-    UNKNOWN = "is none of this server's: it was mistyped, or it is of one that has ended"
+    USED = "has already been used: it opens one browser, once"
+    LATE = "was made more than an hour ago, and is no longer valid"
+    UNKNOWN = "is not a link of this server: it was mistyped, or it belongs to a server that has ended"
 
 
 class PageSessions:

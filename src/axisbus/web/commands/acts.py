@@ -100,7 +100,7 @@ def direction_of(act: PageAction) -> float:
     direction = act.values["direction"]
     if not abs(direction) > 0:
         raise ArgumentError(
-            f"{act.axes[0]}.jog(): it goes one way or the other", remedy="give a direction of 1 or -1"
+            f"{act.axes[0]}.jog(): the direction is not valid", remedy="give a direction of 1 or -1"
         )
     return math.copysign(1.0, direction)
 
@@ -115,7 +115,7 @@ def jog(machine: Machine, act: PageAction, *, renews: bool) -> Handle:
     speed = act.values.get("velocity", machine.cell.axes[name].defaults.velocity)
     if speed is None:
         raise ArgumentError(
-            f"{name}.jog(): how fast?",
+            f"{name}.jog(): no velocity is given",
             remedy=f"give a velocity, or velocity in [axes.{name}.defaults] of the cell file",
         )
     acceleration = act.values.get("acceleration")

@@ -41,20 +41,18 @@ def _of_who(seat: Seat, lease: PageLease, row: VerbRequirements) -> Refusal | No
         return None
     if seat.role is not Role.OPERATOR:
         return Refusal(
-            "this page looks on: it may halt and stop, and read objects, nothing else",
+            "this is an observer page: it may only halt, stop, and read objects",
             "ask an operator for a link",
         )
     if lease.holder is None:
-        return Refusal("nobody has the controls", "take them first (Take the controls)")
-    return Refusal(
-        f"{lease.holder.who} has the controls", "take them over (Take over), and tell whoever is there"
-    )
+        return Refusal("no page has the controls", "take them first (Take the controls)")
+    return Refusal(f"{lease.holder.who} has the controls", "take them over (Take over), and inform that user")
 
 
 def _of_what(ask: PageRequest, row: VerbRequirements) -> Refusal | None:
     if row.sure and not ask.sure:
         asked = f"{ask.axis}.{ask.verb.value}" if row.axis else ask.verb.value
-        return Refusal(f"{asked}(): nobody has said yes", "answer the question of the page")
+        return Refusal(f"{asked}(): it has not been confirmed", "answer the page's question")
     return None
 
 
@@ -64,14 +62,13 @@ def _numbers(ask: PageRequest, row: VerbRequirements) -> dict[str, float] | Refu
     for name in (*row.needs, *row.takes):
         text = ask.values.get(name, "").strip().replace(",", ".")
         if not text and name in row.needs:
-            return Refusal(
-                f"{ask.axis}.{ask.verb.value}(): how much is the {name}?", f"give the {name} as a number"
-            )
+            return Refusal(f"{ask.axis}.{ask.verb.value}(): no {name} given", f"give the {name} as a number")
         try:
             found |= {name: _number(text)} if text else {}
         except ValueError:
             return Refusal(
-                f"{ask.axis}.{ask.verb.value}(): {text!r} is no {name}", "give it as a number, such as 12.5"
+                f"{ask.axis}.{ask.verb.value}(): {text!r} is not a valid {name}",
+                "give it as a number, such as 12.5",
             )
     return found
 

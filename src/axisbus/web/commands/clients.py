@@ -110,8 +110,8 @@ class PageClients:
             place.tell(
                 PageMessage(
                     "refused",
-                    "this page sends too much",
-                    "halt and stop are heard; for all else wait a moment",
+                    "this page sends too many messages",
+                    "halt and stop are still accepted; wait a moment for everything else",
                 ),
                 now,
             )
@@ -228,7 +228,7 @@ class PageClients:
         ):
             self._end_jog(other)
             self._without_controls(other.seat.number, now)
-            other.tell(PageMessage("note", f"{place.seat.who} has taken the controls over"), now)
+            other.tell(PageMessage("note", f"{place.seat.who} has taken over the controls"), now)
 
     def _without_controls(self, number: int, now: float) -> None:
         self.objects.without_controls(number, now)
@@ -239,8 +239,8 @@ class PageClients:
             place.tell(
                 PageMessage(
                     "refused",
-                    "this page is served to look on: it takes no command",
-                    "serve it without --look",
+                    "the server serves observer pages only: it cannot take control",
+                    "start axisbus web without --look",
                 ),
                 now,
             )
@@ -252,7 +252,7 @@ class PageClients:
             place.tell(PageMessage("link", self._link()), now)
         else:
             place.tell(
-                PageMessage("refused", "this page looks on: it makes no links", "ask an operator"), now
+                PageMessage("refused", "this is an observer page: it makes no links", "ask an operator"), now
             )
 
     def _gather(self, place: PageClient, now: float) -> None:

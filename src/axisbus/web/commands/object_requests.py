@@ -30,7 +30,7 @@ VERBS = frozenset(
         PageVerb.JOB_END,
     }
 )
-_FULL = Refusal(f"this page waits for {WAITING} objects already", "wait until they have come")
+_FULL = Refusal(f"this page is already waiting for {WAITING} objects", "wait until they have arrived")
 
 
 class ObjectRequests:

@@ -15,7 +15,7 @@ from axisbus.web.objects.key import ObjectKey
 
 _LONGEST_NAME, _LONGEST_NUMBER, _LONGEST_TEXT = 64, 200, 1024  # characters
 _MOST_VALUES = 8
-_STRANGE = Refusal("a message was none of this page's", "load the page again")
+_STRANGE = Refusal("the server received a message that does not belong to this page", "load the page again")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class PageRequest:
 def read(text: str) -> PageRequest | Refusal:
     """Return the request in a message; of a stop, only the verb and the axis are read, so that no other field can invalidate it."""
     if len(text) > MESSAGE:
-        return Refusal("a message was too long", f"it may have {MESSAGE} characters")
+        return Refusal("a message was too long", f"at most {MESSAGE} characters are allowed")
     found = as_object(text)
     if found is None or (verb := _verb(found.get("do"))) is None:
         return _STRANGE

@@ -27,14 +27,14 @@ def too_late(deadman: DeadMan, ask: PageRequest, now: float) -> Refusal | None:
     late = deadman.lateness(ask.sent, now)
     if late > _LATE:
         return Refusal(
-            f"{ask.verb.value} came {late:.1f} s late: it is not done",
-            "look how the axes stand, and ask again",
+            f"{ask.verb.value} came {late:.1f} s late, and was not executed",
+            "check the state of the axes, and try again",
         )
     old = 0.0 if ask.seen is None else now - ask.seen
     if old > (_OLD_HELD if ask.verb is PageVerb.JOG else _OLD):
         return Refusal(
-            f"the connection is slow, {old:.1f} s there and back: {ask.verb.value} is not done",
-            "use a faster one, or command from the terminal",
+            f"the connection is slow, {old:.1f} s there and back: {ask.verb.value} was not executed",
+            "use a faster connection, or command from the terminal",
         )
     return None
 

@@ -130,7 +130,7 @@ def _what(eds: Eds) -> str:
     numbers = (("vendor", said.vendor_id), ("product", said.product_code), ("serial", said.serial))
     known = [f"{title} 0x{number:X}" for title, number in numbers if number]
     given = sum(sub.parameter_value is not None for entry in eds for sub in entry.subs.values())
-    of = "no node in particular" if said.node_id is None else f"node {said.node_id}"
+    of = "no particular node" if said.node_id is None else f"node {said.node_id}"
     return ", ".join((f"of {of}", *known, counted(given, "value")))
 
 

@@ -15,7 +15,7 @@ from axisbus.web.config.report import ConfigJob, ConfigJobKind, ConfigProgress
 from axisbus.web.objects.throttled_node import PacedNode, PacedSdo, WritingSdo
 from axisbus.web.view.axes import explained
 
-_NO_FILE = Refusal("this page has given no file", "choose a DCF, or make a backup first")
+_NO_FILE = Refusal("this page has sent no file", "choose a DCF or make a backup first")
 
 
 @dataclass(slots=True)
@@ -44,8 +44,8 @@ class Configuring:
             return None
         wanted = job.wanted
         return Refusal(
-            f"{wanted.kind.text} of node {wanted.node} is under way, for page {wanted.page}",
-            "wait until it is done; that page may cancel it, and who has the controls",
+            f"{wanted.kind.text} of node {wanted.node} is already running, for page {wanted.page}",
+            "wait until it is done; that page may cancel it, and so may the page with the controls",
         )
 
     def begin(self, page: int, kind: ConfigJobKind, node: int) -> Refusal | None:
@@ -126,6 +126,6 @@ class Configuring:
 def _gave_way(wanted: ConfigJob, page: int) -> StateError:
     return StateError(
         f"{wanted.kind.text} of node {wanted.node} was cancelled",
-        observed=f"page {page}, which has the controls, has begun another job",
-        remedy="begin it again when that is done",
+        observed=f"page {page}, which has the controls, has started another job",
+        remedy="start it again when that job is done",
     )

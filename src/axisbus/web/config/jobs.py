@@ -41,10 +41,8 @@ from axisbus.wording import counted
 
 Tell = Callable[[int, int], None]
 _OBJECT, _NAME = "Object", "Name"
-_YES, _NO = "yes", "no: the machine has set it, or goes by it"
-_IN_RAM = (
-    "; what was written is lost with the next power-off, unless the drive is told to keep it: axisbus save"
-)
+_YES, _NO = "yes", "no: the machine has set it, or uses it"
+_IN_RAM = "; the written values are lost at the next power-off, unless the drive stores them: axisbus save"
 
 
 def carry_out(machine: Machine, node: PacedNode, wanted: ConfigJob, tell: Tell) -> ConfigReport:
@@ -80,14 +78,14 @@ def backup(machine: Machine, node: PacedNode, tell: Tell) -> ConfigReport:
     data = writer.dumps(made.reading)
     if len(data) > MOST:
         raise StateError(
-            f"the backup of node {node.node_id} has {counted(len(data), 'octet')}, more than a page keeps",
+            f"the backup of node {node.node_id} has {counted(len(data), 'octet')}, more than a page can store",
             remedy="make it by axisbus config backup",
         )
     name = str(settings.file_name)
     lines = (*report_text.device(who, path.name, node.node_id), f"{name}: {counted(len(data), 'octet')}")
     rows = tuple((f"{each.index:04X}h:{each.subindex:02X}", each.name, each.reason) for each in made.left_out)
     return ConfigReport(
-        report_text.read(made), lines, (_OBJECT, _NAME, "Left out, since"), rows, dcf=Dcf(name, data)
+        report_text.read(made), lines, (_OBJECT, _NAME, "Left out, because"), rows, dcf=Dcf(name, data)
     )
 
 
@@ -126,7 +124,7 @@ def would_restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> C
     all_here = here.issuperset(each.key for each in differing) and not guarded_write.energised(node)
     return ConfigReport(
         report_text.would(differing, chosen.whole),
-        tuple(f"it would skip {line}" for line in report_text.skipped(chosen.whole.skipped)),
+        tuple(f"a restore would skip {line}" for line in report_text.skipped(chosen.whole.skipped)),
         (_OBJECT, _NAME, "It has", "It would get", "By this page"),
         rows,
         {} if all_here else explained(refusal(machine.node(node.node_id), node)),
@@ -152,7 +150,7 @@ def restore(machine: Machine, node: PacedNode, file: Dcf, tell: Tell) -> ConfigR
     return ConfigReport(
         report_text.restored(found) + (_IN_RAM if found.writes else ""),
         tuple(f"skipped {line}" for line in report_text.skipped(found.skipped)),
-        (_OBJECT, _NAME, "It had", "It has", "What came of it"),
+        (_OBJECT, _NAME, "It had", "It has", "Result"),
         rows,
         explained(refusal(machine.node(node.node_id), node)),
         _command(machine, node, file),
@@ -204,7 +202,7 @@ def refusal(access: NodeAccess, node: PacedNode) -> StateError:
     except StateError as error:
         return error
     return StateError(
-        f"node {node.node_id} belongs to a machine that runs: it is not configured; nothing was written",
-        observed="its core brings it back up, and sends to it in every cycle",
-        remedy="end the program that runs it",
+        f"node {node.node_id} belongs to a running machine: it is not configured; nothing was written",
+        observed="its core boots it again, and sends to it in every cycle",
+        remedy="end the program that runs the machine",
     )

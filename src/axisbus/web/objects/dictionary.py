@@ -12,7 +12,7 @@ from axisbus.machine.machine_node import MachineNode
 from axisbus.web.objects.key import ObjectKey
 from axisbus.web.view.axes import Values
 
-_MOVES = "can energise the drive, or move it: for the commands of its axis alone"
+_MOVES = "can energise or move the drive: only for the commands of its axis"
 _CYCLIC = "is sent by PDO in every cycle"
 
 

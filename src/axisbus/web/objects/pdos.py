@@ -11,8 +11,8 @@ from axisbus.eds.model import Eds
 from axisbus.eds.report import pdo_text
 from axisbus.web.view.axes import Values
 
-_IN_USE = "in use, as the drive has it"
-_OFF = "switched off by the core: others carry the same"
+_IN_USE = "in use, as mapped in the drive"
+_OFF = "disabled by the core: other PDOs carry the same objects"
 _BY_EDS = "by the EDS: the core does not use it"
 
 

@@ -24,9 +24,9 @@ PERIOD = 0.5  # seconds between two cyclic reads of an object
 QUIET = 5.0  # seconds for which a node that does not answer is not read cyclically
 WAITING = 64  # the most waiting transfers of one page
 _DROPPED = {
-    "message": "it was not written: this page has the controls no longer",
+    "message": "it was not written: this page no longer has the controls",
     "observed": "",
-    "remedy": "take them, and write it again",
+    "remedy": "take the controls, and write it again",
 }
 
 

@@ -96,4 +96,4 @@ def _reasons(node: MachineNode, entry: DictionaryEntry) -> dict[str, str]:
 
 def _to_be_kept(node: MachineNode, entry: DictionaryEntry) -> str:
     stores = node.sdo.dictionary.has(c301.STORE_PARAMETERS, 1) and not guarded_write.is_command(entry.index)
-    return f"; it is in RAM only, to keep it: axisbus save {node.node_id} ..." if stores else ""
+    return f"; it is in RAM only; to store it: axisbus save {node.node_id} ..." if stores else ""

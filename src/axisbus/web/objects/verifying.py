@@ -102,7 +102,7 @@ class Verifying:
 
 def _summary(result: Verification) -> str:
     counts = Counter(each.severity.value for each in result.differences)
-    left_out = f", {result.left_out} were not to be read" if result.left_out else ""
+    left_out = f", {result.left_out} could not be read" if result.left_out else ""
     found = ", ".join(counted(counts[grade.value], grade.value) for grade in Severity)
     return f"{counted(result.read, 'entry', 'entries')} read{left_out}: {found}"
 

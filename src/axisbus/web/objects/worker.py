@@ -80,7 +80,9 @@ def _of_the_library(error: Exception) -> AxisbusError:
     """Return an exception as an error of the library; any other exception is a bug and is logged."""
     if isinstance(error, AxisbusError):
         return error
-    log.error("what a page asked for has broken off", exc_info=error)
+    log.error("a request of a page was aborted", exc_info=error)
     return ScanError(
-        "this broke off by a mistake of the page", observed=one_line(error), remedy="please report it"
+        "it was aborted by a fault in the program of the page",
+        observed=one_line(error),
+        remedy="please report it",
     )

@@ -12,13 +12,13 @@ from axisbus.web.page.tags import Tag, button, live
 from axisbus.web.view.bars import bars_of
 from axisbus.web.view.diagram import svg
 
-_ENABLE = "Enable {0}? Its motor has power then. Nothing moves by this alone."
-_HOME = "Home {0}? It may move by this, as its homing method says."
+_ENABLE = "Enable {0}? This energises its motor. It does not move the axis."
+_HOME = "Home {0}? The axis may move, depending on its homing method."
 _PRESS = (
-    "Let {0} press with {{torque}} N·m? Where nothing holds it, it turns, faster and faster, up to its limits. "
-    "It goes on until it is halted."
+    "Apply {{torque}} N·m to {0}? If no load holds the axis, it accelerates up to its limits. The torque remains until the "
+    "axis is halted."
 )
-_SLOPE = "Slope in N·m/s (empty: as in the cell file, else the drive's own)"
+_SLOPE = "Slope in N·m/s (empty: as in the cell file, otherwise the drive's value)"
 
 
 def axis_view(number: int, axis: Axis, config: AxisConfig, parameters: AxisParameters) -> None:
@@ -69,7 +69,7 @@ def _power(name: str) -> None:
         button("Enable", "enable", "go", data_question=_ENABLE.format(name))
         button("Disable", "disable")
         button("Reset", "reset")
-        button("Release", "release", title="Ends the lock after a stop")
+        button("Release", "release", title="Releases the lock after a stop")
     with Tag("div", classes="row"):
         button("Halt", "halt", "halt")
         button("Quick stop", "quick_stop", "stop")
@@ -78,7 +78,7 @@ def _power(name: str) -> None:
 def _motion(axis: Axis, config: AxisConfig) -> None:
     unit, defaults = axis.unit, config.defaults
     with Tag("fieldset", data_values="ramps"):
-        Tag("legend", "How fast (empty: as in the cell file)")
+        Tag("legend", "Velocity and acceleration (empty: as in the cell file)")
         _field("velocity", f"Velocity in {unit}/s", _shown(defaults.velocity))
         _field("acceleration", f"Acceleration in {unit}/s²", _shown(defaults.acceleration))
     with Tag("fieldset"):
@@ -86,7 +86,7 @@ def _motion(axis: Axis, config: AxisConfig) -> None:
         with Tag("div", classes="row"):
             Tag("button", "− back", "jog", type="button", data_jog="-1")
             Tag("button", "forward +", "jog", type="button", data_jog="1")
-        Tag("p", "It stops when the button is let go, and when this page is hidden or gone.", "hint")
+        Tag("p", "It stops when the button is released, and when this page is hidden or closed.", "hint")
     _asked("Move to", "position", f"Position in {unit}", "move_absolute")
     _asked("Step by", "distance", f"Distance in {unit}", "move_relative")
     _asked("Turn at", "velocity", f"Velocity in {unit}/s, with its sign", "move_velocity")

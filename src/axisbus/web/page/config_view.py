@@ -8,12 +8,10 @@ from axisbus.web.page.objects_view import named
 from axisbus.web.page.tags import Tag, select
 
 VIEW = "config"
-_BACKUP = (
-    "Reads every object of the node once, into a DCF that this browser saves. It writes nothing to the node."
-)
+_BACKUP = "Reads every object of the node once, into a DCF, which this browser saves. It writes nothing to the node."
 _FILE = (
-    "A DCF of yours, or the backup: it is held against the node as it is now. Only Restore writes, and only with the controls: the "
-    "drive's own settings, such as gains and filters."
+    "Your own DCF, or the backup: it is compared with the present values of the node. Only Restore writes, and only with "
+    "the controls: the drive's own settings, such as gains and filters."
 )
 
 
@@ -37,7 +35,7 @@ def _backup() -> None:
         with Tag("div", classes="row"):
             Tag("button", "Back up", "go", type="button", id="backup")
             Tag("button", "Save the DCF", type="button", id="backup-save", disabled="disabled")
-        Tag("p", "No backup was made by this page yet.", "lines", id="backup-state", role="status")
+        Tag("p", "This page has not made a backup yet.", "lines", id="backup-state", role="status")
 
 
 def _file() -> None:
@@ -47,12 +45,16 @@ def _file() -> None:
         with Tag("label"):
             Tag("span", "A DCF, at most 2 MB")
             Tag("input", type="file", id="config-file", accept=".dcf,.eds")
-        Tag("p", "No file was chosen.", "lines", id="file-state", role="status")
+        Tag("p", "No file is chosen.", "lines", id="file-state", role="status")
         with Tag("div", classes="row"):
             Tag("button", "Take the backup", type="button", id="file-backup", disabled="disabled")
             Tag("button", "Compare", "go", type="button", id="compare", disabled="disabled")
             Tag(
-                "button", "What a restore would write", type="button", id="would-restore", disabled="disabled"
+                "button",
+                "Values that a restore would write",
+                type="button",
+                id="would-restore",
+                disabled="disabled",
             )
             Tag("button", "Restore the settings", type="button", id="restore", disabled="disabled")
 
@@ -68,5 +70,5 @@ def _job() -> None:
     with Tag("div", id="config-refused", hidden="hidden"):
         Tag("h2", "Why this page does not restore the rest")
         Tag("pre", "", "error", id="config-refusal")
-        Tag("p", "To restore all of the file, end the machine that runs, and type, where the file is:")
+        Tag("p", "To restore the whole file, end the running machine, and type in the folder of the file:")
         Tag("pre", "", "typed", id="config-command")

@@ -13,10 +13,10 @@ _PARTS = (
     ("findings", "Findings in the EDS"),
     ("verify", "Verify"),
 )
-_KEYS = "By the keyboard: the arrows go through the objects and open them, Tab leads into an open one, Enter presses."
+_KEYS = "Keyboard: the arrows move through the objects and open them, Tab enters an open object, Enter presses a button."
 _VERIFY = (
     "Reads every object of the drive once and compares it with the EDS: existence, access, size, identity, PDO maps, defaults. "
-    "It writes nothing. Who has the controls begins and cancels it."
+    "It writes nothing. Only the page with the controls may start and cancel it."
 )
 
 
@@ -53,7 +53,7 @@ def _dictionary() -> None:
             Tag("input", type="text", id="object-search", autocomplete="off", spellcheck="false")
         with Tag("label", classes="check"):
             Tag("input", type="checkbox", id="in-pdos")
-            Tag("span", "only what a PDO may carry")
+            Tag("span", "only objects that a PDO may carry")
     with Tag("div", id="kept", classes="scroll"):
         Tag("h2", "Kept reading")
         with Tag("table"):

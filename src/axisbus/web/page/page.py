@@ -26,7 +26,7 @@ _ICON = (
     '<path d="M3 8h10M10 5l3 3l-3 3" fill="none" stroke="#fff" stroke-width="2"/></svg>'
 )
 
-_TAKE = "Take the command of the machine? The program that has it loses it, and all that moves halts first."
+_TAKE = "Take control of the machine? The program that has it loses control, and all moving axes halt first."
 
 
 def add_page(application: FastAPI, machine: Machine, pages: Pages) -> None:
@@ -79,10 +79,10 @@ def _head(name: str) -> Tag:
             button("Take the controls", "take", data_shown="free")
             button("Take over", "take_over", data_shown="others")
             button("Give back", "give_back", data_shown="mine")
-            button("Link for a looker", "link", data_shown="operator")
+            button("Link for an observer", "link", data_shown="operator")
         with Tag("div", classes="command", id="command", hidden="hidden"):
             Tag("span", id="commanded")
-            button("Take the command", "take_command", data_question=_TAKE, data_shown="lost")
+            button("Take control of the machine", "take_command", data_question=_TAKE, data_shown="lost")
         with Tag("div", classes="stops"):
             button("Halt all", "halt_all", "halt")
             button("Quick stop (space)", "quick_stop_all", "stop")
@@ -94,21 +94,21 @@ def _cell_view() -> None:
         Tag("h1", "Cell")
         with scrolled("Nodes"), Tag("table"):
             with Tag("thead"), Tag("tr"):
-                for title in ("Node", "Device", "NMT state", "Boot-up", "Axes", "What is wrong"):
+                for title in ("Node", "Device", "NMT state", "Boot-up", "Axes", "Faults"):
                     Tag("th", title, scope="col")
             Tag("tbody", id="nodes", classes="live")
         Tag("h2", "Axes")
         Tag("div", classes="tiles live", id="tiles")
         Tag("h2", "Bus and cycle")
         Tag("ul", id="beside", classes="live plain")
-        Tag("h2", "What has gone wrong, newest first")
+        Tag("h2", "Incidents, newest first")
         Tag("ol", id="incidents", classes="live plain incidents")
 
 
 def _news() -> None:
     with Tag("div", classes="news"):
         Tag("div", classes="told", id="told", role="status", aria_live="polite")
-        gone = "The connection is gone: nothing on this page is of now."
+        gone = "The connection is lost: all values on this page are outdated."
         Tag("div", gone, "banner", id="gone", role="alert")
         Tag("div", "", "banner", id="unstopped", role="alert")
         Tag("div", "", "banner", id="dead", role="alert")

@@ -10,14 +10,14 @@ from axisbus.web.scope.signal_request import MOST
 from axisbus.web.scope.signals import ScopeSignal
 
 VIEW = "scope"
-_NEEDS = 'Where the page is served: pip install "axisbus[record]"'
+_NEEDS = 'On the computer of the server: pip install "axisbus[record]"'
 _SPANS = (0.2, 0.5, 1, 2, 5, 10, 30, 60)  # s
 _USUAL = 5
-_TRIGGERS = (("", "none: it runs on"), ("normal", "each time"), ("single", "once, then stop"))
+_TRIGGERS = (("", "none: continuous"), ("normal", "each time"), ("single", "once, then stop"))
 _EDGES = (("rising", "rises above"), ("falling", "falls below"))
 _KEYS = (
-    "In the picture: a click sets cursor A, with Shift B; drag moves it and the wheel zooms, once it is stopped. With its focus: "
-    "arrows move the cursor set last, + and - zoom."
+    "In the picture: a click sets cursor A, with Shift cursor B. While stopped, dragging moves the picture and the wheel "
+    "zooms. With the focus in the picture, arrows move the cursor that was set last, + and - zoom."
 )
 
 
@@ -34,7 +34,7 @@ def scope_view(cell: str) -> Tag:
             id="picture",
             tabindex="0",
             role="img",
-            aria_label="The signals over time; their values stand below",
+            aria_label="The signals over time; the table below has their values",
         )
         Tag("p", "", "hint", id="scope-state", role="status")
         with scrolled("The values of the signals"), Tag("table", classes="live"):

@@ -12,14 +12,14 @@ _GAINS, _ROWS = 6, 20  # the most observed objects, and the most trials that the
 _KINDS = (("position", "position"), ("velocity", "velocity"))
 _FIELDS = ("distance", "velocity", "acceleration", "seconds")
 _HINT = (
-    "The axis must be enabled already. The trial ends by a halt when this page is hidden or gone, when it has the controls no "
-    "longer, and by whatever else moves or stops the axis: then nothing of it is measured."
+    "The axis must already be enabled. A halt ends the trial when this page is hidden or closed, when it no longer has the "
+    "controls, or when anything else moves or stops the axis: the trial then has no figures."
 )
 _RAM = (
-    "What is written here is in the drive's RAM only. To keep it, end the programs at the machine, and then: "
-    "axisbus save NODE --cell CELL."
+    "Values written here are in the drive's RAM only. To store them, end the programs at the machine, and then: axisbus "
+    "save NODE --cell CELL."
 )
-_LINES = f"Time counts from when the axis is seen to go. It has settled where it stays within {BAND * 100:g} % of the step."
+_LINES = f"Time counts from the first observed motion. The axis has settled when it stays within {BAND * 100:g} % of the step."
 
 
 def tuning_view(machine: Machine, cell: str) -> None:

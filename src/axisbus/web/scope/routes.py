@@ -15,7 +15,7 @@ from axisbus.web.scope.saving import mcap
 from axisbus.web.view.axes import explained
 
 _PATIENCE = 20.0  # seconds that the upload of the samples may take
-_BUSY = StateError("another file of this browser is being made", remedy="save it again in a moment")
+_BUSY = StateError("another file of this browser is being written", remedy="save again in a moment")
 
 
 class ScopeRoutes:
@@ -42,7 +42,7 @@ class ScopeRoutes:
         except AxisbusError as error:
             return _told(error)
         except (ClientDisconnect, TimeoutError, OSError) as error:
-            return _told(StateError("the file could not be made", observed=one_line(error)))
+            return _told(StateError("the file could not be written", observed=one_line(error)))
         finally:
             self._busy.discard(browser)
 

@@ -29,7 +29,7 @@ from axisbus.web.scope.signals import all_signals
 HEAD = Struct("<II")
 MOST_SAMPLES = 1 << 17  # as many as a browser stores
 _LONGEST_NAMES = 4096  # bytes
-_FACTS = {"from": "what a page showed on its scope"}
+_FACTS = {"from": "data shown on the scope of a page"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ def mcap(machine: Machine, data: bytes) -> bytes:
     """
     found = read(data, {signal.name for signal in all_signals(machine)})
     if found is None:
-        raise ArgumentError("what was sent is none of this page's samples", remedy="load the page again")
+        raise ArgumentError("the received samples do not belong to this page", remedy="load the page again")
     columns: dict[str, dict[str, array[float]]] = {}
     for name, values in found.values.items():
         axis, _, column = name.rpartition(".")

@@ -77,17 +77,17 @@ def question(step: TuningStep, axis: Axis, parameters: AxisParameters) -> str:
     _require_ready(step, axis, f"{axis.name}.{text}")
     here = axis.position
     kept = axis.homed or not parameters.homing.required
-    limits = f"Its limits: {_limits(axis.limits, unit, '' if kept else ', once it is homed')}."
+    limits = f"Its limits: {_limits(axis.limits, unit, '' if kept else ', after homing')}."
     if step.kind is TuningStepKind.VELOCITY:
         about = abs(step.size) * (step.seconds + step.takes)
         return (
-            f"Let {axis.name} turn at {step.size:g} {unit}/s, with {step.acceleration:g} {unit}/s², and stop it after "
+            f"Turn {axis.name} at {step.size:g} {unit}/s, with {step.acceleration:g} {unit}/s², and stop it after "
             f"{step.seconds:g} s? It goes from {here:.3f} {unit} by up to {about:.4g} {unit}, and does not come back. {limits}"
         )
     if axis.modulo is None and kept:
         AxisCall(parameters, text).target(here + step.size)
     return (
-        f"Let {axis.name} move by {step.size:g} {unit}, from {here:.3f} to {here + step.size:.3f} {unit}, at up to "
+        f"Move {axis.name} by {step.size:g} {unit}, from {here:.3f} to {here + step.size:.3f} {unit}, at up to "
         f"{step.velocity:g} {unit}/s with {step.acceleration:g} {unit}/s², and back again after {step.seconds:g} s? {limits}"
     )
 
@@ -96,7 +96,7 @@ def _require_values(step: TuningStep, request: AxisCall) -> None:
     seconds = request.positive("seconds", step.seconds, "s")
     if request.finite("size", step.size) == 0.0:
         raise ArgumentError(
-            f"{request.text}: a step of 0 is none", remedy="give how far, or how fast, it is to go"
+            f"{request.text}: a step of 0 is not allowed", remedy="give a distance or a velocity"
         )
     acceleration = request.positive("acceleration", step.acceleration)
     if step.kind is TuningStepKind.VELOCITY:
@@ -106,12 +106,12 @@ def _require_values(step: TuningStep, request: AxisCall) -> None:
         request.profile(step.velocity, acceleration)
     if seconds > LONGEST:
         raise ArgumentError(
-            f"{request.text}: each side is looked at for {seconds:g} s", remedy=f"give at most {LONGEST:g} s"
+            f"{request.text}: {seconds:g} s for each side is too long", remedy=f"give at most {LONGEST:g} s"
         )
     least = step.takes / (1.0 - END)  # otherwise its ramp would count as ripple
     if least > seconds:
         raise ArgumentError(
-            f"{request.text}: the step takes {step.takes:.3g} s, and is looked at for {seconds:g} s",
+            f"{request.text}: the step takes {step.takes:.3g} s, and is recorded for {seconds:g} s",
             remedy=f"give at least {least:.3g} s for each side, or a smaller step",
         )
 
@@ -133,8 +133,8 @@ def _require_ready(step: TuningStep, axis: Axis, text: str) -> None:
         and ModeOfOperation.PROFILE_VELOCITY not in axis.modes
     ):
         raise StateError(
-            f"{text}: {axis.name} does not take a velocity",
-            observed="its drive does not claim the profile velocity mode (6502h)",
+            f"{text}: {axis.name} has no velocity mode",
+            observed="its drive does not report the profile velocity mode (6502h)",
             remedy="try a step of position",
         )
 

@@ -118,7 +118,7 @@ class TuningTrial:
     def _look_on(self, side: TrialSide, last: TrialSample) -> NextAction:
         if side.begun is None:
             if last.time - side.sent.time > START:
-                self.disturb(f"the axis was not under way within {START:g} s")
+                self.disturb(f"the axis did not start within {START:g} s")
             return NextAction.WAIT
         if last.time - side.begun < self._seconds:
             return NextAction.WAIT
@@ -148,11 +148,11 @@ class TuningTrial:
         side.points.append(point)
         if point.state is _MOTION[self.step.kind]:
             if side.arrived:
-                self.disturb("the axis moved again, which was not asked for")
+                self.disturb("the axis moved again, without a command")
             elif side.begun is None and self._is_under_way(side, point):
                 side.begun = point.time
         elif point.state is not AxisState.STANDSTILL:
-            self.disturb(f"the axis came into {point.state.value}")
+            self.disturb(f"the axis changed to {point.state.value}")
         elif side.begun is not None:
             side.arrived = True
             if self.step.kind is TuningStepKind.VELOCITY:

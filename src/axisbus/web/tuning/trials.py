@@ -20,9 +20,9 @@ from axisbus.web.view.axes import Values
 
 KEPT = 4  # finished trials whose samples may be fetched
 GONE, OVER, SILENT, ENDED, STOPPED = (
-    "its page is gone",
-    "its page has the controls no longer",
-    "nothing was heard of its page for 0.2 s",
+    "its page was closed",
+    "its page no longer has the controls",
+    "the server received nothing from its page for 0.2 s",
     "its page has ended it",
     "it was halted, or stopped",
 )
@@ -68,7 +68,7 @@ class Trials:
         name = act.axes[0]
         step = TuningStep.of(name, act.values)
         if self._running is not None:
-            raise StateError("another trial goes on", remedy="wait for its end, or end it")
+            raise StateError("another trial is running", remedy="wait for its end, or end it")
         facts = self._machine.session.axes[name].parameters
         text = question(step, self._machine[name], facts)
         if not ask.sure:
@@ -76,7 +76,9 @@ class Trials:
             return
         hold = DeadMan(shortest=clock.shortest, at=clock.at).beaten(ask.press, name, 1.0, ask.sent, now)
         if not hold.held:
-            raise StateError("the yes to a trial came too late: nothing moves", remedy="try it again")
+            raise StateError(
+                "the confirmation of a trial came too late: nothing moves", remedy="try it again"
+            )
         self._count += 1
         trial = TuningTrial(step, facts.scan_period, now)
         recording = TrialRecording(self._machine, name, step.kind)

@@ -14,7 +14,7 @@ from axisbus.motion.snapshot import Snapshot
 NEAR = 0.8  # fraction of the distance from the middle to a limit
 UNKNOWN = "unknown"
 _NEAR, _BEYOND = "near its limit", "beyond its limit"
-_NOT_HOMED, _NOT_LED = "holds once it is homed", "holds while positions lead it"
+_NOT_HOMED, _NOT_LED = "applies after homing", "applies while it follows position set-points"
 
 Span = tuple[float, float]
 

@@ -83,7 +83,7 @@ def _nmt(machine: Machine, report: NodeReport) -> str:
 def _wrong(machine: Machine, report: NodeReport) -> dict[str, str] | None:
     """Return the present fault of a node: of its boot-up, of one of its axes, or of the node itself; None if it has none."""
     if report.absent:
-        return _plainly("it is not there; it is optional")
+        return _plainly("it is missing; it is optional")
     if report.error is not None:
         return explained(report.error)
     if (silent := machine.session.silent) is not None:

@@ -12,13 +12,13 @@ _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"; in a program: \S+\(\d+\)\.command\(NmtCommand\.START\)", ""),
         (
             r"close the machine,? and open it again",
-            "end the program that has the machine, and start it again",
+            "end the program that runs the machine, and start it again",
         ),
         (r"; axis\.snapshot keeps what was seen last, with its time", ""),
         (r"axis\.enable\(allow_moving=True\) catches it in motion; ", ""),
         (r"confirm its position \(axis\.set_position\(\.\.\.\)\)", "confirm its position, in a program"),
         (r"axis\.disable\(coast=True\)\.wait\(\)", "Disable"),
-        (r"at axis\.position", "where the axis is"),
+        (r"at axis\.position", "the position of the axis"),
         (r"axis\.(?:quick_stop|stop)\(\)", "Quick stop"),
     )
 )

@@ -16,11 +16,13 @@ from axisbus.cli.shared.common import say, say_note
 @list_options
 @yes_option
 def command(what: str, target: ModbusTarget, yes: bool) -> int:
-    """Calibrate the motor, the encoder, or both: THE OUTPUT MAY TURN BY ITSELF. It explains, asks, follows, and judges.
+    """Calibrate the motor, the encoder, or both: THE OUTPUT MAY TURN DURING THE CALIBRATION. It explains, asks, follows, and
+    judges.
 
-    Needs the list of endpoints (--list): by it is seen how far the rotor turns. Only where the module is idle and without an error.
-    Ctrl-C, SIGTERM, a lost module, a state that is none of a calibration's, and too many turns end it by idle, then emergency stop,
-    and how the module was left is said. Nothing is saved. Exit code 0 only where it came to its end without an error.
+    Needs the list of endpoints (--list), to see how far the rotor turns. Only if the module is idle and without an error.
+    Ctrl-C, SIGTERM, a lost module, a state that does not belong to a calibration, and too many turns end it by idle, then
+    emergency stop, and the state of the module after that is shown. Nothing is saved. Exit code 0 only if the calibration was
+    completed without an error.
     """
     from axisbus.drives.gim6010.calibration.kinds import CalibrationKind, explanation
     from axisbus.drives.gim6010.modbus.motion.calibrating import Calibrating

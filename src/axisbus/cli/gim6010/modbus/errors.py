@@ -10,10 +10,10 @@ from axisbus.cli.shared.common import OK, WRONG, say, say_json
 
 @click.command("errors")
 @target_options
-@click.option("--clear", is_flag=True, help="Clear them, and tell what is left; in idle only.")
+@click.option("--clear", is_flag=True, help="Clear them, and show those that remain; in idle only.")
 @click.option("--json", "as_json", is_flag=True, help="Print the error words as JSON.")
 def command(target: ModbusTarget, clear: bool, as_json: bool) -> int:
-    """Tell every error of a module: its category, what each bit means, and what to check. Exit code 1 when there is one."""
+    """Show every error of a module: its category, the meaning of each bit, and what to check. Exit code 1 when there is one."""
     return tell_errors(target, clear=clear, as_json=as_json)
 
 

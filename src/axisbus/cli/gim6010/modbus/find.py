@@ -37,13 +37,13 @@ _TIMEOUT = 0.1  # s for an answer, which takes a few ms
     type=click.IntRange(1, _HIGHEST),
     default=_USUAL,
     show_default=True,
-    help="The highest node ID that is asked.",
+    help="The highest node ID to ask.",
 )
 def command(port: str, rates: str, parity: str, highest: int) -> int:
-    """Ask one node ID after the other who is there; tell state, supply and errors of each, and what to type next.
+    """Ask one node ID after the other; show state, supply and errors of each module found, and what to type next.
 
-    Nothing is written. It asks at one rate, or at all of them with --rate all: nobody else may use the line meanwhile. Exit code 0
-    where a module was found without an error, 1 where one has an error, 3 where nobody answers.
+    Nothing is written. It asks at one rate, or at all of them with --rate all: no other program may use the line meanwhile.
+    Exit code 0 if a module was found without an error, 1 if one has an error, 3 if no module answers.
     """
     asked = RATES[::-1] if rates == "all" else (int(rates),)
     good: list[bool] = []
@@ -88,7 +88,8 @@ def _show_progress(device: int, highest: int, rate: int) -> None:
 def _nobody(port: str, highest: int, rates: tuple[int, ...]) -> str:
     tried = "at all rates" if len(rates) > 1 else f"at {rates[0]} bit/s"
     return (
-        f"nobody answers on {port}\n  observed: {counted(highest, 'node ID')} asked {tried}\n"
-        "  remedy:   check its supply, A and B not swapped, the ground, and that RS485 is its interface (config.comm_intf_mux = 1 "
+        f"no module answers on {port}\n  observed: {counted(highest, 'node ID')} asked {tried}\n"
+        "  remedy:   check the supply, that A and B are not swapped, the ground, and that RS485 is the interface of the "
+        "module (config.comm_intf_mux = 1 "
         "over USB); try --rate all, --parity even, --highest 247"
     )

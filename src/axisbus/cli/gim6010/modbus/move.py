@@ -25,8 +25,8 @@ def command(
 ) -> int:
     """Enable a module, move it --to a position or --by a distance (turns of the rotor), then switch it off.
 
-    MOVES A REAL MOTOR. Ctrl-C halts it, each further Ctrl-C goes down the stop ladder: velocity 0, idle, emergency stop. In the end
-    it has no power: a load that hangs falls.
+    MOVES A REAL MOTOR. Ctrl-C halts it, each further Ctrl-C is the next step of the stop sequence: velocity 0, idle, emergency
+    stop. In the end it has no power: a hanging load falls.
     """
     from axisbus.drives.gim6010.modbus.constants import turns
     from axisbus.drives.gim6010.modbus.motion.course import (

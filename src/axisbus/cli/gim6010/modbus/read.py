@@ -14,10 +14,10 @@ from axisbus.cli.shared.common import OK, say, say_json
 @list_options
 @click.option("--json", "as_json", is_flag=True, help="Print the values as JSON.")
 def command(target: ModbusTarget, names: tuple[str, ...], as_json: bool) -> int:
-    """Read values by name: registers (all without a NAME), and with --list parameters as they are called over USB.
+    """Read values by name: registers (all without a NAME), and with --list parameters by their USB names.
 
-    Values of several registers are read whole. Position and velocity may be dead but in closed loop; in JSON they
-    are null then.
+    Values of several registers are read whole. Position and velocity are only updated in closed loop, and may be outdated
+    otherwise; in JSON they are null then.
     """
     from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP
     from axisbus.drives.gim6010.modbus.registers import ALIVE_IN_CLOSED_LOOP, REGISTERS, named
@@ -41,7 +41,7 @@ def command(target: ModbusTarget, names: tuple[str, ...], as_json: bool) -> int:
                 number = module.read(name)
                 dead = name in ALIVE_IN_CLOSED_LOOP and module.state != CLOSED_LOOP
                 found[name] = None if dead else values.plain(number)
-                text = show(named(name), number) + (" (may be dead: not in closed loop)" if dead else "")
+                text = show(named(name), number) + (" (may be outdated: not in closed loop)" if dead else "")
             if not as_json:
                 say(f"{name} = {text}")
     if as_json:
@@ -53,5 +53,5 @@ def _require_list(name: str) -> None:
     from axisbus.drives.gim6010.modbus.registers import BY_NAME
 
     raise click.UsageError(
-        f"{name!r} is no register ({', '.join(BY_NAME)}); a parameter of the firmware needs its list of endpoints: --list"
+        f"{name!r} is not a register ({', '.join(BY_NAME)}); a parameter of the firmware needs its list of endpoints: --list"
     )

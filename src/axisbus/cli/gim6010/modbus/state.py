@@ -26,9 +26,9 @@ _SHOWN = (
 @target_options
 @click.option("--json", "as_json", is_flag=True, help="Print the values as JSON.")
 def command(target: ModbusTarget, as_json: bool) -> int:
-    """Tell how a module is: its state, errors, modes, set-points, limits, supply, and in closed loop where it is.
+    """Show the state of a module: its errors, modes, set-points, limits, supply, and in closed loop its position and velocity.
 
-    It commands nothing. Exit code 1 when there is an error. In idle position and velocity are not told: they may be dead.
+    It commands nothing. Exit code 1 when there is an error. In idle, position and velocity are not shown: they may be outdated.
     """
     from axisbus.drives.gim6010.can_simple.states import state_words
     from axisbus.drives.gim6010.modbus.motion.look import look

@@ -11,10 +11,11 @@ from axisbus.cli.shared.common import OK, say
 @click.command("stop")
 @target_options
 def command(target: ModbusTarget) -> int:
-    """Stop a module, whoever enabled it: velocity 0 on its own ramp, then idle, then emergency stop where idle is not seen.
+    """Stop a module, whichever master enabled it: velocity 0 on its own ramp, then idle, then emergency stop if idle is not
+    confirmed.
 
-    Each Ctrl-C goes a step further at once. Sent also where it does not answer. Exit code 3 where it is not confirmed as stopped.
-    Another master that goes on commanding it enables it again: stop that first.
+    Each Ctrl-C goes to the next step at once. The stop is also sent if the module does not answer. Exit code 3 if it is not
+    confirmed as stopped. Another master that continues to command the module enables it again: stop that master first.
     """
     from axisbus.drives.gim6010.modbus.motion.stopping import stop
 

@@ -25,7 +25,10 @@ if TYPE_CHECKING:
 
 PARITIES = ("none", "even", "odd")
 _HIGHEST = 247
-_WARDEN = "where this program alone is killed its warden stops the module; not where the computer or the cable fails, or it hangs"
+_WARDEN = (
+    "if only this program is killed, its watchdog process stops the module; not if the computer or the cable fails, "
+    "or the program hangs"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +95,7 @@ def list_options(function: Decorated) -> Decorated:
     function = packed
     for decorate in (
         click.option(
-            "--made-for", metavar="VERSION", help="The list's firmware, where its name does not have it."
+            "--made-for", metavar="VERSION", help="The list's firmware, if its name does not contain it."
         ),
         click.option(
             "--list", "listed", type=PATH, help="The firmware's list of endpoints, as endpoints_0.5.13.json."

@@ -20,16 +20,18 @@ from axisbus.cli.shared.numbers import Seconds
     "--max-velocity",
     type=float,
     required=True,
-    help="Turns/s beyond which it is stopped, by this program alone.",
+    help="Velocity in turns/s above which this program stops it; nothing else does.",
 )
-@click.option("--for", "seconds", type=Seconds(), help="How long, once it has it; without, until Ctrl-C.")
+@click.option(
+    "--for", "seconds", type=Seconds(), help="How long, after it has reached it; without it, until Ctrl-C."
+)
 def command(
     target: ModbusTarget, torque: float, slope: float, most: float, max_velocity: float, seconds: float | None
 ) -> int:
-    """Enable a module and let it push with TORQUE (N·m at the rotor) on a slope, then stop it and switch it off.
+    """Enable a module and apply TORQUE (N·m at the rotor) on a slope, then stop it and switch it off.
 
-    MOVES A REAL MOTOR. Where the computer or the cable fails it pushes on: nothing in the module notices. What a torque comes to
-    depends on the module's torque constant, of which the manual has three values. Ctrl-C as in modbus move.
+    MOVES A REAL MOTOR. If the computer or the cable fails, the torque remains: the module does not detect it. The actual torque
+    depends on the module's torque constant, for which the manual has three values. Ctrl-C as in modbus move.
     """
     from axisbus.drives.gim6010.modbus.motion.course import (
         ModbusControlMode,

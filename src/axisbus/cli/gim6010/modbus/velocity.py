@@ -17,11 +17,14 @@ from axisbus.cli.shared.numbers import Seconds
 @click.option(
     "--acceleration", type=float, required=True, help="In turns/s²; the module's own ramp may be slower."
 )
-@click.option("--for", "seconds", type=Seconds(), help="How long, once it has it; without, until Ctrl-C.")
+@click.option(
+    "--for", "seconds", type=Seconds(), help="How long, after it has reached it; without it, until Ctrl-C."
+)
 def command(target: ModbusTarget, velocity: float, acceleration: float, seconds: float | None) -> int:
-    """Enable a module and let it turn at VELOCITY (turns/s of the rotor) on a ramp, then stop it and switch it off.
+    """Enable a module and turn it at VELOCITY (turns/s of the rotor) on a ramp, then stop it and switch it off.
 
-    MOVES A REAL MOTOR. Where the computer or the cable fails it turns on: nothing in the module notices. Ctrl-C as in modbus move.
+    MOVES A REAL MOTOR. If the computer or the cable fails, it keeps turning: the module does not detect it. Ctrl-C as in modbus
+    move.
     """
     from axisbus.drives.gim6010.modbus.motion.course import (
         ModbusControlMode,

@@ -20,12 +20,13 @@ _NODE_ID = "node_id"
 @click.command("write")
 @click.argument("pairs", nargs=-1, metavar="[NAME=VALUE]...")
 @list_options
-@click.option("--save", is_flag=True, help="Bring RAM to flash in the end; the module restarts.")
+@click.option("--save", is_flag=True, help="Save RAM to flash at the end; the module restarts.")
 def command(target: ModbusTarget, pairs: tuple[str, ...], save: bool) -> int:
-    """Write settings into RAM by name, each read back: registers, and with --list parameters as they are called over USB.
+    """Write settings into RAM by name, each read back: registers, and with --list parameters by their USB names.
 
-    node_id=NEW stands alone: nobody may have that ID, and the module is found under it. What enables, moves or stops is no
-    setting, and is not written here. Modes, parameters, node ID and saving need a module in idle.
+    node_id=NEW is written alone: no other module may have that ID, and the command finds the module under it. Values that
+    enable, move or stop are not settings, and are not written here. Modes, parameters, node ID and saving need a module in
+    idle.
     """
     from axisbus.drives.gim6010.modbus.registers import named
 
@@ -34,7 +35,9 @@ def command(target: ModbusTarget, pairs: tuple[str, ...], save: bool) -> int:
         raise click.UsageError("give NAME=VALUE, or --save")
     if _NODE_ID in wanted:
         if len(pairs) > 1:
-            raise click.UsageError("node_id is written alone: it moves the module to another address")
+            raise click.UsageError(
+                "node_id must be the only NAME=VALUE: it moves the module to another address"
+            )
         return rename(target, int(parse(named(_NODE_ID), wanted[_NODE_ID])), save=save)
     _check({name: text for name, text in wanted.items() if not is_parameter(name)})
     with opened(target) as module:
@@ -45,7 +48,7 @@ def command(target: ModbusTarget, pairs: tuple[str, ...], save: bool) -> int:
             say(_saved(module, known))
         else:
             say_next(
-                f"in RAM only, lost with the next start; to keep it: axisbus gim6010 modbus write --save {target.words}"
+                f"in RAM only, lost at the next start; to save it: axisbus gim6010 modbus write --save {target.words}"
             )
     return OK
 
@@ -80,9 +83,7 @@ def _saved(module: ModbusModule, known: ModbusParameters | None) -> str:
         known.save()
         return "saved, and read again"
     return (
-        "saved: it restarted, and answers"
-        if module.save()
-        else "saved: it answers, and no restart of it was seen"
+        "saved: it restarted, and answers" if module.save() else "saved: it answers, and no restart was seen"
     )
 
 
@@ -93,9 +94,9 @@ def rename(target: ModbusTarget, new: int, *, save: bool) -> int:
     with opened(target) as module:
         found = set_node_id(module, new, save=save)
     if save:
-        say(f"module {target.node} is module {new} now, saved")
+        say(f"module {target.node} is now module {new}, saved")
         say_next(f"label it {new}; then axisbus gim6010 modbus state --port {target.port} --node {new}")
         return OK
     say(f"module {target.node} has node ID {new} in RAM, and answers to {found.device}")
-    say(f"switched off and on, it has {target.node} again")
+    say(f"after switching it off and on, it has {target.node} again")
     return OK

@@ -12,13 +12,13 @@ from axisbus.cli.shared.common import OK, say, say_next
 @click.command("zero")
 @list_options
 def command(target: ModbusTarget) -> int:
-    """Let the position where a module stands be 0, by its parameters (--list); it is saved, and restarts.
+    """Set the present position of a module to 0, by its parameters (--list); the module saves it, and restarts.
 
-    In idle only. After a start a module knows its place within one turn of the rotor, so it is the zero of this turn. Refused where
-    its position does not agree with its encoder's count; then it is set over USB.
+    In idle only. After a start a module knows its position within one turn of the rotor, so it is the zero of this turn.
+    Refused if its position does not agree with its encoder's count; then set it over USB.
     """
     with opened(target) as module:
         set_zero(parameters(target, module))
-    say(f"module {target.node}: its zero is here; saved")
+    say(f"module {target.node}: its zero is the present position; saved")
     say_next(f"axisbus gim6010 modbus state {target.words}")
     return OK

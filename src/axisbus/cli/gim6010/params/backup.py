@@ -19,7 +19,7 @@ from axisbus.wording import counted
 def command(asked: ModuleSelection, output: Path | None, force: bool) -> int:
     """Write the settings of a module, as they are in RAM, into a file; writes nothing to the module.
 
-    What is in flash may be something else: save first, or switch it off and on before, to back that up.
+    The settings in flash may differ: to back up those of the flash, save first, or switch the module off and on.
     """
     from axisbus.drives.gim6010.parameters import bulk_read
 

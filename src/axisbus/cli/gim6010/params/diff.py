@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @click.argument("other", type=PATH, required=False)
 @module_options
 def command(asked: ModuleSelection, one: Path, other: Path | None) -> int:
-    """Tell what differs between the backups ONE and OTHER, or between ONE and the module that is named; writes nothing.
+    """Show the differences between the backups ONE and OTHER, or between ONE and the named module; writes nothing.
 
     Exit code 1 when something differs.
     """

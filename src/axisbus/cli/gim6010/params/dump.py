@@ -15,7 +15,7 @@ from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json
 def command(asked: ModuleSelection, under: str, as_json: bool) -> int:
     """Read every parameter that can be read, or those UNDER a path (axis0.motor); writes nothing.
 
-    What has more than 32 bits travels over USB alone, and is left out else. Exit code 1 when one is not answered.
+    Parameters of more than 32 bits can be read only over USB, and are left out otherwise. Exit code 1 when one is not answered.
     """
     from axisbus.drives.gim6010.parameters import bulk_read, values
     from axisbus.errors import ArgumentError

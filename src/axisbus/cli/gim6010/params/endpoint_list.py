@@ -25,13 +25,11 @@ def read_list(path: Path | None, made_for: str | None) -> tuple[EndpointList, Fi
     from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware, proposed_version
 
     if path is None:
-        raise click.UsageError("give the firmware's list of endpoints with --list (the maker has it)")
+        raise click.UsageError("give the firmware's list of endpoints with --list (available from the maker)")
     listed = parse(text_of(path), path.name)
     named = proposed_version(path.name)
     if made_for is None and named is None:
-        raise click.UsageError(
-            f"{path.name} does not say for which firmware it is: give --made-for 0.5.13, if it is for that"
-        )
+        raise click.UsageError(f"{path.name} does not name its firmware: give for example --made-for 0.5.13")
     version = Firmware.parse(made_for or str(named))
     if named is not None and named != version:
         raise click.UsageError(

@@ -8,21 +8,25 @@ from axisbus.cli.shared.lazy import LazyGroup
 
 COMMANDS = {
     "get": ("axisbus.cli.gim6010.params.get", "Read parameters by name."),
-    "set": ("axisbus.cli.gim6010.params.set", "Write parameters by name, each read back; --save keeps them."),
+    "set": (
+        "axisbus.cli.gim6010.params.set",
+        "Write parameters by name, each read back; --save stores them.",
+    ),
     "dump": ("axisbus.cli.gim6010.params.dump", "Read every parameter that can be read."),
     "backup": ("axisbus.cli.gim6010.params.backup", "Write the settings of a module into a file."),
-    "restore": ("axisbus.cli.gim6010.params.restore", "Bring a module to the settings of a backup."),
+    "restore": ("axisbus.cli.gim6010.params.restore", "Write the settings of a backup to a module."),
     "diff": (
         "axisbus.cli.gim6010.params.diff",
-        "Tell what differs between backups, or a backup and a module.",
+        "Show the differences between backups, or a backup and a module.",
     ),
 }
 
 
 @click.group(cls=LazyGroup, table=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
 def command() -> None:
-    """Read and write a module's parameters by their names (without odrv0.), over CAN Simple, Modbus RTU (--modbus) or USB (--usb).
+    """Read and write a module's parameters by their names (without odrv0.), over CAN Simple, Modbus RTU (--modbus) or USB
+    (--usb).
 
-    Else than over USB the list of endpoints (--list) is needed, the maker's file for the module's very firmware. It is refused
-    where it does not fit: numbers move from one firmware to the next, and a wrong one may erase the module. It calls no function.
+    Except over USB, the list of endpoints (--list) is needed, the maker's file for exactly this firmware. A list that does not
+    fit is refused: numbers differ between firmwares, and a wrong one may erase the module. It calls no function.
     """

@@ -79,7 +79,7 @@ def module_options(function: Decorated) -> Decorated:
     function = modbus_options(usb_options(packed))
     for decorate in (
         click.option(
-            "--made-for", metavar="VERSION", help="The list's firmware, where its name does not have it."
+            "--made-for", metavar="VERSION", help="The list's firmware, if its name does not contain it."
         ),
         click.option(
             "--list", "listed", type=PATH, help="The firmware's list of endpoints, as endpoints_0.5.13.json."
@@ -112,7 +112,7 @@ def opened(asked: ModuleSelection) -> Iterator[ModuleParameters]:
 @contextmanager
 def _over_can(asked: ModuleSelection) -> Iterator[CanSimpleParameters]:
     if asked.node is None:
-        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
+        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find shows it)")
     asked.line.check()
     from axisbus.bus.gim6010.can_simple_client import SimpleLine
     from axisbus.bus.gim6010.endpoints import CanSimpleParameters
@@ -141,7 +141,7 @@ def require_can(asked: ModuleSelection, why: str) -> None:
     """
     if not asked.over_can:
         way = "--modbus" if asked.usb is None else "--usb"
-        raise click.UsageError(f"this does not go over {way}: {why}")
+        raise click.UsageError(f"this cannot be done over {way}: {why}")
 
 
 def require_list(asked: ModuleSelection) -> None:

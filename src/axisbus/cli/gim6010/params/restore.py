@@ -21,13 +21,16 @@ if TYPE_CHECKING:
 @click.argument("file", type=PATH)
 @module_options
 @click.option(
-    "--include", multiple=True, metavar="PATH", help="Also write this protected setting; one by one."
+    "--include",
+    multiple=True,
+    metavar="PATH",
+    help="Also write this protected setting; one option per setting.",
 )
-@click.option("--other-module", is_flag=True, help="Let the backup be of another module.")
-@click.option("--other-firmware", is_flag=True, help="Let the backup be of another firmware.")
-@click.option("--dry-run", is_flag=True, help="Tell what would be written, and write nothing.")
+@click.option("--other-module", is_flag=True, help="Allow a backup of another module.")
+@click.option("--other-firmware", is_flag=True, help="Allow a backup of another firmware.")
+@click.option("--dry-run", is_flag=True, help="Show the values that would be written, and write nothing.")
 @click.option(
-    "--save", is_flag=True, help="Then bring RAM to flash; the module restarts, and all is read again."
+    "--save", is_flag=True, help="Then save RAM to flash; the module restarts, and all values are read again."
 )
 def command(
     asked: ModuleSelection,
@@ -38,10 +41,10 @@ def command(
     dry_run: bool,
     save: bool,
 ) -> int:
-    """Write what differs from the backup FILE into RAM, each read back; only to a module that is idle.
+    """Write the settings that differ from the backup FILE into RAM, each read back; only to a module that is idle.
 
-    Refused where the backup is of another module, by its serial number, or of another firmware, unless that is asked for. What was
-    measured on a module, its zero, and what it is reached by are left as they are, unless each is named with --include.
+    Refused if the backup is of another module, by its serial number, or of another firmware, unless you allow it. Settings
+    measured on a module, its zero, and its address and interface are not written, unless each is named with --include.
     """
     from axisbus.drives.gim6010.parameters import backup, bulk_read, rules
 
@@ -80,8 +83,8 @@ def _write(module: ModuleParameters, plan: RestorePlan, named: frozenset[str], *
     except BaseException:
         if done:
             say_error(
-                f"{done} of {len(plan.writes)} were written into RAM before; switching it off and on undoes them"
+                f"{done} of {len(plan.writes)} were written into RAM before the error; switching it off and on undoes them"
             )
         raise
-    where = "saved: the module restarted, and holds all of it" if save else "in RAM only: --save keeps it"
+    where = "saved: the module restarted, and has all of it" if save else "in RAM only: --save stores it"
     say(f"{counted(done, 'setting')} restored, {where}")

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 @click.argument("settings", nargs=-1, required=True, metavar="PATH=VALUE...")
 @module_options
 @click.option(
-    "--save", is_flag=True, help="Then bring RAM to flash; the module restarts, and all is read again."
+    "--save", is_flag=True, help="Then save RAM to flash; the module restarts, and all values are read again."
 )
 def command(asked: ModuleSelection, settings: tuple[str, ...], save: bool) -> int:
     """Write parameters into RAM, each read back; only to a module that is idle. Without --save a restart undoes it.
 
-    What was measured on this module, its zero and what it is reached by may be written here, since each is named; what moves or
-    enables it is not. All is checked before the first is written.
+    Settings measured on this module, its zero, and its address and interface may be written here, because each is named;
+    parameters that move or enable it may not. All are checked before the first is written.
     """
     from axisbus.drives.gim6010.parameters import values
 
@@ -42,7 +42,7 @@ def command(asked: ModuleSelection, settings: tuple[str, ...], save: bool) -> in
         except BaseException:
             if done:
                 say_error(
-                    f"{done} of {len(wanted)} were written into RAM before; switching it off and on undoes them"
+                    f"{done} of {len(wanted)} were written into RAM before the error; switching it off and on undoes them"
                 )
             raise
     _end(module, asked, saved=save)
@@ -78,7 +78,7 @@ def _warn(path: str) -> None:
 
 def _end(module: ModuleParameters, asked: ModuleSelection, *, saved: bool) -> None:
     if saved:
-        say(f"saved: module {module.serial:08X}h restarted, and holds all of it")
+        say(f"saved: module {module.serial:08X}h restarted, and has all of it")
     else:
-        say("in RAM only: it is lost with the next start")
-        say_next(f"keep it: axisbus gim6010 params set ... {asked.words} --save")
+        say("in RAM only: it is lost at the next start")
+        say_next(f"save it: axisbus gim6010 params set ... {asked.words} --save")

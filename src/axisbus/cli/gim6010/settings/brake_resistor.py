@@ -17,10 +17,16 @@ Ramp = tuple[float, float]
 
 
 @click.command("brake-resistor")
-@click.option("--ohm", type=float, help="What the resistor has, in Ω.")
-@click.option("--max-regen", type=float, help="A that may go into the supply; more goes into the resistor.")
+@click.option("--ohm", type=float, help="The resistance of the resistor, in Ω.")
 @click.option(
-    "--ramp", nargs=2, type=float, metavar="BEGIN END", help="V of the supply from which, and at which all."
+    "--max-regen", type=float, help="Highest current in A into the supply; the rest goes into the resistor."
+)
+@click.option(
+    "--ramp",
+    nargs=2,
+    type=float,
+    metavar="BEGIN END",
+    help="Supply voltages in V at which the resistor begins to act, and at which it is fully on.",
 )
 @click.option("--off", "switched_off", is_flag=True, help="Switch it off.")
 @module_options
@@ -33,20 +39,20 @@ def command(
     switched_off: bool,
     save: bool,
 ) -> int:
-    """Switch a braking resistor on or off; with no option, show how it is set.
+    """Switch a braking resistor on or off; with no option, show its settings.
 
     --ohm goes with --max-regen, with --ramp, or with both. Written as parameters and read back, only to a module that is idle.
-    A ramp that ends above the voltage at which the module gives up is refused.
+    A ramp that ends above the module's own overvoltage limit is refused.
     """
     from axisbus.drives.gim6010.settings import brake_resistor as resistor
 
     given = ohm is not None or max_regen is not None or ramp is not None
     if switched_off and given:
-        raise click.UsageError("--off goes with nothing else")
+        raise click.UsageError("--off excludes all other options")
     if not switched_off and not given:
         return show(asked, resistor.PATHS)
     if not switched_off and ohm is None:
-        raise click.UsageError("give what the resistor has with --ohm")
+        raise click.UsageError("give the resistance with --ohm")
     wanted = resistor.off() if ohm is None else resistor.wanted(ohm, max_regen, ramp)
 
     def act(module: ModuleParameters) -> None:

@@ -22,13 +22,15 @@ Act = Callable[["ModuleParameters"], None]
 def save_option(function: Decorated) -> Decorated:
     """Add --save."""
     return click.option(
-        "--save", is_flag=True, help="Then bring RAM to flash; the module restarts, and all is read again."
+        "--save",
+        is_flag=True,
+        help="Then save RAM to flash; the module restarts, and all values are read again.",
     )(function)
 
 
 def over_usb(steps: Sequence[str]) -> None:
     """Print steps over USB."""
-    say("over USB it is done like this:")
+    say("do this over USB:")
     for step in steps:
         say(f"  {step}")
 
@@ -78,7 +80,7 @@ def put(module: ModuleParameters, wanted: ParameterBatch, *, save: bool) -> None
     except BaseException:
         if told:
             say_error(
-                f"{len(told)} of {len(wanted.values)} were written into RAM before; switching it off and on undoes them"
+                f"{len(told)} of {len(wanted.values)} were written into RAM before the error; switching it off and on undoes them"
             )
         raise
     for note in wanted.notes:
@@ -88,7 +90,7 @@ def put(module: ModuleParameters, wanted: ParameterBatch, *, save: bool) -> None
 def end(asked: ModuleSelection, command: str, *, saved: bool) -> None:
     """Print where the settings are now, and how to save them."""
     if saved:
-        say("saved: it restarted, and holds all of it")
+        say("saved: it restarted, and has all of it")
     else:
-        say("in RAM only: it is lost with the next start")
-        say_next(f"keep it: axisbus gim6010 {command} {asked.words} --save")
+        say("in RAM only: it is lost at the next start")
+        say_next(f"save it: axisbus gim6010 {command} {asked.words} --save")

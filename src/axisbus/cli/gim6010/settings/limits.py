@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 @module_options
 @save_option
 def command(asked: ModuleSelection, velocity: float | None, current: float | None, save: bool) -> int:
-    """Set the module's own limits of velocity and motor current, only where it is idle; with neither, show them.
+    """Set the module's own limits of velocity and motor current, only while it is idle; with neither, show them.
 
-    With --list, or over --usb, they are written as parameters and read back. Else both have to be given, and go out in one message
-    (Set_Limits) that owners saw at work and that nothing confirms: they hold until the next start, and --save is refused. Over
-    --modbus they are registers, read back.
+    With --list, or over --usb, they are written as parameters and read back. Otherwise both have to be given, and are sent in
+    one message (Set_Limits) that owners have seen to work, but that nothing confirms: the limits apply until the next start,
+    and --save is refused. Over --modbus they are registers, read back.
     """
     from axisbus.drives.gim6010.settings import limits
 
@@ -84,7 +84,7 @@ def _by_message(asked: ModuleSelection, velocity: float | None, current: float |
         )
     if save:
         raise click.UsageError(
-            "what nothing confirms is not saved: give the firmware's list with --list, or save over USB"
+            "unconfirmed limits are not saved: give the firmware's list with --list, or save over USB"
         )
     from axisbus.bus.gim6010.limits_by_message import ModuleByMessage
     from axisbus.cli.gim6010.settings.message_client import line_of

@@ -23,7 +23,7 @@ def line_of(asked: ModuleSelection, stack: ExitStack) -> SimpleLine:
     """
     require_can(asked, "it is a message of CAN Simple")
     if asked.node is None:
-        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
+        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find shows it)")
     asked.line.check()
     from axisbus.bus.gim6010.can_simple_client import SimpleLine
 

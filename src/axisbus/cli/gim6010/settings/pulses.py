@@ -9,11 +9,11 @@ from axisbus.cli.shared.common import OK, say
 
 
 @click.command("pulses")
-@click.option("--per-turn", type=int, required=True, help="Pulses that are a turn of the rotor.")
-@click.option("--turns", type=int, required=True, help="Turns of the rotor that the range of set-points has.")
-@click.option("--circular", is_flag=True, help="Let set-points begin anew after that range.")
+@click.option("--per-turn", type=int, required=True, help="Pulses per turn of the rotor.")
+@click.option("--turns", type=int, required=True, help="The range of set-points, in turns of the rotor.")
+@click.option("--circular", is_flag=True, help="Let set-points wrap around at the end of that range.")
 def command(per_turn: int, turns: int, circular: bool) -> int:
-    """Show what a pulse is at rotor and output, how fast the fastest pulses turn it, and tell the steps over USB.
+    """Show the size of a pulse at rotor and output, the velocity at the highest pulse rate, and the steps to set it over USB.
 
     Sends nothing and writes nothing: the modes of the pins are set by names that only USB has.
     """

@@ -13,9 +13,10 @@ from axisbus.cli.shared.common import OK, say
 @click.argument("low", type=float)
 @click.argument("high", type=float)
 def command(follows: str, low: float, high: float) -> int:
-    """Show how pulses of 1 to 2 ms are mapped to LOW to HIGH (turns, turns/s or N·m of the rotor), and tell the steps over USB.
+    """Show how pulses of 1 to 2 ms are mapped to LOW to HIGH (turns, turns/s or N·m of the rotor), and the steps to set it over
+    USB.
 
-    Sends nothing and writes nothing: the parameter that follows is set by a reference that only USB has.
+    Sends nothing and writes nothing: the parameter that follows the pulses is set by a reference that only USB has.
     """
     from axisbus.drives.gim6010.settings.pwm import Follows, Mapping
 

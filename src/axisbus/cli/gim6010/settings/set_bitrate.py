@@ -21,11 +21,11 @@ _BACK = 25.0  # s, the time of a restart as reported by owners
 @click.argument("rate", type=BitRate())
 @module_options
 def command(asked: ModuleSelection, rate: int) -> int:
-    """Give a module that speaks CAN Simple the bit rate RATE (bit/s), save it, and find it again at that.
+    """Give a module that speaks CAN Simple the bit rate RATE (bit/s), save it, and find it again at that rate.
 
-    Needs its list of endpoints. First all that is on the bus is looked for (some 10 s): refused where the module is not alone,
-    since it would destroy the others' frames, and where it is not idle. Saving restarts it; the new rate holds from then on.
-    Over --modbus and --usb nobody is looked for: the rate is that of its CAN, to which it need not be connected.
+    Needs its list of endpoints. First the command searches the whole bus (some 10 s). It refuses if the module is not alone,
+    since it would destroy the others' frames, or if it is not idle. Saving restarts it; the new rate applies from then on. Over
+    --modbus and --usb there is no search: the rate is that of its CAN interface, which need not be connected.
     """
     from axisbus.drives.gim6010 import node_id_preconditions
     from axisbus.drives.gim6010.settings import bitrate
@@ -35,10 +35,10 @@ def command(asked: ModuleSelection, rate: int) -> int:
     if not asked.over_can:
         with opened(asked) as module:
             put(module, wanted, save=True)
-        say("saved: that is the rate of its CAN, once CAN is its interface")
+        say("saved: its CAN interface uses this rate when CAN is its interface")
         return OK
     if node is None:
-        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find tells it)")
+        raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find shows it)")
     finder, found = survey(asked.line)
     node_id_preconditions.require_one(finder, found, node)
     bitrate.require_alone(finder, found, node)
@@ -46,7 +46,7 @@ def command(asked: ModuleSelection, rate: int) -> int:
         with opened(asked) as module:
             if module.read(bitrate.PATH) == rate:
                 say(
-                    f"module {node} has {rate} bit/s already, in RAM; its next start brings what is in its flash"
+                    f"module {node} already has {rate} bit/s, in RAM; its next start restores the rate of its flash"
                 )
             put(module, wanted, save=False)
             say("saving, which restarts it: from now on look for it at the new rate")
@@ -65,14 +65,14 @@ def _found_again(asked: ModuleSelection, node: int, rate: int) -> int:
     opening, line = opening_of(None, *asked.line), asked.line
     if opening.own_rate is OwnRate.SYSTEM:
         say(
-            "it was saved and restarts; this computer still has the old rate, and would destroy its frames. Type, in this order:"
+            "it was saved and restarts; this computer still has the old rate, and would destroy its frames. Type in this order:"
         )
         steps = (
             socketcan.change_command(str(opening.channel), rate).split("; ")
             if line.interface == "socketcan"
             else ()
         )
-        for step in steps or ("set the rate where the link is set",):
+        for step in steps or ("set the rate of the link",):
             say(f"  {step}")
         say_next(f"axisbus gim6010 find {line.words}")
         return OK

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 def command(asked: ModuleSelection, state: str | None, save: bool) -> int:
     """Switch the module's own terminating resistor of 120 Ω on or off; without ON or OFF, show it.
 
-    Written as a parameter and read back, only to a module that is idle. Where it answers no endpoint, the steps over USB are told.
+    Written as a parameter and read back, only to a module that is idle. If it answers no endpoint, the steps over USB are
+    shown.
     """
     from axisbus.drives.gim6010.settings import termination
 

@@ -21,21 +21,22 @@ if TYPE_CHECKING:
 )
 @click.option("--axis-timeout", "axis", type=Seconds(), help="For the axis's watchdog, such as 500ms.")
 @click.option(
-    "--off", "switched_off", is_flag=True, help="Switch both off, and clear the error that they have left."
+    "--off", "switched_off", is_flag=True, help="Switch both off, and clear the error that they have caused."
 )
 @module_options
 @save_option
 def command(
     asked: ModuleSelection, broken: float | None, axis: float | None, switched_off: bool, save: bool
 ) -> int:
-    """Arm what makes a module give up when no set-point comes for so long, or switch it off; with no option, show it.
+    """Arm the watchdogs that disarm a module when no set-point arrives within a time, or switch them off; with no option, show
+    them.
 
-    Written as parameters and read back, only to a module that is idle. What is armed counts from then on, also in idle.
+    Written as parameters and read back, only to a module that is idle. An armed watchdog runs from then on, also in idle.
     """
     from axisbus.drives.gim6010.settings import watchdog
 
     if switched_off and (broken is not None or axis is not None):
-        raise click.UsageError("--off goes with no time")
+        raise click.UsageError("--off excludes the times")
     if broken is None and axis is None and not switched_off:
         return show(asked, watchdog.PATHS)
     wanted = watchdog.off() if switched_off else watchdog.wanted(broken, axis)
@@ -60,4 +61,4 @@ def _clear(module: ModuleParameters) -> None:
     error = module.axis_error
     if error and not error & ~LATCHED:
         module.clear_errors()
-        say("the error that it had left is cleared")
+        say("the error that it had caused is cleared")

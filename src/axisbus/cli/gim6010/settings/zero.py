@@ -24,13 +24,13 @@ _BETWEEN = 0.3  # s between two readings that show whether it turns
 @click.option(
     "--until-restart",
     is_flag=True,
-    help="By a message and without --list: its count is 0 until its next start.",
+    help="By a message and without --list: its count is 0 here until its next start.",
 )
 def command(asked: ModuleSelection, until_restart: bool) -> int:
-    """Make the place where a module stands the zero of its position; only where it is idle and does not turn.
+    """Set the present position of a module as its zero; only while it is idle and does not turn.
 
-    With --list, or over --usb, the user's zero (index_offset) is written, read back and saved, which restarts the module, and its
-    position is looked at after that. Written only where the estimate of its position agrees with its encoder's count.
+    With --list, or over --usb, the user's zero (index_offset) is written, read back and saved, which restarts the module, and
+    its position is checked after that. It is written only if the estimate of its position agrees with its encoder's count.
     """
     from axisbus.drives.gim6010.settings import zero
 
@@ -73,5 +73,5 @@ def _until_restart(asked: ModuleSelection) -> int:
         module = ModuleByMessage(line)
         stack.enter_context(line)
         module.set_zero()
-    say(f"module {asked.node} counts from 0 where it stands, until its next start")
+    say(f"module {asked.node} counts from 0 at its present position, until its next start")
     return OK

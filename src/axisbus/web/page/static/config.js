@@ -1,4 +1,4 @@
-// The script of configurations: begins and cancels jobs, brings a file, keeps the last backup, shows what came of a job.
+// The script of the configuration view: starts and cancels jobs, sends a file, stores the last backup, shows the result of a job.
 "use strict";
 (() => {
   const { send, say, reasons, make, put, table, saved, ask } = window.axisbusPage;
@@ -8,7 +8,7 @@
   // -- out ------------------------------------------------------------------------------------------------------------------------
   function told(message) {
     const sent = send({ ...message, node: Number(one("#config-node").value) });
-    if (!sent) say("failed", "There is no connection: this was not sent.", "");
+    if (!sent) say("failed", "There is no connection: nothing was sent.", "");
   }
   // The server keeps one file of each page, for as long as that is open.
   async function bring(name, blob) {
@@ -34,7 +34,7 @@
       if (!answer.ok) throw new Error(String(answer.status));
       backup = { name, blob: await answer.blob() };
     } catch {
-      return say("failed", "The backup could not be fetched.", "make it again");
+      return say("failed", "The backup could not be loaded.", "make it again");
     }
     put(one("#backup-state"), `${name}, ${backup.blob.size} bytes`);
     show();
@@ -48,13 +48,13 @@
     show();
   }
   function words() {
-    if (!job) return "Nothing was done yet.";
+    if (!job) return "No job yet.";
     const other = job.page === page ? "" : `, for page ${job.page}`;
     const what = `${job.what[0].toUpperCase()}${job.what.slice(1)} of node ${job.node}${other}`;
     const far = `${job.done} of ${job.whole || "?"} objects`;
     if (!job.over) return `${what}: ${far}`;
     const nothing = job.kind === "restore" ? "" : ", nothing was written";
-    return job.report ? `${what}: ${job.report.text}` : `${what} has not come to its end: ${far} were read${nothing}`;
+    return job.report ? `${what}: ${job.report.text}` : `${what} was not completed: ${far} were read${nothing}`;
   }
   function show() {
     const runs = Boolean(job && !job.over), bar = one("#config-bar");
@@ -87,7 +87,7 @@
     one("#would-restore").addEventListener("click", () => told({ do: "would_restore" }));
     one("#restore").addEventListener("click", () => {
       const node = one("#config-node").value, name = file.name;
-      const text = `Restore the settings of node ${node} from ${name}? What the drive does with them is tried at its next move.`;
+      const text = `Restore the settings of node ${node} from ${name}? They take effect at the next move of the drive.`;
       ask(text, () => file?.name === name && one("#config-node").value === node && told({ do: "restore", sure: true }));
     });
     one("#config-end").addEventListener("click", () => told({ do: "job_end" }));

@@ -1,4 +1,4 @@
-// The objects' own script: the dictionary of a node as a tree, its values with their ages, what is written, PDOs, findings, verification.
+// The script of the objects view: the dictionary of a node as a tree, values with their ages, writing, PDOs, findings, verification.
 "use strict";
 (() => {
   const LOOK = 250, OLD = 3000, SHOWN = 400; // ms, ms, objects
@@ -6,7 +6,7 @@
   const one = (selector, within = document) => within.querySelector(selector);
   const all = (selector, within = document) => [...within.querySelectorAll(selector)];
   let section, book = null, wanted = 0, who = "", part = "dictionary", kept = [], sent = "", opened = new Set(), verified = null;
-  const values = new Map(), entries = new Map(), typed = new Map(); // by key: what is known of an object, what it is, what is being written
+  const values = new Map(), entries = new Map(), typed = new Map(); // by key: last value, dictionary entry, value being typed
 
   // -- the book of a node -----------------------------------------------------------------------------------------------------
   async function load(node) {
@@ -43,7 +43,7 @@
     if (part === "verify") verification();
   }
 
-  // -- what is looked for -------------------------------------------------------------------------------------------------------
+  // -- search -------------------------------------------------------------------------------------------------------------------
   function sought() {
     const text = one("#object-search").value.trim().toLowerCase(), mapped = one("#in-pdos").checked;
     const address = /^(?:0x)?([0-9a-f]{1,4})h?(?::[0-9a-f]{1,2}h?)?$/.exec(text), words = text.split(/\s+/);
@@ -147,7 +147,7 @@
 
   // -- out ------------------------------------------------------------------------------------------------------------------------
   function told(message) {
-    if (!send(message)) say("failed", "There is no connection: this was not sent.", "");
+    if (!send(message)) say("failed", "There is no connection: nothing was sent.", "");
   }
   const read = (keys) => told({ do: "read_objects", objects: keys });
   function write(key, text, agreed) {
@@ -158,11 +158,11 @@
     const most = Number(section.dataset.kept);
     if (kept.includes(key)) kept = kept.filter((each) => each !== key);
     else if (kept.length < most) kept = [...kept, key];
-    else return say("refused", `${most} objects are kept reading already`, "end one of them");
+    else return say("refused", `${most} objects are already being read repeatedly`, "stop reading one of them");
     keptRows();
     tellKept();
   }
-  // While nobody sees them, they are not read.
+  // While they are not visible, they are not read.
   function tellKept() {
     const keys = section.hidden || document.hidden ? [] : kept, text = JSON.stringify(keys);
     if (text !== sent && send({ do: "keep_reading", objects: keys })) sent = text;
@@ -226,7 +226,7 @@
     head.append(make("small", each.heading));
     card.append(head, make("p", each.source, "hint"));
     if (each.slots.length) card.append(bytes(each), slots(each));
-    else card.append(make("p", "It maps nothing.", "hint"));
+    else card.append(make("p", "No object is mapped.", "hint"));
     for (const note of each.notes) card.append(make("p", `note: ${note}`, "hint"));
     return card;
   }
@@ -263,10 +263,10 @@
   function findings() {
     const { all: count, shown, error } = book.findings, place = one("#part-findings");
     if (error) return place.replaceChildren(make("pre", reasons(error), "error"));
-    if (!count) return place.replaceChildren(make("p", "Nothing: no rule of axisbus eds check speaks of this file."));
+    if (!count) return place.replaceChildren(make("p", "None: axisbus eds check has no findings for this file."));
     const rows = shown.map((each) => [each.severity, each.rule, each.index && `${each.index}h`, each.message, each.remedy, each.line ? String(each.line) : ""]);
     const more = count > shown.length ? `The first ${shown.length} of ${count}; all: axisbus eds check` : `${count} in all, by axisbus eds check`;
-    place.replaceChildren(make("p", more, "hint"), table(["Severity", "Rule", "Object", "What is found", "What to do", "Line"], rows, graded));
+    place.replaceChildren(make("p", more, "hint"), table(["Severity", "Rule", "Object", "Finding", "Remedy", "Line"], rows, graded));
   }
   function verification() {
     const at = verified, mine = at && at.node === wanted, runs = Boolean(at && !at.over), bar = one("#verify-bar");
@@ -275,7 +275,7 @@
     bar.max = (mine && at.whole) || 1;
     bar.value = mine ? at.done : 0;
     const far = at && `node ${at.node}: ${at.done} of ${at.whole || "?"} entries`;
-    put(one("#verify-state"), !at ? "Not verified yet." : runs ? far : mine ? at.text || far : "This node was not verified yet.");
+    put(one("#verify-state"), !at ? "Not verified yet." : runs ? far : mine ? at.text || far : "This node has not been verified yet.");
     put(one("#verify-error"), mine && at.error ? reasons(at.error) : "");
     const rows = mine ? at.differences.map((each) => [each.severity, each.kind, `${each.index}h:${each.subindex}`, each.name, each.message]) : [];
     one("#differences").replaceChildren(...(rows.length ? [table(["Severity", "What", "Object", "Name", "The drive"], rows, graded)] : []));

@@ -1,10 +1,10 @@
-// The page's own script: fills in values, says when they are old, sends what is asked for, and holds the dead-man of a jog.
+// The script of the page: shows values and whether they are old, sends commands, and sends the keep-alive messages of a jog.
 "use strict";
 (() => {
   const GONE = 600, SLOW = 1000, DROP = 5000, BEAT = 50, IDLE = 250, UNHEARD = 1500, AGAIN = 1000, OLD_CELL = 3; // ms; the last: s
   const STOPS = ["quick_stop", "halt", "halt_all"]; // which are sent whatever the connection is like
   let socket = null, begun = 0, heard = -Infinity, press = 0, held = null, asked = null;
-  // The server's time of what is shown, and until when, in the page's time, it has heard what this socket has sent; ms of the last beat.
+  // Server time of the displayed values; page time up to which the server has received this socket's messages; ms of the last beat.
   let seen = null, answered = null, beaten = 0, unknown = false;
   let command = { ours: true, by: "" };
   const one = (selector, within = document) => within.querySelector(selector);
@@ -19,7 +19,7 @@
     socket.send(JSON.stringify(seen === null ? { ...message, sent } : { ...message, sent, seen }));
     return true;
   }
-  // Of a stop the server looks at nothing but what it is: that it was heard shows by the beat after it.
+  // The server evaluates only the verb of a stop: the next beat shows that the server has received it.
   function quickStop() {
     release();
     withdraw();
@@ -48,19 +48,19 @@
     if (stops) withdraw();
     const by = socket, at = performance.now();
     if ((lost() && !stops) || !send(message))
-      return say("failed", "There is no connection: this was not sent.", stops ? "Quick stop tries another way; else the emergency stop" : "");
+      return say("failed", "There is no connection: nothing was sent.", stops ? "Quick stop also uses a second connection; if it fails, use the emergency stop" : "");
     idle();
     setTimeout(() => {
       if (by === socket && answered >= at) return;
       const what = `${node.textContent}: it is not known whether this has arrived.`;
-      say("failed", what, stops ? "press Quick stop, which tries another way; else the emergency stop" : "look how the axes stand");
+      say("failed", what, stops ? "press Quick stop, which also uses a second connection; if it fails, use the emergency stop" : "check the state of the axes");
     }, UNHEARD);
   }
 
   // -- press and hold -----------------------------------------------------------------------------------------------------
   function hold(node, touched = false) {
     release();
-    if (lost()) return say("failed", "There is no connection to jog by.", "");
+    if (lost()) return say("failed", "There is no connection: jogging is not possible.", "");
     press += 1;
     held = { axis: axisOf(node), values: { ...valuesOf(node), direction: node.dataset.jog }, press, node, touched };
     node.classList.add("held");
@@ -77,13 +77,13 @@
   }
   setInterval(beat, BEAT);
   setInterval(() => held || idle(), IDLE);
-  // What the server has ended is not held any more, whatever the hand does.
+  // A jog that the server has ended is no longer held, even if the button is still pressed.
   function letGo(own) {
     if (!held) return;
     const refused = own.told.some(({ kind }) => kind === "refused" || kind === "failed"), { axis } = held;
     if (!refused && (own.press < held.press || own.held)) return;
     release();
-    if (!own.told.length) say("note", `The jog of ${axis} has ended.`, "press again to go on");
+    if (!own.told.length) say("note", `The jog of ${axis} has ended.`, "press again to continue");
   }
 
   const jogOf = (event) => event.target instanceof Element && event.target.closest("[data-jog]");
@@ -137,18 +137,18 @@
     } else if (node.dataset.question) ask(worded(node), () => act(node, true));
     else act(node, false);
   });
-  // A question, with what was typed in the place of a name in braces.
+  // A question, with the typed values in place of the names in braces.
   function worded(node) {
     const typed = valuesOf(node);
     return node.dataset.question.replace(/\{(\w+)\}/g, (_, name) => typed[name] || "?");
   }
-  // A question of before a stop is none any more.
+  // A stop withdraws a question asked before it.
   function withdraw() {
     asked = null;
     one("#question")?.close();
   }
   function ask(text, yes) {
-    if (one("#question").open) return false; // what is asked must not change under a hand that answers
+    if (one("#question").open) return false; // an open question must not change while the user answers it
     asked = yes;
     one("#asked").textContent = text;
     one("#question").showModal();
@@ -232,7 +232,7 @@
       put(one("em", node), bar.told);
       node.dataset.kind = bar.kind;
       node.classList.toggle("unknown", bar.at === null);
-      track.style.visibility = bar.at === null ? "hidden" : ""; // a meter without a value is none, also for who hears it
+      track.style.visibility = bar.at === null ? "hidden" : ""; // a meter without a value is hidden, also from screen readers
       if (bar.at === null) continue;
       track.setAttribute("aria-valuenow", bar.now);
       track.setAttribute("aria-valuetext", [`${bar.text} ${unit}`, bar.told].filter(Boolean).join(", "));
@@ -272,7 +272,7 @@
     one("#nodes").replaceChildren(...cell.nodes.map(nodeRow));
     one("#beside").replaceChildren(...cell.beside.map((line) => make("li", line)));
     const found = cell.incidents.map(incident);
-    one("#incidents").replaceChildren(...(found.length ? found : [make("li", "Nothing so far.")]));
+    one("#incidents").replaceChildren(...(found.length ? found : [make("li", "None.")]));
   }
   function nodeRow(node) {
     const row = make("tr", "", node.wrong ? "wrong" : "");
@@ -283,7 +283,7 @@
     const boot = node.letter ? `${node.letter}: ${node.boot}` : node.boot;
     const wrong = [reasons(node.wrong), ...node.warnings.map((text) => `warning: ${text}`)].filter(Boolean).join("\n");
     row.append(make("td", String(node.node)), device, make("td", node.nmt), make("td", boot), make("td", node.axes.join(", ")),
-      make("td", wrong || "nothing", "lines"));
+      make("td", wrong || "none", "lines"));
     all("th", one("[data-view=cell]")).forEach((title, at) => { row.children[at].dataset.title = title.textContent; });
     return row;
   }
@@ -296,19 +296,19 @@
   }
   function showOwn(own) {
     document.body.classList.toggle("dead", own.dead !== null);
-    put(one("#dead"), own.dead === null ? "" : `${own.dead[0].toUpperCase()}${own.dead.slice(1)}. Nothing on this page is of now: look at the machine before anything else.`);
-    const line = own.mine ? "This page has the controls" : own.holder ? `${own.holder} has the controls` : "Nobody has the controls";
-    put(one("#controls"), own.role === "operator" ? line : `This page looks on. ${line}`);
+    put(one("#dead"), own.dead === null ? "" : `${own.dead[0].toUpperCase()}${own.dead.slice(1)}. All values on this page are outdated: look at the machine before anything else.`);
+    const line = own.mine ? "This page has the controls" : own.holder ? `${own.holder} has the controls` : "No page has the controls";
+    put(one("#controls"), own.role === "operator" ? line : `This is an observer page. ${line}`);
     const operator = own.role === "operator";
     const shown = { free: operator && !own.holder, others: operator && own.holder && !own.mine, mine: own.mine, operator };
     shown.lost = operator && !own.looks;
     one("#command").hidden = command.ours;
-    put(one("#commanded"), `This page may only halt and stop: the machine is commanded by ${command.by}`);
+    put(one("#commanded"), `This page may only halt and stop: control of the machine belongs to ${command.by}`);
     for (const node of all("[data-shown]")) node.hidden = !shown[node.dataset.shown];
     one(".axisbus")?.classList.toggle("mine", own.mine);
     one("[data-view=cell]")?.classList.toggle("old", own.cell_age > OLD_CELL);
     for (const told of own.told) {
-      if (told.kind === "link") say("note", `A page that looks on, opened once by: ${told.text}`, "");
+      if (told.kind === "link") say("note", `Link that opens an observer page, once: ${told.text}`, "");
       else say(told.kind, told.text, told.remedy);
     }
   }
@@ -316,7 +316,7 @@
     const { own } = news;
     if (news.axes) {
       showAxes(news.axes);
-      heard = performance.now(); // not before: what could not be shown is not of now
+      heard = performance.now(); // not before: values that could not be shown are not current
     }
     seen = own.now;
     if (own.heard !== null) answered = 1000 * own.heard;
@@ -342,7 +342,7 @@
     setTimeout(connect, unknown ? DROP : AGAIN);
     if (!was) fetch("/", { method: "HEAD" }).then((answer) => { unknown = answer.status === 403; }, () => {});
   }
-  // A socket of which nothing comes may be one that nobody has at its other end any more.
+  // A socket that receives nothing may have lost its server.
   function drop() {
     const dead = socket, was = open();
     socket = null;
@@ -352,9 +352,9 @@
   const silent = () => performance.now() - heard > GONE;
   const slow = () => answered === null || performance.now() - answered > SLOW;
   const lost = () => silent() || slow();
-  const GONE_IS = "The connection is gone: nothing on this page is of now.";
-  const SLOW_IS = "The connection is slow: nothing on this page is of now, and what is asked for may come late.";
-  const UNKNOWN_IS = "The server has been started anew, and does not know this browser: open its new link. Nothing on this page is of now.";
+  const GONE_IS = "The connection is lost: all values on this page are outdated.";
+  const SLOW_IS = "The connection is slow: all values on this page are outdated, and commands may arrive late.";
+  const UNKNOWN_IS = "The server has been restarted, and does not know this browser: open its new link. All values on this page are outdated.";
   function freshness() {
     const is = lost();
     document.body.classList.toggle("gone", is);

@@ -1,4 +1,4 @@
-// Draws both sides of a trial, from where the axis stood: actual over target and demand, and the actual of a pinned one.
+// Draws both sides of a trial, relative to the start position: actual, target and demand, and the actual of a pinned trial.
 "use strict";
 (() => {
   const LEFT = 56, TOP = 22, BELOW = 22, RIGHT = 8, NARROW = 600, SPARE = 0.08; // pixels, but the last: a part
@@ -10,7 +10,7 @@
     const raw = width / parts, ten = 10 ** Math.floor(Math.log10(raw));
     return [1, 2, 5, 10].map((each) => each * ten).find((each) => each >= raw) ?? raw;
   }
-  // Where the axis stood: what is drawn counts from there, so that two trials lie over each other.
+  // The start position: curves are drawn relative to it, so that two trials can be compared.
   const stood = (trial) => trial?.there?.target[0] ?? 0;
   function span(trials, of) {
     let low = Infinity, high = -Infinity;
@@ -38,7 +38,7 @@
     const times = span(trials, ["times"]), values = span(trials, ["actual", "target", "demand"]);
     const spare = (values[1] - values[0]) * SPARE || 1;
     const range = { from: Math.min(0, times[0]), to: times[1], low: values[0] - spare, high: values[1] + spare };
-    const { kind, unit: of } = last ?? pinned, unit = kind === "position" ? `${of} from where it stood` : of;
+    const { kind, unit: of } = last ?? pinned, unit = kind === "position" ? `${of} from the start position` : of;
     const narrow = width < NARROW, wide = narrow ? width : width / 2, tall = narrow ? height / 2 : height;
     SIDES.forEach(([side, title], n) => {
       const room = { x: narrow ? 0 : n * wide, y: narrow ? n * tall : 0, wide, tall };
@@ -87,7 +87,7 @@
     pen.lineTo(x2, y2);
     pen.stroke();
   }
-  // From sample to sample; what is not known is a gap.
+  // A line from sample to sample; unknown values are gaps.
   function line(pen, trial, side, name, x, y, ink, thick) {
     const { times, [name]: values } = trial[side], from = stood(trial);
     pen.strokeStyle = ink;

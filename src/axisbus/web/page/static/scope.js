@@ -9,7 +9,7 @@
   let running = true, view = null, dirty = true, lostNow = 0, started = 0, opened = false, origin = 0;
   let armed = true, fired = null, cursors = { A: null, B: null }, last = "A";
 
-  // -- what is kept: a ring; ``at(i)`` is the place of the i-th sample, oldest first -------------------------------------------
+  // -- stored samples: a ring; ``at(i)`` is the index of the i-th sample, oldest first ----------------------------------------
   const at = (i) => (head - count + i + KEPT) % KEPT;
   const timeOf = (i) => times[at(i)];
   const newest = () => (count ? timeOf(count - 1) : 0);
@@ -122,7 +122,7 @@
     } else if (!wanted && socket !== null) socket.close();
   }
 
-  // -- kept by this browser for this cell --------------------------------------------------------------------------------------------
+  // -- stored by this browser for this cell ------------------------------------------------------------------------------------------
   const KEYS = ["span", "trigger", "trigger-on", "edge", "level"];
   const place = () => `axisbus.scope.${section.dataset.cell}`;
   function keep() {
@@ -131,7 +131,7 @@
   }
   function restore() {
     let kept = null;
-    one("#level").value = "0"; // here, so that a page which grows does not write it anew
+    one("#level").value = "0"; // here, so that adding an axis to the page does not overwrite it
     try { kept = JSON.parse(localStorage.getItem(place())); } catch { /* none */ }
     const boxes = all("[data-signal]", section);
     const wanted = Array.isArray(kept?.names) ? kept.names : [];
@@ -229,7 +229,7 @@
     pen.restore();
     pen.fillText(unit, LEFT + 5, top + 14);
   }
-  // A line from sample to sample; where several fall on one column of the screen, from the lowest to the highest of them.
+  // A line from sample to sample; if several fall on one column of the screen, from the lowest to the highest of them.
   function trace(pen, k, first, end, x, y) {
     pen.strokeStyle = colour(`--trace-${k}`);
     pen.lineWidth = 1.6;
@@ -294,7 +294,7 @@
   function state(a, b) {
     const words = [!names.length ? "Choose a signal." : !count ? "Waiting for samples." : running ? "It runs." : "Stopped."];
     if (running && one("#trigger").value) words.push(fired !== null ? "Triggered." : "Waiting for the trigger.");
-    if (one("#trigger").value && Number.isNaN(level())) words.push("The level is no number.");
+    if (one("#trigger").value && Number.isNaN(level())) words.push("The level is not a number.");
     if (a >= 0 && b >= 0) {
       const apart = timeOf(b) - timeOf(a);
       words.push(`B − A: ${short(apart)} s${apart ? `, ${short(1 / Math.abs(apart))} Hz` : ""}.`);
@@ -320,7 +320,7 @@
     return `${lines.join("\r\n")}\r\n`;
   }
 
-  // The samples of what is shown, as the server takes them (web/scope/saving.py); rows in which nothing is known are left out.
+  // The displayed samples, in the server's format (web/scope/saving.py); rows without a known value are left out.
   function samples() {
     const { from, to } = shown(), rows = [], text = new TextEncoder().encode(JSON.stringify(names));
     for (let i = find(from); i < count && timeOf(i) <= to; i += 1)
@@ -374,7 +374,7 @@
         const { error } = await answer.json();
         say("failed", [error.message, error.observed].filter(Boolean).join(": "), error.remedy);
       } else if (answer.ok) save(await answer.blob(), "mcap");
-      else say("failed", `The file was not made: ${answer.status}`, "show less of it, and save that");
+      else say("failed", `The file was not made: ${answer.status}`, "show a shorter time, and save it");
     } catch {
       say("failed", "There is no connection: no file was made.", "");
     }
@@ -437,7 +437,7 @@
       else if (event.target.id) { fired = null; armed = true; if (event.target.id === "span" && !running) view.from = view.to - span(); keep(); dirty = true; }
     });
   }
-  window.axisbusScope = { csv, png, count: () => count }; // for whoever wants the samples in the browser's console
+  window.axisbusScope = { csv, png, count: () => count }; // for access to the samples in the browser's console
   const mounted = setInterval(() => {
     section = one("main > section[data-view=scope]");
     canvas = one("#picture");

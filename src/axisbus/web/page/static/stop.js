@@ -1,10 +1,10 @@
-// A quick stop is asked for again, by a request of its own, until the server is known to have heard it; where it has not, that is said.
+// Repeats a quick stop by separate requests until the server has confirmed it; shows a message if the server has not.
 "use strict";
 (() => {
   const WAIT = 400, SOON = 800, AGAIN = 500, PATIENCE = 2000, LONGEST = 15_000; // ms
-  const NOT_YET = "The quick stop has not reached the machine: use the emergency stop. It is tried again.";
+  const NOT_YET = "The quick stop has not reached the machine: use the emergency stop. Sending it again.";
   const NOT = "The quick stop did not reach the machine: use the emergency stop.";
-  let wanted = null, trying = false; // since when it is to be heard, and of which socket
+  let wanted = null, trying = false; // time of the unconfirmed quick stop, and its socket
 
   function words(text) {
     const node = document.querySelector("#unstopped");
@@ -21,7 +21,7 @@
     if (!trying) setTimeout(attempt, socket ? WAIT : 0);
     setTimeout(() => wanted && words(NOT_YET), SOON);
   }
-  // The server has heard all that this socket has sent until then.
+  // The server has received all that this socket has sent until then.
   function heard(socket, until) {
     if (wanted && wanted.socket === socket && until >= wanted.at) done();
   }

@@ -1,4 +1,4 @@
-// The tuning's own script: asks for a trial, answers for it while it goes on, keeps the gains that are looked at, and the trials.
+// The script of the tuning view: requests a trial, keeps it alive while it runs, stores the displayed gains and the trials.
 "use strict";
 (() => {
   const BEAT = 50, LOOK = 250, WAIT = 5000, UNHEARD = 2000, OLD = 3000, FOUND = 8; // ms, but the last: objects
@@ -35,7 +35,7 @@
   // -- a trial ------------------------------------------------------------------------------------------------------------------
   function told(message) {
     if (send(message)) return true;
-    say("failed", "There is no connection: this was not sent.", "");
+    say("failed", "There is no connection: nothing was sent.", "");
     state("");
     return false;
   }
@@ -52,10 +52,10 @@
   function begin({ keys, ...message }) {
     press += 1;
     running = { keys, press, since: performance.now(), heard: false };
-    state("It begins.");
+    state("Starting.");
     if (!told({ ...message, sure: true, press })) running = null;
   }
-  // A trial goes on only while this page says so: the server halts it within 0.2 s after the last word.
+  // A trial runs only while this page sends keep-alive messages: the server halts it within 0.2 s after the last one.
   function beat() {
     if (!running) return;
     if (!running.heard && performance.now() - running.since > UNHEARD) over("");
@@ -68,7 +68,7 @@
     running = null;
     state(text, bad);
   }
-  const WORDS = { asked: "It begins.", there: "On its way there.", back: "On its way back." };
+  const WORDS = { asked: "Starting.", there: "Step forward.", back: "Step back." };
   async function take(trial) {
     if (trial.question) {
       const message = asked; // as it was asked for, whatever is typed meanwhile
@@ -109,7 +109,7 @@
     for (const [of, found] of Object.entries(kept ?? {}))
       if (Array.isArray(found)) gains[of] = found.filter(good).slice(0, most).map(({ key, name }) => ({ key, name }));
   }
-  // Reads objects, and gives their values by key; what is not told in time is unknown.
+  // Reads objects, and returns their values by key; a value that does not arrive in time is unknown.
   function readAll(keys) {
     if (!keys.length) return Promise.resolve(new Map());
     waiting?.done();
@@ -118,14 +118,14 @@
       const done = () => { clearTimeout(timer); if (waiting?.left === left) waiting = null; resolve(found); };
       const timer = setTimeout(done, WAIT);
       waiting = { left, found, done };
-      state("The gains are read.");
+      state("Reading the gains.");
       objects.read(keys);
     });
   }
   function heard(seen) {
     if (!waiting?.left.has(seen.key) || seen.wrote) return;
     waiting.left.delete(seen.key);
-    waiting.found.set(seen.key, seen.value ?? `unknown: ${seen.error?.message ?? "it was not told"}`);
+    waiting.found.set(seen.key, seen.value ?? `unknown: ${seen.error?.message ?? "it was not reported"}`);
     if (!waiting.left.size) waiting.done();
   }
   async function book(node) {
@@ -159,7 +159,7 @@
     const readable = (object) => object.entries.filter((entry) => entry.reads).map((entry) => gain(object, entry));
     const fits = found.objects.flatMap(readable).filter(matches);
     const more = fits.length > FOUND ? `${fits.length} objects; the first ${FOUND}` : "";
-    shown(fits.slice(0, FOUND), fits.length ? more : "No object is found.");
+    shown(fits.slice(0, FOUND), fits.length ? more : "No object found.");
   }
   function shown(found, text) {
     put(one("#gain-state"), text);
@@ -181,7 +181,7 @@
   function add(gain) {
     const most = Number(section.dataset.gains);
     if (looked().some((each) => each.key === gain.key)) return;
-    if (looked().length >= most) return say("refused", `${most} objects are looked at already`, "take one of them away");
+    if (looked().length >= most) return say("refused", `${most} objects are already shown`, "remove one of them");
     gains[axis()] = [...looked(), gain];
     keep();
     list();
@@ -233,7 +233,7 @@
     }
   }
 
-  // -- what came of it ----------------------------------------------------------------------------------------------------------
+  // -- result ------------------------------------------------------------------------------------------------------------------
   function table() {
     const figures = one("#trials").dataset.figures.split(" ");
     const titles = all("th", one("#trials").parentElement.querySelector("thead")).map((title) => title.textContent);
@@ -244,7 +244,7 @@
       if (row.why) cells[0].colSpan = figures.length;
       cells.push(make("td", gainsOf(row.before)), make("td", gainsOf(row.after)));
       line.append(head, ...cells);
-      const names = row.why ? ["Trial", "What came of it", ...titles.slice(-2)] : titles;
+      const names = row.why ? ["Trial", "Result", ...titles.slice(-2)] : titles;
       [...line.children].forEach((cell, n) => { cell.dataset.title = names[n]; });
       return line;
     }));
@@ -290,7 +290,7 @@
   document.addEventListener("axisbus-own", ({ detail: own }) => {
     if (!section) return;
     if (own.who !== who) { // another connection, whose trial none is: the one before was halted with it
-      if (running) over("Disturbed, and not measured: the connection was gone, which halts it.", true);
+      if (running) over("Disturbed, and not measured: the connection was lost, which halts the axis.", true);
       who = own.who;
     }
     own.objects.forEach(heard);
