@@ -338,7 +338,7 @@ def test_another_serial_number_is_refused(axisbus, bus):
     serial[0x1018 << 8 | 4] = 1235
     code, _, err = axisbus("config", "restore", "x.dcf", "5", *options)
     assert code == 1
-    assert "serial number: the file says 0x4D2, the device 0x4D3" in err
+    assert "serial number: the file has 0x4D2, the device 0x4D3" in err
 
 
 def test_another_type_of_device_is_refused_even_as_a_replacement(axisbus, bus, saved):
@@ -417,7 +417,7 @@ def test_a_concise_dcf_is_written_and_restored(axisbus, bus, tmp_path):
     ("arguments", "code", "words"),
     [
         (("none.dcf", "5"), 1, "none.dcf"),
-        ((commands.GENERIC, "5"), 1, "has no parameter values: there is nothing to restore"),
+        ((commands.GENERIC, "5"), 1, "has no parameter values, so nothing can be restored"),
         (("x.dcf", "0"), 2, "'0' is no node"),
         (("x.dcf", "5", "--include", "6098h;0"), 2, "names no object"),
         (("x.dcf", "5", "--include", "5FFF:1"), 2, "gives no value for 5FFFh:01"),

@@ -105,7 +105,7 @@ def test_taken_the_command_is_the_other_ones_for_its_time(axisbus, moving, file)
     assert code == 0
     assert "y: at 5.0" in out
     assert "what was enabled before is so still" in out
-    with pytest.raises(Stopped, match="took the command"):
+    with pytest.raises(Stopped, match="took control"):
         handle.wait(10)
     assert machine["y"].state is AxisState.DISABLED
     machine["x"].move_relative(1.0).wait(20)
@@ -308,7 +308,7 @@ def test_taken_a_node_is_set_and_commanded_by_the_running_core(axisbus, opened, 
     assert opened.node(2).sdo[0x6083] == 20000
     code, out, err = axisbus("od", "write", "y:6040", "6", "--cell", file, "--take", "--may-move")
     assert code == 1
-    assert "for the commands of the machine" in err or "sent by PDO" in err
+    assert "only the commands of the running machine" in err or "sent by PDO" in err
     code, out, err = axisbus("nmt", "pre-operational", "y", "--cell", file, "--take")
     assert code == 0, err
     assert out == "node 2: pre-operational (was operational)\n"

@@ -94,7 +94,7 @@ def command(cell: Path, as_json: bool, beside: bool) -> int:
     say(f"{up} of {counted(len(reports), 'node')} came up")
     for name, axis in config.axes.items():
         if axis.encoder is not None:
-            say(f"axis {name} is an encoder: it is where [io.{axis.encoder}] says")
+            say(f"axis {name} is an encoder: its position is the input [io.{axis.encoder}]")
         elif axis.virtual:
             say(f"axis {name} is virtual: the core leads it alone, without a node")
     say_note(f"the core of a program that opens this cell runs {expected(config.bus)}")

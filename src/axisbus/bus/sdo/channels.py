@@ -87,7 +87,7 @@ def open_channel(sdo: SdoClient, number: int) -> SdoClient:
 def _index(base: int, number: int, allowed: range) -> int:
     if number not in allowed:
         raise ArgumentError(
-            f"{number} is no SDO channel", remedy=f"they are counted from {allowed[0]} to {allowed[-1]}"
+            f"{number} is not an SDO channel", remedy=f"they are counted from {allowed[0]} to {allowed[-1]}"
         )
     return base + number
 
@@ -118,7 +118,7 @@ def _write(sdo: SdoClient, index: int, channel: SdoChannel) -> SdoChannel:
             raise ArgumentError(
                 f"{identifier:X}h cannot be an identifier of an SDO channel",
                 observed=f"the pair is {channel.request_id:X}h and {channel.answer_id:X}h",
-                remedy="give two different identifiers of 1h to 7FFh that nobody else uses",
+                remedy="give two different identifiers of 1h to 7FFh that no other device uses",
             )
     pair = ((_REQUEST, channel.request_id), (_ANSWER, channel.answer_id))
     for subindex, identifier in pair:

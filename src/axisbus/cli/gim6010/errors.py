@@ -68,8 +68,8 @@ def command(
             say(text)
     if not found:
         say_error(
-            f"no module with node ID {node} was heard, and none answers\n"
-            f"  remedy:   see who is there: axisbus gim6010 find {BusOptions(interface, channel, bitrate, option).words}"
+            f"no module with node ID {node} was heard, and none answers\n  remedy:   list the modules: axisbus gim6010 find "
+            f"{BusOptions(interface, channel, bitrate, option).words}"
         )
         return FAILURE
     return WRONG if any(each.errors for each in found) else OK

@@ -40,7 +40,7 @@ def command(
     found = [each for each in survey(line, node)[1] if each.ours and node in each.addresses]
     if not found:
         say_error(
-            f"no module has the node ID {node}\n  remedy:   see who is there: axisbus gim6010 find {line.words}"
+            f"no module has the node ID {node}\n  remedy:   list the modules: axisbus gim6010 find {line.words}"
         )
         return FAILURE
     if all(each.protocol is ProtocolsFound.CAN_SIMPLE for each in found):

@@ -78,7 +78,7 @@ class CellLease:
             return None
         if self.phase is LeasePhase.TAKING:
             return OwnershipError(
-                "the lease changes hands", observed=self.phase.value, remedy="ask again in a moment"
+                "the lease changes hands", observed=self.phase.value, remedy="try again in a moment"
             )
         own = client == self.client
         return OwnershipError(

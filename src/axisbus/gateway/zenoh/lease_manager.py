@@ -79,7 +79,7 @@ class Holding:
         with self._changed:
             refused = self._lease.refusal(client, over=over)
             if refused is None and (self._closing or self._wanted is not None):
-                refused = OwnershipError("the lease changes hands", remedy="ask again in a moment")
+                refused = OwnershipError("the lease changes hands", remedy="try again in a moment")
             if refused is None:
                 if self._lease.phase is LeasePhase.HELD:
                     self._end(f"{who or client} took the lease over")

@@ -40,7 +40,7 @@ class TransferWorker:
         try:
             self._work.put_nowait((work, reply))
         except queue.Full:
-            reply(answer_of(StateError("too many transfers wait", remedy="ask again in a moment")))
+            reply(answer_of(StateError("too many transfers wait", remedy="try again in a moment")))
 
     def close(self) -> None:
         """End without carrying out the waiting transfers, and without waiting for the running one."""

@@ -94,7 +94,7 @@ def joined(
     way = going.way
     first, last = following.way.pieces[0], way.pieces[-1]
     if not way.length > way.starts[-1] or not isinstance(last, Straight) or not isinstance(first, Straight):
-        return _stopped(going, travel, following, "the end of what is before it cannot be rounded")
+        return _stopped(going, travel, following, "the end of the segment before it cannot be rounded")
     into, out = direction(last.start, last.end)[0], direction(first.start, first.end)[0]
     room = min(way.length - max(travel.ahead, way.marks[-2]), 0.5 * first.length)
     late = travel.ahead > max(way.marks[-2], way.length - 0.5 * first.length)
@@ -103,7 +103,7 @@ def joined(
         try:
             bend = corner(last.end, into, out, within=width, room=max(room, 0.0))
         except ValueError:
-            return _stopped(going, travel, following, "the way leads back there")
+            return _stopped(going, travel, following, "the path reverses there")
         if bend is None:
             return _joined_at(None, going, travel, following, stands=False)
         if not bend.length > _SAME * (1.0 + way.length):

@@ -45,7 +45,9 @@ def parse(register: Register, text: str) -> Number:
     except ValueError:
         found = None
     if found is None or not math.isfinite(found):
-        raise ArgumentError(f"{register.name}: {text!r} is no {register.field.type.name} that can be written")
+        raise ArgumentError(
+            f"{register.name}: {text!r} is not a value of type {register.field.type.name} that can be written"
+        )
     return found
 
 
