@@ -26,7 +26,6 @@ from axisbus.bus.link.channel import Channel
 from axisbus.bus.lss import LssMaster
 from axisbus.bus.node import remote
 from axisbus.bus.sdo.client import SdoClient
-from axisbus.bus.sdo.parallel import on_each
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MappedObject, PdoCodec
 from axisbus.cia301.sdo import SdoTransferType
@@ -45,6 +44,7 @@ from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.node.network import StandIns
+from kit.bus.on_each import on_each
 from kit.corpus import CORPUS
 from kit.motion.rig import PERIOD, rig
 

@@ -104,10 +104,6 @@ class Scale:
         """Convert increments to units."""
         return increments / self.factor
 
-    def inverted(self) -> Scale:
-        """Return the same scale with the opposite direction."""
-        return Scale(-self.exact, -self.factor, self.unit)
-
 
 def whole_below(increments: float) -> int:
     """Return the highest whole number of increments that is not above the value; rounding errors are compensated."""

@@ -14,7 +14,9 @@ from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware
 from axisbus.drives.gim6010.discovery.questions import SimpleFacts
 from axisbus.errors import BootError
+from axisbus.machine.machine import Machine
 from axisbus.motion.parameters import HoldsLoad, StopTimes
+from kit.can_simple.mixed import AXES
 from kit.can_simple.rig import SETTINGS
 
 NODE = 16
@@ -137,3 +139,20 @@ def test_nothing_on_it_is_said_to_notice_a_dead_master():
     assert WATCHDOG.kind is Watchdog.NONE
     for word in ("break_timeout", "watchdog_timeout", "CAN_BUS_FAILED", "untested"):
         assert word in WATCHDOG.text
+
+
+def test_over_canopen_the_report_says_that_break_timeout_is_not_read(tmp_path):
+    (tmp_path / "cell.toml").write_text(
+        """
+[bus]
+interface = "sim"
+scan_period = "10ms"
+[nodes.40]
+eds = "builtin:gim6010-8"
+"""
+        + AXES.split("[axes.y]")[0]
+    )
+    with Machine.simulated(tmp_path / "cell.toml") as cell:
+        (report,) = cell.reports
+        assert "its break_timeout cannot be read over CANopen" in report.watchdog.text
+        assert "watchdog --off" in report.watchdog.text

@@ -9,13 +9,14 @@ from pathlib import Path
 import pytest
 
 from axisbus.boot.can_simple.module import ModuleBoot
-from axisbus.boot.can_simple.stop_report import WATCHDOG, watchdog_of
+from axisbus.boot.can_simple.stop_report import WATCHDOG, feed_time, watchdog_of
 from axisbus.boot.result import Booted
 from axisbus.boot.stop_report import Watchdog
 from axisbus.bus.link.channel import Channel
 from axisbus.cell import reader
 from axisbus.cell.can_simple.modules import settings_of
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
+from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.can_simple.verified_endpoints import Firmware as Given
 from axisbus.drives.gim6010.settings.watchdog_status import Armed
 from axisbus.errors import BootError
@@ -36,6 +37,7 @@ class Bus:
         self.channel = channel
         self.cell = reader.load(write(folder, 'interface = "sim"'))
         self.sent: list[int] = []
+        self.feed_within = -1.0
         module_sends = module.on_frame
 
         def noted(can_id: int, data: bytes, now: float, *, remote: bool = False) -> None:
@@ -46,7 +48,9 @@ class Bus:
 
     def boot(self, find_time: float = 1.0) -> Booted:
         port = ModulePort(settings_of(self.cell, MODULE))
-        booted = ModuleBoot(self.cell, port.settings, port.objects, self.channel, find_time).run()
+        boot = ModuleBoot(self.cell, port.settings, port.objects, self.channel, find_time)
+        booted = boot.run()
+        self.feed_within = boot.feed_within
         assert {each & 0x1F for each in self.sent} <= QUESTIONS
         assert all(each >> 5 == MODULE for each in self.sent)
         return booted
@@ -146,7 +150,11 @@ def armed(
             Watchdog.NONE,
             ("break_timeout is off; the axis's watchdog is off", "no function is known to detect"),
         ),
-        ({"break_timeout": 500}, Watchdog.UNKNOWN, ("break_timeout is 500 ms", "latched CAN_BUS_FAILED")),
+        (
+            {"break_timeout": 500},
+            Watchdog.UNKNOWN,
+            ("break_timeout is 500 ms", "latched CAN_BUS_FAILED", "the master feeds it at least every 125 ms"),
+        ),
         (
             {"enable_watchdog": True, "watchdog_timeout": 0.25},
             Watchdog.UNKNOWN,
@@ -170,6 +178,40 @@ def test_with_its_list_boot_tells_what_is_armed_and_writes_nothing(tmp_path, set
         assert one.module.usb_read("can.config.break_timeout") == before
 
 
+@pytest.mark.parametrize(
+    ("set_to", "within"),
+    [
+        ({}, 0.0),
+        ({"break_timeout": 500}, 0.5),
+        ({"break_timeout": 80}, 0.08),  # four scan periods
+        ({"break_timeout": 500, "enable_watchdog": True, "watchdog_timeout": 0.25}, 0.25),
+    ],
+)
+def test_the_core_gets_the_shortest_time_out_that_boot_has_read(tmp_path, set_to, within):
+    with bus(tmp_path, **set_to) as one:
+        assert armed(one, tmp_path).report.ok
+        assert one.feed_within == pytest.approx(within)
+
+
+def test_a_time_out_that_the_scan_cannot_feed_in_time_fails_the_boot(tmp_path):
+    with bus(tmp_path, break_timeout=79) as one:
+        error = armed(one, tmp_path).report.error
+        assert isinstance(error, BootError)
+        assert (error.step, error.node) == ("watchdog", MODULE)
+        assert "break_timeout is 79 ms and the scan period 20 ms" in error.observed
+        assert "arm at least 80 ms (axisbus gim6010 watchdog --break-timeout)" in error.remedy
+        assert "scan_period of at most 19.75 ms" in error.remedy
+
+
+def test_on_a_serial_line_an_armed_time_out_is_not_fed_and_said_to_trip():
+    settings = ModuleSettings(1, 20.0, 10.0, 40.0, 80.0, 0.02, relayed=True)
+    found = Armed(0.05, 0.0)
+    assert feed_time(found, Given(0, 5, 13), settings) == 0.0
+    text = watchdog_of(found, Given(0, 5, 13), relayed=True).text
+    assert "the master does not feed it" in text
+    assert "watchdog --off" in text
+
+
 def test_the_axis_watchdog_of_newer_firmware_is_told_to_do_nothing():
     found = watchdog_of(Armed(0.0, 0.5), Given(0, 6, 0))
     assert found.kind is Watchdog.NONE
@@ -189,6 +231,8 @@ def test_a_module_that_answers_no_endpoint_is_up_and_its_list_said_to_be_of_no_u
         report = armed(one, tmp_path).report
         assert report.ok
         assert report.watchdog is WATCHDOG
+        assert "does not feed a time-out that it has not read" in report.watchdog.text
+        assert one.feed_within == 0.0
         assert any("of no use" in text for text in report.warnings)
 
 

@@ -18,12 +18,12 @@ from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.nmt import Confirmation
 from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.pdo.configure import set_pdo
-from axisbus.bus.sdo.channels import SdoChannel, open_channel, read_server, set_server
+from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.pdo import MappedObject
 from axisbus.cia301.sdo import SdoTransferType
-from axisbus.errors import SdoAbort, StateError
+from axisbus.errors import SdoAbort
 from kit.bus.peer import eventually
 
 NODE = 5
@@ -135,19 +135,16 @@ def test_64_kib_in_blocks_with_their_progress(peer: Peer, node: CanopenNode) -> 
     assert seen[-1] == (65536, 65536)
 
 
-def test_a_second_channel_beside_the_first(node: CanopenNode) -> None:
-    assert not read_server(node.sdo, 1).valid
-    with pytest.raises(StateError, match="1201h is not in use"):
-        open_channel(node.sdo, 1)
-    wanted = SdoChannel(0x640, 0x5C0, partner=127)
-    assert set_server(node.sdo, 1, wanted) == wanted
-    second = open_channel(node.sdo, 1)
+def test_a_second_channel_beside_the_first(peer: Peer, node: CanopenNode) -> None:
+    for subindex, identifier in ((1, 0x640), (2, 0x5C0)):
+        node.sdo.download(0x1201, subindex, identifier.to_bytes(4, "little"))
+    second = SdoClient(node.channel, NODE, cob_ids=(0x640, 0x5C0))
     try:
         assert second.read(0x6041, data_type=DataType.UNSIGNED16) == 0x0250
         assert node.sdo.read(0x6064, data_type=DataType.INTEGER32) == -123456
     finally:
         second.close()
-        set_server(node.sdo, 1, SdoChannel(0x640, 0x5C0, valid=False))
+        node.sdo.download(0x1201, 1, (1 << 31 | 0x640).to_bytes(4, "little"))
 
 
 # -- NMT

@@ -1,4 +1,4 @@
-"""What is read from and written to a device's objects, against a store of bytes: PDOs, SDO channels, skeletons; error frames."""
+"""What is read from and written to a device's objects, against a store of bytes: PDOs, skeletons; error frames."""
 
 from __future__ import annotations
 
@@ -15,20 +15,12 @@ from axisbus.bus.node.verify import VerifiedAspect, verify
 from axisbus.bus.pdo.configure import set_pdo
 from axisbus.bus.pdo.read import read_pdo, read_pdos
 from axisbus.bus.sdo import errors as sdo_errors
-from axisbus.bus.sdo.channels import (
-    SdoChannel,
-    open_channel,
-    read_client,
-    read_server,
-    set_client,
-    set_server,
-)
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MappedObject
 from axisbus.cia301.sdo_session import SdoTransferRequest
 from axisbus.eds.dictionary import Dictionary, DictionaryEntry
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Severity, Variable
-from axisbus.errors import ArgumentError, BootError, EdsError, SdoAbort, SdoError, SdoTimeout, StateError
+from axisbus.errors import BootError, EdsError, SdoAbort, SdoTimeout
 
 MISSING, NO_SUB, WRITE_ONLY, NOT_MAPPABLE = 0x06020000, 0x06090011, 0x06010001, 0x06040041
 INVALID, NO_RTR = 1 << 31, 1 << 30
@@ -45,7 +37,6 @@ class Store:
         self.refuse: dict[tuple[int, int, int | None], int] = {}
         self.deaf: set[tuple[int, int]] = set()
         self.written: list[tuple[str, int]] = []
-        self.opened: list[tuple[int, int]] = []
 
     def upload(self, index: int, subindex: int = 0, progress=None) -> bytes:
         code = self.refuse.get((index, subindex, None))
@@ -66,10 +57,6 @@ class Store:
 
     def write(self, index: int, subindex: int, value: int, *, data_type: DataType) -> None:
         self.download(index, subindex, value.to_bytes(data_type.bits // 8, "little"))
-
-    def beside(self, pair: tuple[int, int]) -> Store:
-        self.opened.append(pair)
-        return self
 
 
 def little(value: int, size: int) -> bytes:
@@ -306,100 +293,6 @@ def test_a_pdo_that_is_not_there_cannot_be_set():
     assert caught.value.index == 0x1801
     with pytest.raises(BootError, match="the drive has no RPDO2"):
         set_pdo(drive(), True, 2)
-
-
-# SDO channels.
-
-
-def channel_objects(index: int, request: int, answer: int, partner: int | None = None) -> Store:
-    count = 3 if partner is not None else 2
-    objects = {(index, 0): bytes([count]), (index, 1): little(request, 4), (index, 2): little(answer, 4)}
-    return Store(objects | ({(index, 3): bytes([partner])} if partner is not None else {}))
-
-
-@pytest.mark.parametrize(
-    ("request_id", "answer_id", "valid"),
-    [
-        (0x640, 0x5C0, True),
-        (0x640 | INVALID, 0x5C0, False),
-        (0x640, 0x5C0 | INVALID, False),
-        (0, 0x5C0, False),
-        (0x640, 0, False),
-    ],
-)
-def test_an_sdo_channel_is_valid_with_both_its_identifiers(request_id, answer_id, valid):
-    device = channel_objects(0x1201, request_id, answer_id, 9)
-    assert read_server(device, 1) == SdoChannel(request_id & 0x7FF, answer_id & 0x7FF, 9, valid)
-    if valid:
-        open_channel(device, 1)
-        assert device.opened == [(0x640, 0x5C0)]
-    else:
-        with pytest.raises(StateError, match="1201h is not in use"):
-            open_channel(device, 1)
-    assert read_client(channel_objects(0x1280, 0x640, 0x5C0), 0).partner is None
-
-
-@pytest.mark.parametrize(
-    ("read", "number", "fits"),
-    [
-        (read_server, 0, False),
-        (read_server, 1, True),
-        (read_server, 127, True),
-        (read_server, 128, False),
-        (read_client, 0, True),
-        (read_client, 127, True),
-        (read_client, 128, False),
-        (read_client, -1, False),
-    ],
-)
-def test_sdo_channels_are_counted(read, number, fits):
-    base = 0x1200 if read is read_server else 0x1280
-    device = channel_objects(base + number, 0x640, 0x5C0)
-    if fits:
-        assert read(device, number).valid
-    else:
-        with pytest.raises(ArgumentError, match="is not an SDO channel"):
-            read(device, number)
-
-
-def test_setting_an_sdo_channel_makes_it_invalid_first():
-    device = channel_objects(0x1201, 0, 0, 0)
-    made = set_server(device, 1, SdoChannel(0x641, 0x5C1, 9))
-    assert made == SdoChannel(0x641, 0x5C1, 9, True)
-    assert device.written == [
-        *(
-            ("1201:1", 0x641 | INVALID),
-            ("1201:2", 0x5C1 | INVALID),
-            ("1201:3", 9),
-            ("1201:1", 0x641),
-            ("1201:2", 0x5C1),
-        ),
-    ]
-    off = channel_objects(0x1281, 0x640, 0x5C0)
-    assert not set_client(off, 1, SdoChannel(0x641, 0x5C1, 9, valid=False)).valid
-    assert off.written == [("1281:1", 0x641 | INVALID), ("1281:2", 0x5C1 | INVALID)]
-
-
-@pytest.mark.parametrize(
-    ("request_id", "answer_id", "fits"),
-    [(0x7FF, 1, True), (0x800, 1, False), (1, 0, False), (0, 1, False), (5, 5, False), (-1, 5, False)],
-)
-def test_identifiers_of_an_sdo_channel_are_two_of_11_bits(request_id, answer_id, fits):
-    device = channel_objects(0x1201, 0, 0)
-    if fits:
-        assert set_server(device, 1, SdoChannel(request_id, answer_id)).valid
-        return
-    with pytest.raises(ArgumentError, match="cannot be an identifier"):
-        set_server(device, 1, SdoChannel(request_id, answer_id))
-    assert device.written == []
-
-
-@pytest.mark.parametrize("deaf", [1, 2])
-def test_an_sdo_channel_that_reads_back_otherwise_is_told(deaf):
-    device = channel_objects(0x1201, 0x640, 0x5C0)
-    device.deaf.add((0x1201, deaf))
-    with pytest.raises(SdoError, match="1201h reads back something else"):
-        set_server(device, 1, SdoChannel(0x641, 0x5C1))
 
 
 # An EDS from the device.

@@ -12,12 +12,12 @@ import pytest
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.sdo.client import SdoClient
-from axisbus.bus.sdo.parallel import on_each
 from axisbus.eds import load
 from axisbus.errors import SdoAbort, SdoTimeout
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.node.network import StandIns
+from kit.bus.on_each import on_each
 
 EDS = load(Path(__file__).parents[2] / "eds" / "generic-cia402.eds")
 KEYS = [(item.index, sub) for item in EDS for sub, variable in item.subs.items() if variable.readable][:100]

@@ -16,6 +16,7 @@ from axisbus.bus.pdo import freshness
 from axisbus.bus.pdo.mapping import DevicePdos
 from axisbus.bus.pdo.plan import PdoRequirements, Policy, make_plan
 from axisbus.bus.port import CanPort
+from axisbus.cia301.dropped_frames import DropReason
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.port import Outputs, Sample, SdoReply, SdoRequest, ValueTransport
 from axisbus.errors import BootError
@@ -131,7 +132,7 @@ def test_a_short_frame_is_counted_and_a_long_one_cut(make: Maker, node: CanopenN
     arrived(node, fake, 0x285, struct.pack("<ih", 7, 8))
     arrived(node, fake, 0x285, b"\xff\xff\xff")
     assert values(port)[3:5] == (7, 8)
-    assert port.short_frames == 1
+    assert [(drop.fault, drop.count) for drop in node.channel.drops.found] == [(DropReason.SHORT_PDO, 1)]
     arrived(node, fake, 0x285, struct.pack("<ihH", 9, 10, 0xFFFF))
     assert values(port)[3:5] == (9, 10)
 

@@ -5,19 +5,18 @@ from __future__ import annotations
 import random
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from types import SimpleNamespace
 
 import pytest
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.sdo import transfer
-from axisbus.bus.sdo.channels import SdoChannel, open_channel, read_client, set_server
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.sdo import SdoTransferType
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
-from axisbus.errors import ArgumentError, Interrupted, SdoError, SdoTimeout
+from axisbus.errors import Interrupted, SdoError, SdoTimeout
 from axisbus.sim.device import Device
 from axisbus.sim.node.slave import Slave
 from kit.bus.peer import FakeBus, Frame
@@ -238,50 +237,28 @@ def test_progress_counts_bytes(sdo: SdoClient) -> None:
 # -- additional channels
 
 
-def test_an_additional_channel_is_set_up_by_the_rules_and_used(
-    sdo: SdoClient, fake: FakeBus, stand_in: StandIn
-) -> None:
-    wanted = SdoChannel(0x655, 0x5D5, partner=127)
-    assert set_server(sdo, 1, wanted) == wanted
-    writes = [data.hex() for data in fake.frames(0x605) if data[0] & 0xE0 == 0x20]
-    assert writes == [
-        "2301120155060080",  # invalid first
-        "23011202d5050080",
-        "2f0112037f000000",
-        "2301120155060000",
-        "23011202d5050000",
-    ]
-    second = open_channel(sdo, 1)
+@pytest.fixture
+def second(channel: Channel, sdo: SdoClient) -> Iterator[SdoClient]:
+    """A client on the node's second SDO channel, which is given its identifiers."""
+    for subindex, identifier in ((1, 0x655), (2, 0x5D5)):
+        sdo.download(0x1201, subindex, identifier.to_bytes(4, "little"))
+    client = SdoClient(channel, NODE, timeout=5.0, cob_ids=(0x655, 0x5D5))
+    yield client
+    client.close()
+
+
+def test_an_additional_channel_is_used(second: SdoClient, fake: FakeBus, stand_in: StandIn) -> None:
     second.download(FILE, 0, DATA)
     assert stand_in.content == DATA
-    assert second.read(0x2000) == 0x1234
+    assert second.read(0x2000, data_type=DataType.UNSIGNED16) == 0x1234
     assert fake.frames(0x655)[0].hex() == "c6002100b80b0000"
-    second.close()
 
 
-def test_both_channels_at_once_do_not_mix(sdo: SdoClient, stand_in: StandIn) -> None:
-    set_server(sdo, 1, SdoChannel(0x655, 0x5D5))
-    second = open_channel(sdo, 1)
+def test_both_channels_at_once_do_not_mix(sdo: SdoClient, second: SdoClient) -> None:
     sdo.download(FILE, 0, DATA)
     got: list[bytes] = []
     reader = threading.Thread(target=lambda: got.extend(second.upload(FILE) for _ in range(5)))
     reader.start()
     mine = [sdo.upload(FILE) for _ in range(5)]
     reader.join(20)
-    second.close()
     assert mine == got == [DATA] * 5
-
-
-def test_a_client_channel_is_read(sdo: SdoClient) -> None:
-    assert read_client(sdo, 0) == SdoChannel(0x605, 0x585, partner=9)
-
-
-@pytest.mark.parametrize("pair", [(0, 0x5D5), (0x655, 0x800), (0x655, 0x655)])
-def test_identifiers_that_cannot_be_are_refused_before_anything_is_sent(
-    sdo: SdoClient, fake: FakeBus, pair: tuple[int, int]
-) -> None:
-    with pytest.raises(ArgumentError, match="cannot be an identifier"):
-        set_server(sdo, 1, SdoChannel(*pair))
-    with pytest.raises(ArgumentError, match="0 is not an SDO channel"):
-        set_server(sdo, 0, SdoChannel(0x655, 0x5D5))
-    assert fake.sent == []

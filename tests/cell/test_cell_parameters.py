@@ -16,7 +16,7 @@ from axisbus.cia402.modes import ModeOfOperation as Mode
 from axisbus.cia402.port import ValueTransport
 from axisbus.drives.make import Make
 from axisbus.eds import builtin
-from axisbus.motion.parameters import AxisParameters, DemandUse, Handshake, HoldsLoad
+from axisbus.motion.parameters import AxisParameters, DemandUse, Handshake, HoldsLoad, standstill_time
 from kit import cells
 
 BENCH = eds.loads(cells.DRIVE.encode(), "drive.eds")
@@ -120,6 +120,15 @@ def test_standstill_is_unknown_without_a_velocity_or_a_ratio() -> None:
     assert parameters("y", ("velocity = 90.0\n", "")).standstill_speed is None
     increments = ('unit = "mm"\nscale = 1000', 'unit = "increments"')
     assert parameters("x", increments).standstill_speed is None
+
+
+@pytest.mark.parametrize(
+    ("speed", "seconds"),
+    [(0.0, 0.05), (40000.0, 0.05), (1200.0, 0.05), (600.0, 0.1), (332.0, 0.181), (24.0, 0.3)],
+)
+def test_an_axis_with_few_increments_is_compared_for_longer(speed: float, seconds: float) -> None:
+    # 3 increments, the first motion that is not noise, at a twentieth of the highest speed
+    assert standstill_time(speed) == pytest.approx(seconds, abs=0.001)
 
 
 def test_the_position_window_is_in_increments() -> None:

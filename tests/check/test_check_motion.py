@@ -445,6 +445,17 @@ def test_a_rung_of_the_ladder_is_long_enough_to_brake(tmp_path: Path) -> None:
     assert 'halt_time = "0.3s"' in problem.remedy
 
 
+def test_the_deceleration_of_a_halt_is_that_of_a_drive_which_does_not_let_it_be_written(
+    tmp_path: Path,
+) -> None:
+    path = cells.write(tmp_path, eds=cells.entry("6084", AccessType="ro", DefaultValue="50000"))
+    observed = next(problem.observed for problem in cells.serious(path) if "halt_time" in problem.message)
+    assert (
+        "200 mm/s with the deceleration that its drive does not let be written (6084h), 50 mm/s², takes 4 s"
+        in observed
+    )
+
+
 # -- left out --------------------------------------------------------------------------------------------------------
 
 

@@ -66,7 +66,7 @@ def test_the_watchdogs(axisbus):
     with modules_on_bus(one) as channel:
         code, out, _ = axisbus(channel, "watchdog", "--break-timeout", "500ms", "--axis-timeout", "0.25")
         assert code == 0
-        assert "only set-points reset it" in out
+        assert "only set-points feed it" in out
         assert [one.usb_read(p) for p in ("can.config.break_timeout", OFF[1])] == [500, 1]
         assert "can.config.break_timeout = 500" in axisbus(channel, "watchdog").out
         assert one.axis.error == 0x100800  # nobody leads it

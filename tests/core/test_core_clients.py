@@ -12,11 +12,13 @@ from axisbus.cia301.frame import CanFrame
 from axisbus.core.process import publisher
 from axisbus.core.process.clients import Clients
 from axisbus.core.process.publisher import Publisher
-from axisbus.errors import ScanError
+from axisbus.core.process.session import Errors
+from axisbus.errors import AxisbusError, ScanError, StateError
 from axisbus.ipc import frames
 from axisbus.ipc.image import size_of
-from axisbus.ipc.messages import CommandEvents, CoreCondition, CycleImages, Frames
+from axisbus.ipc.messages import CommandEvents, CoreCondition, CycleImages, ErrorTold, Frames
 from axisbus.motion.command_status import Status
+from axisbus.motion.states import AxisState
 from axisbus.session import CommandEvent
 
 
@@ -132,3 +134,46 @@ def test_what_a_program_does_not_take_is_counted_by_program_and_told_to_it_once(
     assert kept + programs[0].lost_cycles + sum(len(each.images) for each in after) + waiting == 104
     assert sum(each.lost for each in slow.sent if isinstance(each, Frames)) == programs[0].lost_frames
     assert clients.programs[0].lost_cycles == programs[0].lost_cycles
+
+
+@pytest.mark.parametrize(
+    ("ends", "why"),
+    [
+        ({"x": None, "y": None}, ""),
+        ({"x": None, "y": AxisbusError("y went into fault")}, "y: y went into fault"),
+    ],
+)
+def test_control_is_not_taken_if_the_halt_of_an_axis_ends_with_an_error(scene, ends, why):
+    session, clients = scene.session, scene.clients
+    times = SimpleNamespace(stop_times=SimpleNamespace(ladder=0.1))
+    session.axes = {name: SimpleNamespace(parameters=times) for name in ends}
+    session.snapshots = {name: SimpleNamespace(state=AxisState.CONTINUOUS_MOTION) for name in ends}
+    clients.core.scan = SimpleNamespace(hold_to_run=lambda *_: None)
+
+    def submit(number, target, command, name):
+        error = ends[target]
+        session.hear(CommandEvent(number, Status.ERROR if error else Status.DONE, error, ""))
+        return number
+
+    session.submit = submit
+    opener, other = clients._desks[0], clients.admit(SimpleNamespace(send=scene.sent.append), "another")
+    clients.open_for(opener, shared=False)
+    if not why:
+        clients.give_command(other, take=True)
+        assert clients.commanded_by == other.name
+        return
+    with pytest.raises(StateError) as refused:
+        clients.give_command(other, take=True)
+    assert refused.value.observed == why
+    assert clients.commanded_by == opener.name
+
+
+def test_a_client_keeps_the_newest_errors_of_each_axis_and_no_more():
+    errors, rare = Errors(), AxisbusError("rare")
+    errors.take(ErrorTold("x", 1, rare))
+    for number in range(2, 2000):
+        errors.take(ErrorTold("y", number, AxisbusError(str(number))))
+    assert errors.of(1) is rare
+    assert str(errors.of(1999)) == "1999"
+    assert str(errors.of(1950)) == "1950"
+    assert len(errors._found) < 100

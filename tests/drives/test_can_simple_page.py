@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.drives.gim6010.can_simple import documentation
+from kit.can_simple import documentation
 from kit.pages import ROOT, rows
 
 PAGE = ROOT / "docs" / "gim6010-8.md"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
@@ -38,6 +39,7 @@ ESTOP, GET_ERROR, SET_STATE, ESTIMATES, COUNT, MODE, POS, VEL, TORQUE, LIMITS = 
     15,
 )
 TRAJ_VEL, TRAJ_ACCEL, CLEAR = 0x11, 0x12, 0x18
+SET_POINTS = {POS, VEL, TORQUE}
 HARDEST = 150.0  # turns/s²: all that is asked for in these tests is softer
 
 
@@ -422,19 +424,25 @@ def test_without_a_master_positions_hold_and_a_velocity_goes_on(made, doing):
     assert doing == "pv" or r.degrees <= 180.01
 
 
-def test_break_timeout_is_fed_where_it_was_read_back_and_trips_when_the_master_dies(made):
-    one = Module(5, break_timeout=200, **OWN)
-    r = rig(settings=replace(SETTINGS, break_timeout=0.2), module=one, warm=0.1)
-    r.axis.reset().wait(5) if r.core.error else None
+@pytest.mark.parametrize("timeout", [0.2, 4 * PERIOD])
+def test_break_timeout_is_fed_where_it_was_read_back_and_trips_when_the_master_dies(made, timeout):
+    one = Module(5, break_timeout=round(timeout * 1000), **OWN)
+    r = rig(module=one, warm=0.1)
+    r.port.feed_within(timeout)
     r.until(lambda: r.core.image.state.value != "unknown")
     r.run(0.5)
     assert (
         r.core.image.state.value == "fault"
     )  # nobody commanded it: it has tripped, as it would before any start
-    r.scan.axes["m"].order.goal = None
+    assert not set(r.commands()) & SET_POINTS
     r.axis.reset().wait(5)
-    r.axis.enable().wait(5)
     r.run(2.0)
+    assert r.core.error is None
+    r.axis.enable().wait(5)
+    enabled = r.now
+    r.run(5.0)
+    sent = [each.time for each in r.cycle.sent if each.time > enabled and each.command in SET_POINTS]
+    assert max(after - before for before, after in pairwise(sent)) <= timeout / 4 + 1e-6
     assert r.core.state is AxisState.STANDSTILL
     r.axis.move_velocity(90.0).wait(5)
     r.run(1.0)
@@ -443,8 +451,41 @@ def test_break_timeout_is_fed_where_it_was_read_back_and_trips_when_the_master_d
     r.run(2.0)
     assert r.module.energised
     judge(r)
+    r.axis.move_velocity(90.0).wait(5)
     r.cycle.wait_until(r.now + 0.5)  # the master is dead
     assert not r.module.energised
+
+
+def test_a_time_out_is_fed_again_after_a_set_point_that_was_lost(made):
+    """A quarter of the time-out is five cycles: in whichever of them the frames are lost, the next one feeds."""
+    one = Module(5, break_timeout=200, **OWN)
+    r = made(module=one, warm=0.6)
+    r.port.feed_within(0.2)
+    r.axis.reset().wait(5)
+    r.axis.enable().wait(5)
+    for cycle in range(5):
+        r.run(0.2 + cycle * PERIOD)
+        r.port.forget()
+        lost = r.now
+        r.run(PERIOD / 2)
+        assert set(r.commands(lost + PERIOD / 4)) & SET_POINTS
+
+
+def test_an_expired_time_out_is_fed_before_its_error_is_cleared(made):
+    """In the other order the module would trip again at once."""
+    r = made(module=Module(5, break_timeout=200, **OWN), warm=0.6)
+    r.port.feed_within(0.2)
+    r.port.objects.write(0x6040, 0, 0x80)
+    assert [each.can_id & 0x1F for each in r.port.take_frames()] == [VEL, CLEAR]
+
+
+def test_a_module_that_is_not_ours_is_not_fed(made):
+    one = Module(5, **OWN)
+    one.axis.request(8)
+    r = made(module=one)
+    r.port.feed_within(0.2)
+    r.run(1.0)
+    assert not set(r.commands()) & SET_POINTS
 
 
 # -- faults and losses -----------------------------------------------------------------------------------------------------------

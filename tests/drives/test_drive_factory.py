@@ -9,7 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from axisbus.cia301.frame import CanFrame
-from axisbus.drives.gim6010.factory_protocols import ENOUGH, Protocol, ProtocolListener, recognise, told
+from axisbus.drives.gim6010.factory_protocols import ENOUGH, Protocol, ProtocolListener, told
 
 
 def beats(node, *, count=8, state=1, error=0, period=0.1, life=True, start=0.0, flags=0):
@@ -37,6 +37,13 @@ def merged(*lots):
 
 def canopen_heartbeats(node, *, count=10, period=0.1, state=5):
     return [CanFrame(number * period, 0x700 + node, bytes((state,))) for number in range(count)]
+
+
+def recognise(frames):
+    listening = ProtocolListener()
+    for frame in frames:
+        listening.note(frame)
+    return listening.speakers
 
 
 @pytest.mark.parametrize("node", range(64))

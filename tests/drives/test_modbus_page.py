@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.drives.gim6010.modbus import documentation
 from axisbus.drives.gim6010.modbus.motion.power import DEAD_MASTER
+from kit.modbus import documentation
 from kit.pages import ROOT, rows, text_of
 
 PAGE = ROOT / "docs" / "gim6010-8.md"

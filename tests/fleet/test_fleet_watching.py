@@ -276,6 +276,20 @@ def test_numbers_as_large_as_can_be_cost_no_time_and_no_room():
     assert log.missing is None
 
 
+@pytest.mark.parametrize("joined", [True, False])
+def test_a_gap_that_no_answer_fills_does_not_let_the_log_grow(joined):
+    log = EventLog()
+    log.begin("a")
+    if joined:
+        log.answered(NEWEST, EventsAnswer("a"))
+    for n in range(2, 3 * KEPT, 2):
+        log.take(event(n))
+    assert len(log._events) == KEPT
+    assert log.lost == (joined and 3 * KEPT // 2 - 1 - KEPT)
+    log.answered(NEWEST, EventsAnswer("a", 1, 3 * KEPT))
+    assert (log.missing.first, log.missing.last) == (KEPT - 1, KEPT - 1)
+
+
 # -- who is reached ----------------------------------------------------------------------------------------------------
 
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+from contextlib import suppress
+from pathlib import Path
+
 import pytest
 
 from axisbus import Machine, wait
@@ -10,6 +14,7 @@ from axisbus.core.can_simple import simulated_modules
 from axisbus.errors import AxisbusError, DriveError, StateError
 from axisbus.motion.states import AxisState
 from axisbus.record.load import load
+from axisbus.sim.can_simple.module import Module
 from kit.can_simple.mixed import MODULE, write
 
 SIM = 'interface = "sim"'
@@ -160,3 +165,82 @@ def test_one_that_is_not_there_is_told_and_nothing_is_opened(tmp_path, monkeypat
     _begins(monkeypatch, lambda module: setattr(module.dials, "dead", True))
     with pytest.raises(AxisbusError, match="module 16 does not answer"):
         Machine.simulated(write(tmp_path, SIM))
+
+
+# -- an armed break_timeout
+
+
+def _listed(folder: Path, **own) -> Path:
+    """Write the cell with the list of endpoints of its module's firmware."""
+    (folder / "endpoints_0.5.13.json").write_text(json.dumps(Module(MODULE, **own).json()))
+    path = write(folder, SIM)
+    path.write_text(path.read_text().replace("[axes.m]", 'endpoints = "endpoints_0.5.13.json"\n[axes.m]', 1))
+    return path
+
+
+def _armed(module: Module) -> None:
+    module.parameters["can.config.break_timeout"] = 300
+
+
+def test_an_axis_that_holds_its_position_does_not_trip_an_armed_break_timeout(tmp_path, monkeypatch):
+    _begins(monkeypatch, _armed)
+    with Machine.simulated(_listed(tmp_path)) as cell:
+        module, m = cell.simulated_node(MODULE).module, cell["m"]
+        cell.sleep(1.0)  # before the first command nothing is sent: it has tripped
+        m.reset().wait()
+        cell.sleep(2.0)
+        m.enable().wait()
+        cell.sleep(20.0)
+        assert module.energised
+        m.move_relative(45.0).wait()
+        cell.sleep(20.0)
+        assert module.energised
+        assert m.error is None
+        m.disable().wait()
+        cell.sleep(5.0)
+        m.enable().wait()
+        assert module.energised
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_when_the_core_sends_nothing_any_more_the_break_timeout_takes_the_power_away(
+    tmp_path, monkeypatch, turns
+):
+    _begins(monkeypatch, _armed)
+    cell = Machine.simulated(_listed(tmp_path))
+    try:
+        module, m = cell.simulated_node(MODULE).module, cell["m"]
+        cell.sleep(1.0)
+        m.reset().wait()
+        m.enable().wait()
+        if turns:
+            m.move_velocity(90.0).wait()
+        cell.sleep(2.0)
+        assert module.energised
+        dead = module._now
+        module.step(dead + 0.2)
+        assert module.energised
+        module.step(dead + 0.31)
+        assert not module.energised
+        assert module.axis.error == 0x00100000  # CAN_BUS_FAILED
+    finally:
+        with suppress(AxisbusError):  # its axis is in fault
+            cell.close()
+
+
+def test_a_break_timeout_that_was_not_read_is_not_fed_and_the_report_says_so(tmp_path, monkeypatch):
+    def silent(module):
+        _armed(module)
+        module.dials.endpoints = False
+
+    _begins(monkeypatch, silent)
+    with Machine.simulated(_listed(tmp_path)) as cell:
+        report = next(report for report in cell.reports if report.node_id == MODULE)
+        assert "does not feed a time-out that it has not read" in report.text()
+        cell.sleep(1.0)
+        with suppress(AxisbusError):
+            cell["m"].reset().wait()
+        cell.sleep(1.0)
+        with pytest.raises(AxisbusError):
+            cell["m"].enable().wait()
+        assert not cell.simulated_node(MODULE).module.energised

@@ -112,7 +112,7 @@ def test_boot_tells_each_node_which_sync_and_time_the_bus_has(
 
 
 def test_a_counter_that_1006_locks_is_set_all_the_same(tmp_path: Path) -> None:
-    """CiA 301 7.5.2.20: 1019h is refused while 1006h is not 0."""
+    """CiA 301 7.5.2.22: 1019h is refused while 1006h is not 0."""
     path = write(tmp_path, "sync_counter = 10")
     made = device(tmp_path, x1006=20_000)
     made.dictionary.check_write(0x1019 << 8, lambda _: _locked(made))

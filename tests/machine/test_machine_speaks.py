@@ -11,7 +11,6 @@ import axisbus
 from axisbus import AxisState, Machine, Recorder, wait
 from axisbus.errors import ArgumentError, StaleError, StateError
 from axisbus.machine.signal_shutdown import EXIT
-from axisbus.sim.dictionary import key_of
 
 CELL = Path(__file__).parents[2] / "examples" / "cell.toml"
 ONE_AXIS = """
@@ -134,8 +133,9 @@ def test_what_a_drive_tells_beside_its_cyclic_values_is_read_by_its_make(make):
         (0x6078, 0, 250),
         (0x6075, 0, 12_000),
     ):
-        held.live.pop(key_of(index, subindex), None)
-        held.set(key_of(index, subindex), value)
+        key = index << 8 | subindex
+        held.live.pop(key, None)
+        held.set(key, value)
     assert cell["x"].temperature == pytest.approx(41.5)
     assert cell["x"].voltage == pytest.approx(48.2)
     assert cell["x"].current == pytest.approx(3.0)

@@ -23,11 +23,12 @@ DOWN = 640_000.0  # increments per s²
 
 
 class Bounded:
-    """A guard over an axis between 0 and 100 deg that goes so many increments in each cycle."""
+    """A guard over an axis between 0 and 100 deg that goes so many increments in each cycle, by default without a lag."""
 
     def __init__(self, step: float, limits: AxisLimits = LIMITS, **changes) -> None:
         self.drive = Drive(limits=limits, **changes)
         self.guard = LimitMonitor(self.drive.parameters)
+        self.guard._lag = 0.0  # as measured before
         self.step = step
 
     def to(self, last: float, *, demand: float | None = None, cycles: int = 8, **values) -> Bounded:
@@ -132,6 +133,7 @@ def test_without_a_command_the_acceleration_that_is_seen_counts():
     """Positions 16 k²: 131 072/s², seen at 1024 (2 n - 3) per s; 704 * 16 more until a stop acts."""
     drive = Drive(limits=LIMITS)
     guard = LimitMonitor(drive.parameters)
+    guard._lag = 0.0
     for k in range(20):
         drive.cycle(statusword=0x0237, position=91_000 + 16 * k * k)
         guard.look(drive.image)
@@ -175,6 +177,25 @@ def test_without_a_demand_the_lag_that_was_seen_last_counts():
     assert axis.rest(course=course, lag=0.0) is None
     # a demand of this motion knows better
     assert Bounded(1000).to(90_000, demand=2800).rest(course=course, lag=3.0 * T) is None
+
+
+def test_before_any_lag_was_seen_a_usual_one_counts():
+    axis, course = Bounded(1000).to(100_000 - 8480), turning(1000)  # 1280 in 0.02 s
+    assert axis.rest(course=course) is None
+    axis.guard._lag = None
+    assert axis.rest(course=course) is None
+    assert axis.to(100_000 - 8479).rest(course=course) == 100.001
+
+
+def test_an_axis_without_a_demand_shows_its_lag_on_its_way_along_targets():
+    axis, course = Bounded(1000), turning(1000)
+    for number in range(1, 9):
+        # 7 periods behind: the stop itself allows for 4 of them
+        axis.drive.image.led.note(axis.drive.now, 8, None, 1000 * (number + 7), False)
+        axis.to(1000 * number, cycles=1)
+    assert axis.guard._lag == pytest.approx(3.0 * T)
+    axis.drive.image.led.note(axis.drive.now, 3, None, None, False)  # in pv there is no target
+    assert axis.to(90_000).rest(course=course) == 100.2
 
 
 def test_until_weaker_ramps_are_written_an_axis_speeds_up_by_those_that_it_has():

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import accumulate
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from axisbus.errors import ArgumentError, CommandError, Replaced, Stopped
@@ -390,6 +390,9 @@ def test_samples_that_are_not_of_the_scan_s_period_are_refused():
 def test_whatever_comes_late_the_axis_stands_on_its_path(waves, deceleration, delays, what, when):
     path = Waves(5.0, tuple(waves))
     fastest = max(abs(path.position(t / 100 + 0.01) - path.position(t / 100)) for t in range(500)) / 0.01
+    assume(
+        fastest < 480.0
+    )  # the motor turns no faster than 500 deg/s, and then jolts where the path slows down
     limits, defaults = AxisLimits(velocity=fastest + 1.0), Defaults(velocity=100.0, acceleration=deceleration)
     r = rig(limits=limits, defaults=defaults).enabled()
     watch = Watch(r)

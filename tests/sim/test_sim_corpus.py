@@ -8,7 +8,7 @@ import pytest
 
 from axisbus import eds
 from axisbus.errors import SdoAbort
-from axisbus.sim.build import device_from_eds, drive_from_eds, modes_of
+from axisbus.sim.build import device_from_eds, modes_of
 from axisbus.sim.device import Device
 from kit.corpus import corpus_files
 from kit.sim.rig import state
@@ -111,4 +111,4 @@ def test_the_reference_drive_shows_its_makers_error_bits():
 def test_the_reference_drive_has_the_modes_of_its_objects_not_of_its_6502():
     file = CHECKOUT / "eds" / "gim6010-8.eds"
     assert {1, 3, 4, 6, 8} <= modes_of(eds.load(file))
-    assert drive_from_eds(eds.load(file), 3).dictionary.read(0x6502) == 0x761
+    assert device_from_eds(eds.load(file), 3).read(0x6502) == 0x761

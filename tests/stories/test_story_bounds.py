@@ -56,6 +56,24 @@ def test_what_a_resumed_line_takes_back_makes_no_axis_too_fast(story, moment, ac
     assert 0.999 < ledger.worst.shares[VELOCITY][0] <= MOST
 
 
+@pytest.mark.parametrize("moment", [0.2, 0.33, 0.41])
+def test_a_line_that_joins_a_resumed_one_makes_no_axis_too_fast(story, moment):
+    """It joins while the axes still take back what they were rounded by."""
+    cell = story.simulated("xy", axis=f"max_acceleration = {HARDEST}").enabled()
+    ledger, group = Ledger(cell, PERIOD), cell.machine.group("x", "y")
+    group.move_path([(750.0, 166.65), (1500.0, 333.3)], velocity=2000.0, acceleration=HARDEST)
+    cell.run(moment)
+    cell.end_of(group.halt())
+    group.resume()
+    cell.run(0.05)
+    last = group.move_linear(
+        [1700.0, 800.0], velocity=2000.0, acceleration=HARDEST, buffer="blending_high", blend=20.0
+    )
+    assert cell.end_of(last, 20.0) is None
+    assert cell.where("x") == pytest.approx(1700.0, abs=0.01)
+    assert 0.999 < ledger.worst.shares[VELOCITY][0] <= MOST
+
+
 @pytest.mark.parametrize("moment", [0.30, 0.33, 0.36, 0.39])
 def test_a_move_that_joins_under_an_override_is_no_harder_by_that(story, moment):
     """Where the axis needs all of its deceleration for what is under way, time cannot be slowed down for a harder leg."""

@@ -6,6 +6,7 @@ notices a dead master. Where the net is cut that a story relies on, it must be f
 
 from __future__ import annotations
 
+import json
 import signal
 import sys
 import time
@@ -209,6 +210,22 @@ def test_the_module_stops_whoever_dies(tmp_path, death, whole):
             assert stay(lambda: not plants.module.energised, 3.0)
         else:
             assert module.speed == pytest.approx(TURNS, abs=0.1)
+
+
+@own
+def test_an_armed_break_timeout_stops_the_module_of_a_dead_core_that_nobody_rescues(tmp_path):
+    with served(tmp_path) as plants:
+        (tmp_path / "endpoints_0.5.13.json").write_text(json.dumps(plants.module.json()))
+        listed = '[nodes.16.can_simple]\nendpoints = "endpoints_0.5.13.json"\n'
+        plants.file.write_text(plants.file.read_text().replace("[nodes.16.can_simple]\n", listed))
+        plants.module.usb_write("can.config.break_timeout", 1000)
+        with Doomed(tmp_path, "sleeping", "the rescue") as one:
+            time.sleep(3.0)
+            assert plants.turn()
+            one.strike("core", signal.SIGKILL)
+            assert plants.rest(4.0, lambda: [plants.module.shaft.speed])
+            assert not plants.module.energised
+            assert plants.module.axis.error == 0x00100000  # CAN_BUS_FAILED
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,80 @@ from kit.campaign.violation import Violation
 SEEDS = 150
 
 FOUND: Mapping[str, Script] = {
+    "an override that changes while an axis of a group brakes to a place at its limit": Script(
+        "stiff",
+        (
+            Event(pause=0.0, what="nudge", axis="b", value=0.388),
+            Event(pause=2.0, what="move_absolute", axis="b", value=0.756),
+            Event(pause=1.0, what="move_chain", axis="b", value=0.121),
+            Event(pause=0.1, what="quick_stop", axis="b", value=-0.147),
+            Event(pause=0.5, what="move_velocity", axis="b", value=-0.324),
+            Event(pause=0.5, what="quick_stop", axis="b", value=0.734),
+            Event(pause=0.2, what="service", axis="", value=0.0),
+            Event(pause=0.01, what="move_joining", axis="", value=-0.745),
+            Event(pause=0.5, what="move_direct", axis="", value=-0.521),
+            Event(pause=0.2, what="cell_override", axis="", value=0.625),
+        ),
+        scene="drawn",
+        ending="close",
+        cell=CellRecipe(
+            (
+                AxisRecipe(unit="increments", scale=1.0, speed=4000.0, acceleration=8000.0),
+                AxisRecipe(
+                    unit="increments", scale=1.0, speed=200000.0, acceleration=200000.0, limits=(-0.0, 3.0)
+                ),
+            )
+        ),
+    ),
+    "a velocity to a limit given on the ramp of another one, whose acceleration the drive already uses": Script(
+        "stiff",
+        (
+            Event(0.1, "move_velocity", "a", 0.346),
+            Event(0.2, "move_velocity", "a", 0.613),
+            Event(0.1, "service", "", 0.0),
+        ),
+        scene="drawn",
+        ending="busy-close",
+        cell=CellRecipe(
+            (
+                AxisRecipe(
+                    without=(0x605A, 0x6062),
+                    scale=27.77777777777778,
+                    speed=200000.0,
+                    acceleration=200000.0,
+                    limits=(-0.06, 0.24),
+                    jerk=100.0,
+                    lag=0.02,
+                ),
+            ),
+            period=4,
+        ),
+    ),
+    "a stop of a trajectory with a superimposed distance, both of which brake": Script(
+        "stiff",
+        (
+            Event(0.1, "follow", "a", -0.983),
+            Event(0.0, "superimposed", "a", -0.199),
+            Event(0.5, "stop", "a", -0.648),
+        ),
+        scene="drawn",
+        ending="busy-close",
+        cell=CellRecipe(
+            (AxisRecipe(unit="mm", scale=9830.0, speed=98300.0, acceleration=98300.0, ease=(0.1, 1.0)),),
+            period=20,
+        ),
+    ),
+    "a stop of an axis with few increments, of which a considerable speed does not show within 50 ms": Script(
+        "stiff",
+        (
+            Event(0.01, "move_waiting", "a", 0.254),
+            Event(0.5, "gear_out", "a", 0.253),
+            Event(0.01, "stop", "a", -0.332),
+        ),
+        scene="drawn",
+        ending="closed-twice",
+        cell=CellRecipe((AxisRecipe(scale=33.2, speed=332.0, acceleration=332.0),)),
+    ),
     "a velocity to a limit that is given while a drive with a long lag has hardly begun with the one before": Script(
         "stiff",
         (

@@ -54,6 +54,14 @@ def test_the_controlword_is_read_in_the_mode_of_the_axis(cell):
     )
 
 
+def test_before_the_displayed_mode_is_seen_the_last_command_of_a_mode_counts(cell):
+    wire = Wire(cell)
+    assert "new set-point" in wire(0x201, "1F 00 01 00 00 00 00").values[0].words
+    assert "homing start" in wire(0x201, "1F 00 06 00 00 00 00").values[0].words
+    wire(0x181, "37 02 06 00 00 00 00")  # 6061h is still homing
+    assert "homing start" in wire(0x201, "1F 00 01 00 00 00 00").values[0].words
+
+
 def test_a_statusword_in_fault_is_trouble(cell):
     one = Wire(cell)(0x181, "18 02 00 00 00 00 00")
     assert one.error

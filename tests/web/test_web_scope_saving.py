@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import io
 import json
 import math
 import struct
@@ -70,6 +71,17 @@ def test_a_file_is_read_back_with_the_values_that_were_shown(machine, tmp_path):
     assert set(x.columns) == set(NAMES)
     assert found.facts["from"] == "what a page showed on its scope"
     assert found.facts["drives"] == "simulated"
+
+
+def test_an_unknown_value_is_left_out_as_the_schema_of_its_channel_says(machine):
+    from mcap.reader import make_reader
+
+    data = mcap(machine, packed([1000.0, 1000.01], x_position=[1.0, 2.0], x_velocity=[math.nan, 3.0]))
+    messages = make_reader(io.BytesIO(data)).iter_messages(topics=["axis/x"])
+    assert [json.loads(message.data) for _, _, message in messages] == [
+        {"position": 1.0},
+        {"position": 2.0, "velocity": 3.0},
+    ]
 
 
 def test_the_time_of_day_is_that_of_the_samples_and_not_of_the_saving(machine, tmp_path):

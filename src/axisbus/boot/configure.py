@@ -20,7 +20,7 @@ from axisbus.eds.model import Eds
 from axisbus.errors import SdoAbort
 
 HEARTBEATS = 3  # missed ones after which a drive may treat the master as dead, and the master a drive
-_MOST_WATCHED = 127  # entries of 1016h (CiA 301 7.5.2.18)
+_MOST_WATCHED = 127  # entries of 1016h (CiA 301 7.5.2.19)
 
 
 def writes_of(cell: CellConfig, node_id: int, dictionary: Dictionary) -> list[CellWrite]:

@@ -256,6 +256,7 @@ class NodeBoot:
         self._step("inputs and outputs", self._io)
         self._step("configuration", self._look_at_window)
         self._step("watchdog", self._arm_deadlines)
+        self._add_unread_watchdog()
         self._step("restart", self._require_no_restart)
 
     def _io(self) -> None:
@@ -299,6 +300,12 @@ class NodeBoot:
             self._report.watchdog = report
         if report.kind is Watchdog.NONE:
             self._report.warnings.append(report.text)
+
+    def _add_unread_watchdog(self) -> None:
+        """Add the watchdog of the make that no object reads."""
+        report, unread = self._report.watchdog, self._make.unread_watchdog
+        if report is not None and unread:
+            self._report.watchdog = replace(report, text=f"{report.text}; {unread}")
 
     def _reaction(self) -> str | None:
         """Return the drives' reaction to a dead master (6007h), None if a drive has no 6007h.

@@ -7,7 +7,7 @@ from typing import Any
 
 from axisbus.boot import program_text
 from axisbus.boot import text as boot_text
-from axisbus.boot.stop_report import StopLadderReport, Watchdog, WatchdogReport
+from axisbus.boot.stop_report import StopLadderReport, WatchdogReport
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.cell.scale_proposal import ScaleReport
 from axisbus.cia302.types import BootOutcome, Letter
@@ -177,8 +177,3 @@ def _error(error: AxisbusError) -> dict[str, Any]:
         if isinstance(value, (str, int, float)) or value is None
     }
     return {"kind": type(error).__name__, "page": error.page, **fields}
-
-
-def untold(report: NodeReport) -> bool:
-    """Whether nothing on the node notices a dead master."""
-    return report.watchdog is not None and report.watchdog.kind is Watchdog.NONE

@@ -51,7 +51,7 @@ _ROWS = (
     ("its NMT state", options.COMMUNICATION_ERROR),
 )
 _UNKNOWN = "not in this drive: its manual says how it reacts"
-# The standard's definition for a drive without the object (CiA 301 7.5.2.29).
+# The standard's definition for a drive without the object, 1029h (CiA 301 7.5.2.32).
 _MISSING = {
     options.COMMUNICATION_ERROR.index: "not in this drive: by the standard it changes to pre-operational"
 }

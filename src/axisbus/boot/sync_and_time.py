@@ -53,7 +53,7 @@ def _set_sync(objects: NodeObjects, bus: BusConfig) -> None:
 
 
 def _set_counter(objects: NodeObjects, bus: BusConfig) -> None:
-    """Set 1019h (CiA 301 7.5.2.20), which may change only while 1006h is 0."""
+    """Set 1019h (CiA 301 7.5.2.22), which may change only while 1006h is 0."""
     now = read_int(objects, o.SYNC_COUNTER_OVERFLOW)
     if now is None or now == bus.sync_counter:
         return

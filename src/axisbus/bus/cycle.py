@@ -87,7 +87,7 @@ class CycleSender(Protocol):
 class BootHeartbeat:
     """The master's heartbeat from the moment at which a first node expects it until the scan sends it; holds its thread.
 
-    A node may start its timer with the write of 1016h, and not with the first received heartbeat (CiA 301 7.5.2.20). May be used
+    A node may start its timer with the write of 1016h, and not with the first received heartbeat (CiA 301 7.5.2.19). May be used
     from any thread.
     """
 

@@ -305,11 +305,6 @@ class CanPort:
         for slot in self._slots:
             self.node.channel.unsubscribe(slot.cob_id, slot.on_frame)
 
-    @property
-    def short_frames(self) -> int:
-        """Number of TPDO frames with less data than their mapping."""
-        return sum(slot.short for slot in self._slots)
-
     def _dropping(self, cob_id: int) -> Receiver:
         drops, node_id = self.node.channel.drops, self.node.node_id
         return lambda data, stamp: drops.note(DropReason.SHORT_PDO, node_id, stamp, cob_id, data)

@@ -29,6 +29,7 @@ from axisbus.motion.parameters import (
     HomingParameters,
     StopTimes,
     Units,
+    standstill_time,
 )
 
 # Without standstill_velocity, an axis is at standstill below this part of its default velocity.
@@ -60,7 +61,7 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
         defaults=defaults(axis),
         homing=_homing(axis),
         stop_times=stop_times(axis),
-        timing=_timing(axis),
+        timing=_timing(axis, units),
         holds_load=_HOLDS[axis.holds_load],
         handshake=Handshake(axis.handshake),
         objects=drive.objects,
@@ -180,8 +181,14 @@ def stop_times(axis: AxisConfig) -> StopTimes:
     return replace(StopTimes(), **{name: value for name, value in given.items() if value is not None})
 
 
-def _timing(axis: AxisConfig) -> DriveTimeouts:
+def highest_speed(axis: AxisConfig, units: Units) -> float:
+    """Return the highest speed of an axis in position increments per second, 0 if it is unknown."""
+    return (axis.max_velocity or axis.defaults.velocity or 0.0) * abs(units.position.factor)
+
+
+def _timing(axis: AxisConfig, units: Units) -> DriveTimeouts:
     given = {
+        "standstill_time": standstill_time(highest_speed(axis, units)),
         "transition": axis.transition_time,
         "mode": axis.mode_time,
         "acknowledge": axis.acknowledge_time,

@@ -42,7 +42,7 @@ BUS: Keys = {
     "sync": _flag,
     "sync_producer": CellKey(v.words("master", "external")),
     "sync_cob_id": CellKey(v.integer(1, ID_MASK_11)),
-    "sync_counter": CellKey(v.or_word("off", 0, v.integer(2, 240))),  # 1019h (CiA 301 7.5.2.20)
+    "sync_counter": CellKey(v.or_word("off", 0, v.integer(2, 240))),  # 1019h (CiA 301 7.5.2.22)
     "sync_timeout": CellKey(v.duration("1ms", "10s")),
     "time": CellKey(v.or_word("off", None, v.duration("10ms", "60min"))),
     "time_cob_id": CellKey(v.integer(1, ID_MASK_11)),

@@ -13,7 +13,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.eds.model import Eds
 
-# Restricted CAN-IDs (CiA 301 table 40), and the default CAN-IDs of SYNC and TIME.
+# Restricted CAN-IDs (CiA 301 7.3.5), and the default CAN-IDs of SYNC and TIME.
 RESTRICTED: tuple[tuple[range, str], ...] = (
     (range(0x001), "NMT"),
     (range(0x001, 0x080), "reserved"),
@@ -70,7 +70,7 @@ def restricted(case: CheckContext) -> Problems:
                 yield case.error(
                     line,
                     f"node {node.node_id}: {each.name} cannot have the COB-ID {cob_id:03X}h",
-                    f"it is {'restricted' if use == 'reserved' else f'that of {use}'} (CiA 301 table 40)",
+                    f"it is {'restricted' if use == 'reserved' else f'that of {use}'} (CiA 301 7.3.5)",
                     f"leave cob_id out, or choose one from 181h to 57Fh: by default {_predefined(each, node):03X}h",
                 )
 

@@ -13,12 +13,10 @@ from axisbus.cia301.pdo import MAX_BITS, RTR_TYPES, MappedObject, is_synchronous
 from axisbus.cia402.axes import own_index
 from axisbus.cia402.objects import CONTROLWORD
 from axisbus.eds.dictionary import Dictionary
-from axisbus.eds.model import Eds
+from axisbus.eds.model import RPDO_ACCESS, TPDO_ACCESS, Eds
 from axisbus.errors import ArgumentError
 from axisbus.wording import counted
 
-_RECEIVES = frozenset({"wo", "rw", "rww"})  # CiA 306: rww may be mapped into RPDOs, rwr into TPDOs only
-_TRANSMITS = frozenset({"ro", "const", "rw", "rwr"})
 _RESERVED = range(241, 252)
 
 # Key of a PDO table -> sub-index of its communication parameter.
@@ -149,7 +147,7 @@ def _not_mappable(
 ) -> CellProblem | None:
     entry = dictionary.entry(mapped.index, mapped.subindex)
     variable = eds.get(mapped.index, mapped.subindex)
-    directions = _RECEIVES if config.receive else _TRANSMITS
+    directions = RPDO_ACCESS if config.receive else TPDO_ACCESS
     if variable is None:
         return case.error(
             line, f"{where}: the drive has no {entry}", f"{eds.source} does not have it", "map another object"

@@ -70,7 +70,7 @@ def producers(case: CheckContext) -> Problems:
 
 
 def identifiers(case: CheckContext) -> Problems:
-    """Check that SYNC and TIME do not use identifiers of other services (CiA 301 table 40)."""
+    """Check that SYNC and TIME do not use identifiers of other services (CiA 301 7.3.5)."""
     bus = case.cell.bus
     wanted = (
         ("sync_cob_id", bus.sync_cob_id, cob.SYNC, bus.sync),
@@ -82,7 +82,7 @@ def identifiers(case: CheckContext) -> Problems:
             yield case.error(
                 bus.at.of(key),
                 f"{key} cannot be {cob_id:03X}h",
-                f"it is {'restricted' if use == 'reserved' else f'that of {use}'} (CiA 301 table 40)",
+                f"it is {'restricted' if use == 'reserved' else f'that of {use}'} (CiA 301 7.3.5)",
                 f"leave {key} out: by default {own:03X}h",
             )
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from axisbus.cell.axis_description import Drive
+from axisbus.cell.scales import units_of
+from axisbus.cell.stop_deceleration import fixed_ramps
 from axisbus.check.context import Check, CheckContext, Problems, own_title
 from axisbus.cia402 import objects, options
 from axisbus.cia402.options import OptionCode
@@ -155,12 +157,17 @@ def load_held(case: CheckContext) -> Problems:
 
 def ladder_times(case: CheckContext) -> Problems:
     """Warn if braking from full speed takes longer than the deadline of the step of the stop sequence."""
+    drives = {drive.axis.name: drive for drive in case.drives}
     for axis in case.cell.axes.values():
         stop, times = axis.stop, StopTimes()
         speed = axis.max_velocity or axis.defaults.velocity
-        slow = axis.defaults.deceleration or axis.defaults.acceleration
+        slow = _fixed_deceleration(drives.get(axis.name))
+        slow_name = "the deceleration that its drive does not let be written (6084h)"
+        if slow is None:
+            slow = axis.defaults.deceleration or axis.defaults.acceleration
+            slow_name = "the default deceleration"
         for key, default, ramp, ramp_name in (
-            ("halt_time", times.halt, slow, "the default deceleration"),
+            ("halt_time", times.halt, slow, slow_name),
             ("quick_stop_time", times.quick_stop, stop.deceleration, "the quick-stop deceleration"),
         ):
             allowed = getattr(stop, key) or default
@@ -173,6 +180,14 @@ def ladder_times(case: CheckContext) -> Problems:
                 f"{allowed:g} s the next step of the stop sequence begins",
                 f'{key} = "{speed / ramp * 1.5:.2g}s" in [axes.{axis.name}.stop], or a steeper ramp',
             )
+
+
+def _fixed_deceleration(drive: Drive | None) -> float | None:
+    """Return the deceleration of a halt in units per s² if the drive's 6084h is read-only and has a value, else None."""
+    if drive is None:
+        return None
+    raw = dict(fixed_ramps(drive, drive.number)).get(objects.PROFILE_DECELERATION)
+    return abs(units_of(drive.axis).acceleration.to_units(raw)) if raw else None
 
 
 CHECKS: tuple[Check, ...] = (

@@ -56,7 +56,7 @@ DEVICE_PROFILES = {
 }
 
 
-# Parameters of one kind, such as 1400h to 15FFh (CiA 301 table 40): the maximum number of PDOs of one direction.
+# Parameters of one kind, such as 1400h to 15FFh: the maximum number of PDOs of one direction.
 PDOS_OF_A_KIND = 0x200
 
 

@@ -102,16 +102,6 @@ def compare(variables: list[Variable], left: ConfigurationSide, right: Configura
     return Comparison(compared, tuple(found))
 
 
-def only_in(one: Eds, other: Eds) -> list[Variable]:
-    """Return the entries that only the first of two files has."""
-    return [
-        variable
-        for entry in one
-        for variable in entry.subs.values()
-        if other.get(variable.index, variable.subindex) is None
-    ]
-
-
 def _equal(one: Value | None, other: Value | None) -> bool:
     if isinstance(one, float) and isinstance(other, (int, float)):
         return abs(one - other) <= 1e-6 * max(1.0, abs(other))  # a REAL32 is rounded

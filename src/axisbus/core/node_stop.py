@@ -26,7 +26,7 @@ from axisbus.bus.node import nmt
 from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.parallel import in_parallel
 from axisbus.cell.model import AxisConfig, CellConfig
-from axisbus.cell.parameters import standstill_speed, stop_times
+from axisbus.cell.parameters import highest_speed, standstill_speed, stop_times
 from axisbus.cell.scales import units_of
 from axisbus.cia301 import cob
 from axisbus.cia301.dropped_frames import DropReason
@@ -38,7 +38,7 @@ from axisbus.cia402.controlword import PowerCommand
 from axisbus.cia402.state import ENERGISED, PowerState, decode
 from axisbus.errors import AdapterError, BusError, BusOff, SdoAbort
 from axisbus.link import StopResult
-from axisbus.motion.parameters import DemandUse, pull_window
+from axisbus.motion.parameters import DemandUse, pull_window, standstill_time
 from axisbus.motion.stop.settled_value import SettledValue
 from axisbus.units import wrap
 
@@ -241,8 +241,9 @@ class _Look:
     def __init__(self, axis: AxisConfig) -> None:
         units = units_of(axis)
         speed, factor = standstill_speed(axis, units) or 0.0, abs(units.position.factor)
-        self._still = SettledValue(max(2.0, speed * _STANDS_FOR), _STANDS_FOR)
-        fastest = (axis.max_velocity or axis.defaults.velocity or 0.0) * factor
+        fastest = highest_speed(axis, units)
+        stands_for = max(_STANDS_FOR, standstill_time(fastest))
+        self._still = SettledValue(max(2.0, speed * stands_for), stands_for)
         self._pull = pull_window(
             None if axis.standstill_window is None else axis.standstill_window * factor,
             None if axis.position_window is None else axis.position_window * factor,

@@ -41,6 +41,7 @@ class Make:
     are objects that belong to one specimen, or whose writing moves the motor for a calibration (sub-index None: the whole object);
     they are written only if the user names them one by one. ``scale_proposal`` is a text for the user: the position scale is a
     setting, never taken from here. ``measured`` maps *temperature* and the like to the manufacturer's objects.
+    ``unread_watchdog`` is a sentence about a watchdog of the make that no object reads, for the report of boot-up.
     """
 
     name: str
@@ -54,6 +55,7 @@ class Make:
     scale_proposal: str = ""
     measured: Mapping[str, MeasuredObject] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    unread_watchdog: str = ""
 
     def matches(self, vendor_id: int | None, product_code: int | None) -> bool:
         """Whether a drive with this identity (None: unknown) belongs to this plug-in."""

@@ -10,6 +10,9 @@ from typing import Any, cast
 from axisbus.cia301.datatypes import DataType, Value
 
 DUMMIES = range(1, 8)  # data types in [DummyUsage] (DS 306 4.6.2)
+# The access of objects that an RPDO may write, and a TPDO may read: rww may be mapped into RPDOs, rwr into TPDOs only (CiA 306).
+RPDO_ACCESS = frozenset(("wo", "rw", "rww"))
+TPDO_ACCESS = frozenset(("ro", "const", "rw", "rwr"))
 
 
 class ObjectType(IntEnum):

@@ -4,7 +4,7 @@ Theory of operation
 -------------------
 Each run of a bridge counts its events from 1 without gaps. A fleet that joins later also requests the newest few of the earlier
 events. A fleet that was cut off finds the missing numbers (``missing``) and requests them. Events that the bridge no longer stores
-are lost; they are counted and reported.
+are lost; they are counted and reported. So is a missing event if more events than the log stores have come after it.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class EventLog:
         self._sure = True
         if not self._joined:
             self._joined = True
-            self._upto = max(0, min(answer.newest, self._first()) - 1 - _JOINED)
+            self._upto = max(self._upto, min(answer.newest, self._first()) - 1 - _JOINED)
         for event in answer.events:
             self.take(event)
         self._newest = max(self._newest, answer.newest)
@@ -92,12 +92,20 @@ class EventLog:
         upto = min(last, given)
         if ask.first != self._upto + 1 or upto < ask.first:
             return
-        self.lost += upto - self._upto - sum(self._upto < number <= upto for number in self._events)
+        self._pass_over(upto)
+
+    def _pass_over(self, upto: int) -> None:
+        """Stop waiting for the missing events up to this number; they are lost, unless they are older than the join."""
+        if self._joined:
+            self.lost += upto - self._upto - sum(self._upto < number <= upto for number in self._events)
         self._upto = upto
 
     def _settle(self) -> None:
+        """Advance past the events that are stored, and delete all but the newest, even if older ones are still missing."""
+        old = sorted(self._events)[:-KEPT]
+        if old and old[-1] > self._upto:
+            self._pass_over(old[-1])
+        for number in old:
+            del self._events[number]
         while self._upto + 1 in self._events:
             self._upto += 1
-        for number in sorted(self._events)[:-KEPT]:
-            if number <= self._upto:
-                del self._events[number]

@@ -232,8 +232,9 @@ class CommandEvents:
 
 @dataclass(frozen=True, slots=True)
 class ErrorTold:
-    """The error that has this number in an image."""
+    """The error that has this number in an image, and the axis that it belongs to."""
 
+    axis: str
     number: int
     error: AxisbusError
 

@@ -37,6 +37,11 @@ class PathHandover(Follow):
         return super().is_under_way if self._before is None else self._before.is_under_way
 
     @property
+    def path_velocity(self) -> float:
+        """As ``Follow.path_velocity``, of the path that commands the axis."""
+        return super().path_velocity if self._before is None else self._before.path_velocity
+
+    @property
     def last_step(self) -> PathSample:
         """The commanded position and velocity of the last cycle."""
         return super().last_step if self._before is None else self._before.last_step

@@ -9,8 +9,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
 from axisbus.cell.model import CellConfig
 from axisbus.cia301.datatypes import Value
 from axisbus.eds.builtin import resolve
@@ -18,7 +16,7 @@ from axisbus.errors import ArgumentError, AxisbusError, UserError, one_line
 from axisbus.ipc.image import CellImage
 from axisbus.motion.numbers import told
 from axisbus.motion.snapshot import Snapshot
-from axisbus.record.columns import NAMES, AxisForm
+from axisbus.record.columns import AxisForm, SampleRow
 from axisbus.record.events import RecordingEventSource, Watched
 from axisbus.record.mcap_writer import McapWriter, ToldObject
 from axisbus.record.recording_data import RecordedEvent
@@ -26,8 +24,6 @@ from axisbus.record.sample_packing import AxisSample, RowForm, sample_of
 
 Row = bytes | tuple[float, CellImage]
 
-# Twice as fast to encode as a dict; unknown values are omitted, as the schema of the channel requires.
-_Row = msgspec.defstruct("_Row", [(name, Any, None) for name in NAMES], omit_defaults=True)
 _SAMPLE = 220  # bytes of a sample before it is compressed: a chunk is about a second
 
 
@@ -110,7 +106,7 @@ class McapFile:
         assert self._writer is not None
         for now, samples in map(self._unpacked, rows):
             for (name, form), sample in zip(self.forms.items(), samples, strict=True):
-                self._writer.write(self._axes[name], now, _Row(*form.values(sample)))
+                self._writer.write(self._axes[name], now, SampleRow(*form.values(sample)))
             self.newest = now
             self.rows += 1
 

@@ -1,4 +1,4 @@
-"""Write samples of some columns, from any source, to an MCAP file like that of a recording; missing values are null."""
+"""Write samples of some columns, from any source, to an MCAP file like that of a recording; unknown values are omitted."""
 
 from __future__ import annotations
 
@@ -7,16 +7,13 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import msgspec
-
-from axisbus.record.columns import NAMES, AxisForm
+from axisbus.record.columns import NAMES, AxisForm, SampleRow
 from axisbus.record.events import Watched
 from axisbus.record.mcap_writer import McapWriter
 from axisbus.record.output_file import facts_of
 
 _NANO = 1_000_000_000
 _CHUNK = 1 << 18  # bytes
-_Row = msgspec.defstruct("_Row", NAMES)
 
 # By axis, the values of some columns of ``record.columns``, one for each time; NaN is unknown.
 Columns = Mapping[str, Mapping[str, Sequence[float]]]
@@ -52,4 +49,4 @@ def _write(
     there = [values.get(name) for name in NAMES]
     for at, now in enumerate(times):
         row = [None if each is None or not math.isfinite(each[at]) else each[at] for each in there]
-        writer.write(channel, now, _Row(*row))
+        writer.write(channel, now, SampleRow(*row))

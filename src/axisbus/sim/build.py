@@ -7,8 +7,7 @@ from dataclasses import replace
 from axisbus.eds.model import Eds, Number
 from axisbus.sim.control_bits import CSP, CST, CSV, HM, IP, PP, PV, TQ
 from axisbus.sim.device import Device, count_axes
-from axisbus.sim.drive import Drive
-from axisbus.sim.fault_injection import DriveFaults, NodeFaults
+from axisbus.sim.fault_injection import NodeFaults
 from axisbus.sim.modes.catalogue import IMPLEMENTED
 from axisbus.sim.motor import MotorParams
 from axisbus.sim.settings import AXIS_SPAN
@@ -35,27 +34,6 @@ _NO_WINDOW = 0xFFFF_FFFF
 _PLAUSIBLE_TURN = range(16, 1 << 26)
 # 60A9h (SI unit velocity): numerator and denominator of revolutions per minute, bits 8 to 23.
 _REVOLUTIONS_PER_MINUTE = 0xB447
-
-
-def drive_from_eds(
-    eds: Eds,
-    node_id: int = 1,
-    axis: int = 0,
-    params: MotorParams | None = None,
-    *,
-    dials: DriveFaults | None = None,
-    seed: int = 0,
-) -> Drive:
-    """Make one axis of a drive from its EDS; ``params`` replaces the motor that is derived from the EDS."""
-    return Drive(
-        eds,
-        node_id,
-        axis,
-        params or motor_from_eds(eds, axis),
-        dials=dials,
-        modes=modes_of(eds, axis),
-        seed=seed,
-    )
 
 
 def device_from_eds(

@@ -51,11 +51,6 @@ class Entry(NamedTuple):
     high: float | None
 
 
-def key_of(index: int, subindex: int = 0) -> int:
-    """Return the key of an entry."""
-    return index << 8 | subindex
-
-
 class Dictionary:
     """Values of one node; ``live`` entries are read from the drive, ``hooks`` are called after every accepted write."""
 

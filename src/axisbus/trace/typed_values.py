@@ -31,6 +31,7 @@ class Values:
     def __init__(self, known: TraceContext) -> None:
         self._known = known
         self._modes: dict[int, dict[int, ModeOfOperation]] = {}
+        self._displayed: set[tuple[int, int]] = set()  # node and axis that have shown 6061h
         self._standard = Dictionary()
 
     def dictionary(self, node: int) -> Dictionary:
@@ -91,16 +92,17 @@ class Values:
         )
 
     def _note_mode(self, node: int, index: int, value: Value) -> None:
-        """Note a mode: the mode display wins, because it is the actual mode; before it is seen, the first command counts."""
+        """Note a mode: 6061h wins, because it is the actual mode; before 6061h is seen, the last command (6060h) counts."""
         first = first_axis(index)
         if first not in _MODES or not isinstance(value, int):
             return
         modes = self._modes.setdefault(node, {})
         axis = axis_of(index)
         if first == c402.MODES_OF_OPERATION_DISPLAY:
-            modes[axis] = ModeOfOperation(value)
-        else:
-            modes.setdefault(axis, ModeOfOperation(value))
+            self._displayed.add((node, axis))
+        elif (node, axis) in self._displayed:
+            return
+        modes[axis] = ModeOfOperation(value)
 
 
 def _typed(bits: int, width: int, kind: DataType | None) -> Value:

@@ -208,7 +208,8 @@ class Facts:
 
     def moves(self, name: str) -> bool:
         parameters = self.core[name].parameters
-        unseen = parameters.standstill_tolerance / parameters.timing.standstill_time
+        # A position that changes by the tolerance and a part of an increment is within it.
+        unseen = (parameters.standstill_tolerance + 1.0) / parameters.timing.standstill_time
         return abs(self.drive[name].axis.motor.velocity) > max(MOVES * abs(self.scale[name]), unseen)
 
     def stops_in(self, name: str) -> float:

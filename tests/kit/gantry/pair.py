@@ -6,8 +6,8 @@ from bisect import bisect_left
 from operator import attrgetter
 
 from axisbus.machine.gantry.gantry import Gantry
-from axisbus.sim.beam import Beam, tied
 from kit.cell import SCALE, Cell, Stage, cell_text
+from kit.gantry.beam import Beam, tied
 
 CYCLE = 0.01  # s
 MAX_SKEW = 8.0  # deg

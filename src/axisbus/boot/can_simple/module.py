@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from axisbus.boot.can_simple import identity
 from axisbus.boot.can_simple.discovery import BootChannel, NodeListener
-from axisbus.boot.can_simple.stop_report import ladder, watchdog_of
+from axisbus.boot.can_simple.stop_report import feed_time, ladder, watchdog_of
 from axisbus.boot.failure import at_step
 from axisbus.boot.report import AxisReport, NodeReport
 from axisbus.boot.result import Booted
@@ -72,6 +72,8 @@ class ModuleBoot:
         self._listening = NodeListener(channel, settings.node, clock, sleep, settings.fresh)
         self._facts = SimpleFacts()
         self._armed = Armed()
+        self.feed_within = 0.0
+        """The shortest armed time-out that was read, in s, which the master must feed; 0: none, or unknown."""
         self._parameters: dict[str, AxisParameters] = {}
 
     def run(self) -> Booted:
@@ -84,6 +86,7 @@ class ModuleBoot:
                 self._hear()
                 self._ask()
             self._tell()
+            self.feed_within = feed_time(self._armed, self._facts.version, self._settings)
             for axis in self._cell.axes_of(self._settings.node):
                 self._parameters[axis.name] = self._axis(axis)
         except AxisbusError as error:
@@ -132,7 +135,7 @@ class ModuleBoot:
             "" if self._found_enabled else _WITHIN_A_TURN
         )
         report.configured = "nothing is written into it: its limits are sent when its axis is enabled"
-        report.watchdog = watchdog_of(self._armed, self._facts.version)
+        report.watchdog = watchdog_of(self._armed, self._facts.version, relayed=self._settings.relayed)
         report.warnings.append(report.watchdog.text)
         if self._found_enabled:
             report.warnings.append(_FOUND_BY_LINE if self._settings.relayed else _FOUND)

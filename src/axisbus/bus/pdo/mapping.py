@@ -12,9 +12,8 @@ from axisbus.cia402 import objects
 from axisbus.cia402.axes import own_index
 from axisbus.cia402.port import ALL_OUTPUTS, INPUT_OBJECTS
 from axisbus.eds.dictionary import Dictionary, merged_type, standard
+from axisbus.eds.model import RPDO_ACCESS, TPDO_ACCESS
 
-_RECEIVES = frozenset({"wo", "rw", "rww"})  # CiA 306: rww may be mapped into RPDOs, rwr into TPDOs only
-_TRANSMITS = frozenset({"ro", "const", "rw", "rwr"})
 _POSITION_BITS = 32
 
 
@@ -82,8 +81,8 @@ def map_entry_of(dictionary: Dictionary, index: int, subindex: int = 0) -> MapEn
         subindex,
         data_type.bits,
         data_type.signed,
-        receive=variable.pdo_mapping and variable.access in _RECEIVES,
-        transmit=variable.pdo_mapping and variable.access in _TRANSMITS,
+        receive=variable.pdo_mapping and variable.access in RPDO_ACCESS,
+        transmit=variable.pdo_mapping and variable.access in TPDO_ACCESS,
     )
 
 
@@ -112,8 +111,8 @@ def _entry(dictionary: Dictionary, index: int) -> MapEntry | None:
         0,
         data_type.bits,
         data_type.signed,
-        receive=variable.pdo_mapping and variable.access in _RECEIVES,
-        transmit=variable.pdo_mapping and variable.access in _TRANSMITS,
+        receive=variable.pdo_mapping and variable.access in RPDO_ACCESS,
+        transmit=variable.pdo_mapping and variable.access in TPDO_ACCESS,
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from axisbus.bus.pdo.plan import PdoChange, PdoPlan, PlannedPdo
-from axisbus.cia402.port import ValueTransport
 
 
 def describe(plan: PdoPlan) -> str:
@@ -44,8 +43,3 @@ def _timing(pdo: PlannedPdo) -> str:
     return f"on change (type {target.transmission_type})" + (
         f" and every {timer} ms" if timer else ", silent otherwise"
     )
-
-
-def source_words(sources: dict[str, ValueTransport]) -> str:
-    """Return the transports of values in one line, such as ``statusword: synchronous PDO, torque: SDO``."""
-    return ", ".join(f"{name.replace('_', ' ')}: {source.value}" for name, source in sources.items())

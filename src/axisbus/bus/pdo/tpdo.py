@@ -44,7 +44,7 @@ class TpdoSlot:
         self.name = pdo.name
         self.cob_id = pdo.target.cob_id
         self.request = pdo.request
-        self.short = self.frames = 0
+        self.frames = 0
         codec = PdoCodec(pdo.target.mapping, pdo.signed)
         self.size = codec.size  # data bytes of a whole frame
         self.unpack = codec.unpack_from
@@ -62,7 +62,6 @@ class TpdoSlot:
         """Store a frame; called in the receive thread."""
         self.frames += 1
         if len(data) < self.size:
-            self.short += 1
             if self._drop is not None:
                 self._drop(data, stamp)
             return

@@ -1,1 +1,1 @@
-"""SDO on a channel: transfers in real time, additional SDO channels, values with their types."""
+"""SDO on a channel: transfers in real time, values with their types."""

@@ -62,8 +62,7 @@ class SdoClient:
     ) -> None:
         """``timeout`` is for one answer, in seconds; ``tries`` is the maximum number of attempts.
 
-        ``cob_ids`` are client to server and server to client, for an additional SDO channel (``axisbus.bus.sdo.channels``); None:
-        the predefined ones.
+        ``cob_ids`` are client to server and server to client, for an additional SDO channel of the node; None: the predefined ones.
         """
         self.node_id = node_id
         self.dictionary = Dictionary(eds, node_id)
@@ -176,17 +175,6 @@ class SdoClient:
         """End a running transfer and stop listening; harmless when repeated."""
         self.cancel()
         self._line.close()
-
-    def beside(self, cob_ids: tuple[int, int]) -> SdoClient:
-        """Return another client of the same node on another SDO channel (see ``axisbus.bus.sdo.channels``); sends nothing."""
-        return SdoClient(
-            self._channel,
-            self.node_id,
-            self.dictionary.eds,
-            timeout=self.timeout,
-            tries=self.tries,
-            cob_ids=cob_ids,
-        )
 
     # -- values -------------------------------------------------------------------------------------------------------------------
 

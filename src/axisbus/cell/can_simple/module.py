@@ -48,7 +48,8 @@ WORDS: Mapping[str, str] = {
     "gear_ratio": "Turns of the rotor for one turn of the output; torques need it.",
     "torque_constant": "The module's torque_constant, in N·m/A of the rotor; torques need it.",
     "torque_ramp": "The module's torque_ramp_rate, in N·m/s of the rotor; torques need it.",
-    "endpoints": "The list of endpoints of its firmware, a path: boot uses it to read which watchdogs are armed.",
+    "endpoints": "The list of endpoints of its firmware, a path: boot uses it to read which watchdogs are armed, to reset "
+    "them.",
 }
 TORQUE = ("gear_ratio", "torque_constant", "torque_ramp")
 

@@ -77,8 +77,9 @@ def command(
 ) -> int:
     """Bring NODE to what FILE (a DCF) says: write what differs, in the order that a device takes, and read every object again.
 
-    It refuses a file of another device, and a node that is energised, operational, or run by another master. Controlword, modes,
-    targets and calibration are not written. A restore that was cut off is just run again: it finds what still differs.
+    It refuses a file of another device, and a node that is energised, operational, or run by another master. Controlword, modes
+    and targets are not written; calibration only as far as --include names it. A restore that was cut off is just run again: it
+    finds what still differs.
 
     Exit code 1 when an object cannot be restored, 3 when the node or the bus fails on the way.
     """

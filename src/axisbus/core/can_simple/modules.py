@@ -52,7 +52,7 @@ class CanSimpleModules:
         """As ``CellConnection.boot``, before the scan begins; ``find_time`` (s) is the limit for the first heartbeat."""
         sender = self._senders[node_id]
         port = sender.port
-        booted = ModuleBoot(
+        boot = ModuleBoot(
             self._cell,
             port.settings,
             port.objects,
@@ -60,7 +60,9 @@ class CanSimpleModules:
             find_time,
             clock=self._clock,
             sleep=self._sleep,
-        ).run()
+        )
+        booted = boot.run()
+        port.feed_within(boot.feed_within)
         self._booted[node_id] = booted
         return booted
 

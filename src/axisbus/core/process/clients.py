@@ -180,7 +180,7 @@ class Clients:
 
         Harmless if the client has control. Raises:
             OwnershipError: another client has control, and ``take`` is not set.
-            StateError: an axis does not come to rest. Stopped: the client is gone, or is leaving.
+            StateError: the halt of an axis is not confirmed. Stopped: the client is gone, or is leaving.
         """
         with self._passing:
             if desk is self._holder:
@@ -192,11 +192,12 @@ class Clients:
             if self._holder is not None:
                 self._holder.warn(f"{desk.name} took control of the machine: moving axes halt")
             self._take_away()
-            stands = self.halt(f"{desk.name} took control of the machine")
-            self._holder = desk if stands else self._opener
-        if not stands:
+            moving = self.halt(f"{desk.name} took control of the machine")
+            self._holder = self._opener if moving else desk
+        if moving:
             raise StateError(
                 "control was not granted: an axis does not come to rest",
+                observed="; ".join(moving),
                 remedy="stop the machine: axisbus stop CELL",
             )
 
@@ -214,15 +215,16 @@ class Clients:
             self._holder = None
             self.core.scan.hold_to_run(None, "")
 
-    def halt(self, reason: str, quick: bool = False) -> bool:
-        """Halt (or quick-stop) every axis that was set in motion; return whether all of these stops ended in time. Blocks."""
-        ends = []
+    def halt(self, reason: str, quick: bool = False) -> list[str]:
+        """Halt (or quick-stop) every axis that was set in motion; return the axes whose stop is not confirmed, and why. Blocks."""
+        ends = {}
         for name, snapshot in self.core.session.snapshots.items():
             moves = snapshot.state in MOVING or snapshot.state is AxisState.STOPPING
             command = QuickStop() if quick and moves else HandOver(reason)
-            ends.append(self._give(name, command, f"{name}.halt"))
+            ends[name] = self._give(name, command, f"{name}.halt")
         until = time.monotonic() + self.stop_within
-        return all(end.come.wait(max(0.0, until - time.monotonic())) for end in ends)
+        reasons = {name: _unconfirmed(end, until) for name, end in ends.items()}
+        return [f"{name}: {reason.splitlines()[0]}" for name, reason in reasons.items() if reason]
 
     @property
     def stop_within(self) -> float:
@@ -249,15 +251,9 @@ class Clients:
     def _stopped(self, name: str, end: _End | None, until: float, quick: bool) -> StopResult:
         if end is None:
             return StopResult(name, False, "NOT REACHED: its node has not booted in the machine that runs")
-        if not end.come.wait(max(0.0, until - time.monotonic())):
-            return StopResult(
-                name, False, "NOT CONFIRMED as stopped: the machine that runs has not observed its standstill"
-            )
-        if end.event is None or end.event.status is not Status.DONE:
-            error = None if end.event is None else end.event.error
-            return StopResult(
-                name, False, f"NOT CONFIRMED as stopped by the machine that runs: {error or 'it was aborted'}"
-            )
+        reason = _unconfirmed(end, until)
+        if reason:
+            return StopResult(name, False, f"NOT CONFIRMED as stopped by the machine that runs: {reason}")
         snapshot = self._seen(name, end.event_at)
         if quick:
             return StopResult(name, True, f"is at standstill, {snapshot.state.value}")
@@ -324,6 +320,15 @@ class Clients:
             if end is not None:
                 end.event, end.event_at = event, time.monotonic()
                 end.come.set()
+
+
+def _unconfirmed(end: _End, until: float) -> str:
+    """Return why a stop is not confirmed at ``until`` (s, monotonic); empty if it is. Blocks."""
+    if not end.come.wait(max(0.0, until - time.monotonic())):
+        return "it was not seen at standstill"
+    if end.event is not None and end.event.status is Status.DONE:
+        return ""
+    return str((end.event and end.event.error) or "its stop ended early")
 
 
 class Guests:

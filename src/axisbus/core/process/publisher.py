@@ -108,7 +108,7 @@ class Publisher:
         for name, number in list(self._numbers.items()):
             told = self._told.get(name)
             if told is not None:  # the scan continues meanwhile
-                stream.send(ErrorTold(number, told[0]))
+                stream.send(ErrorTold(name, number, told[0]))
         return reader
 
     def dismiss(self, reader: ClientOutbox) -> None:
@@ -146,4 +146,4 @@ class Publisher:
         self._last += 1
         self._numbers[name], self._told[name] = self._last, (error, str(error))
         for reader in self._readers:
-            reader.stream.send(ErrorTold(self._last, error))
+            reader.stream.send(ErrorTold(name, self._last, error))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
 from datetime import datetime
 
@@ -42,21 +43,28 @@ from axisbus.session import (
 )
 
 log = logging.getLogger("axisbus")
+_ERRORS = 64  # of each axis, which are stored
 _PATIENCE = 0.5  # seconds within which an error must follow its number
 _GONE = "the core of this machine has ended"
 
 
 class Errors:
-    """The errors that images contain by number; holds those received."""
+    """The errors that images contain by number; holds the newest of each axis: a client can run for years."""
 
     def __init__(self) -> None:
         self._found: dict[int, AxisbusError] = {}
+        self._numbers: dict[str, deque[int]] = {}  # of each axis, oldest first
         self._arrived = threading.Condition()
 
     def take(self, told: m.ErrorTold) -> None:
         """Store an error, and wake the waiting threads."""
         with self._arrived:
+            numbers = self._numbers.setdefault(told.axis, deque())
+            if told.number not in self._found:
+                numbers.append(told.number)
             self._found[told.number] = told.error
+            if len(numbers) > _ERRORS:
+                self._found.pop(numbers.popleft(), None)
             self._arrived.notify_all()
 
     @sheltered  # the thread that stores the next one uses the condition too

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import struct
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from itertools import pairwise
@@ -205,14 +205,6 @@ class ProtocolListener:
 
     def _supervised(self, can_id: int) -> bool:
         return can_id not in _RESERVED and can_id & 0x7F in self._canopen
-
-
-def recognise(frames: Iterable[CanFrame]) -> list[Speaker]:
-    """Return the modules with a protocol other than CANopen; ``frames`` in order of time, in seconds."""
-    listening = ProtocolListener()
-    for frame in frames:
-        listening.note(frame)
-    return listening.speakers
 
 
 _SWITCH = (

@@ -25,6 +25,10 @@ GIM6010 = Make(
         f"GIM6010-8: {COUNTS_PER_ROTOR_TURN} counts per turn of the rotor, gear {GEAR_RATIO}:1; if 6064h counts the rotor, "
         f"{COUNTS_PER_OUTPUT_TURN} per turn of the output, {COUNTS_PER_OUTPUT_TURN / 360:.4f} per degree"
     ),
+    unread_watchdog=(
+        "its break_timeout cannot be read over CANopen, and what feeds it there is not known: the master sends nothing for it. "
+        "If it is armed, switch it off (axisbus gim6010 watchdog --off, over USB or CAN Simple)"
+    ),
     measured={"temperature": MeasuredObject(0x200B, 2, 0.1)},  # the motor's, in 0.1 °C
     notes=(
         "its 6502h (0x761) does not agree with CiA 402: judge a mode by 6061h",

@@ -194,7 +194,7 @@ def presence(eds: Eds, index: int, subindex: int | None, removed: bool) -> str:
 
 
 def _sync(before: object, after: object) -> str:
-    """Return the consequence of another value of 1005h; bit 30 says whether the device produces SYNC (CiA 301 7.5.2.6)."""
+    """Return the consequence of another value of 1005h; bit 30 says whether the device produces SYNC (CiA 301 7.5.2.5)."""
     if not isinstance(before, int) or not isinstance(after, int):
         return ""
     if (before ^ after) & cob.ID_MASK_29:

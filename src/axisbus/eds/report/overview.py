@@ -37,7 +37,7 @@ class ModeClaim:
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """One area of the dictionary (CiA 301 table 40), and the objects in it."""
+    """One area of the dictionary, and the objects in it."""
 
     title: str
     indices: range
@@ -64,11 +64,6 @@ class EdsOverview:
         """Product and maker in one line."""
         product = self.product or "CANopen device"
         return f"{product} by {self.vendor}" if self.vendor else product
-
-    @property
-    def modes_known(self) -> bool:
-        """Whether 6502h has a value."""
-        return any(claim.claimed is not None for claim in self.claims)
 
 
 def overview(eds: Eds, node_id: int | None = None) -> EdsOverview:

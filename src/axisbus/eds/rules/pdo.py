@@ -10,7 +10,7 @@ from axisbus.cia301.objects import PDOS_OF_A_KIND
 from axisbus.cia301.pdo import MAX_BITS, MappedObject
 from axisbus.cia402.axes import first_axis
 from axisbus.eds.io.text import Section
-from axisbus.eds.model import Severity, Variable
+from axisbus.eds.model import RPDO_ACCESS, TPDO_ACCESS, Severity, Variable
 from axisbus.eds.rules import drive, standard
 from axisbus.eds.rules.context import Hit, Looks, RuleContext, number_of, start_key, start_value
 from axisbus.eds.rules.mapping import (
@@ -28,9 +28,6 @@ from axisbus.eds.rules.mapping import (
     used,
 )
 from axisbus.wording import counted
-
-_TO_RPDO = frozenset(("rw", "wo", "rww"))
-_TO_TPDO = frozenset(("ro", "rw", "rwr", "const"))
 
 
 def no_mapping(sheet: RuleContext) -> Iterator[Hit]:
@@ -158,7 +155,7 @@ def wrong_direction(sheet: RuleContext) -> Iterator[Hit]:
     """P005."""
     for slot in every_slot(sheet):
         target = _target(sheet, slot)
-        allowed = _TO_RPDO if slot.receive else _TO_TPDO
+        allowed = RPDO_ACCESS if slot.receive else TPDO_ACCESS
         if target is None or target.access in allowed or _access_is_the_fault(sheet, target, allowed):
             continue
         kind = "an RPDO writes" if slot.receive else "a TPDO reads"

@@ -25,7 +25,7 @@ _RESERVED_TYPES = {
     True: range(241, 254),
     False: range(241, 252),
 }  # by direction: receive, transmit (tables 69, 72)
-# Identifiers that no PDO may use (CiA 301 table 41).
+# Identifiers that no PDO may use (CiA 301 7.3.5).
 _RESTRICTED = (
     range(0x080),
     range(0x101, 0x181),

@@ -86,12 +86,16 @@ def joined(
     following: PathContinuation,
     limits: Sequence[AxisLimits],
     period: float,
+    ease: float = 1.0,
 ) -> JoinedPath:
     """Return both paths as one; ``travel`` is on the first one, at any speed.
 
-    The appended path must have a length. The axes stop at the transition if the path reverses there, or if no corner fits any more.
+    ``ease``: the share of the permitted speeds that the corner and the appended path may use. The appended path must
+    have a length. The axes stop at the transition if the path reverses there, or if no corner fits any more.
     """
     way = going.way
+    if ease != 1.0:
+        following = following._replace(way=following.way.slower(ease))
     first, last = following.way.pieces[0], way.pieces[-1]
     if not way.length > way.starts[-1] or not isinstance(last, Straight) or not isinstance(first, Straight):
         return _stopped(going, travel, following, "the end of the segment before it cannot be rounded")
@@ -109,6 +113,7 @@ def joined(
         if not bend.length > _SAME * (1.0 + way.length):
             break
         bent = _bent(bend, going, following, limits, period)
+        bent = bent if ease == 1.0 else bent.slower(ease)
         found = _joined_at(bent, going, travel, following, stands=False)
         if travel.fits(found.going.way, period):
             is_narrower = late and bend.trim >= room * (1.0 - _SAME)

@@ -16,7 +16,7 @@ class GantryVelocityMove:
         self, velocity: float, ticket: CommandStatus, inner: CommandStatus, line: PathMotion | None
     ) -> None:
         """``velocity`` signed, in unit/s; ``inner``: the ticket of ``line`` (None if the line has not begun)."""
-        self._velocity, self._begun_with = velocity, abs(velocity)
+        self._velocity = velocity
         self._ticket, self._inner, self._line = ticket, inner, line
         ticket.begin()
 

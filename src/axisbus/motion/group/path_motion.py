@@ -179,7 +179,7 @@ class PathMotion:
         going, along = self._going or self._in_units(), self._along
         assert along is not None
         limits = [core.parameters.limits for core in self._axes.values()]
-        found = joined(going, self.travel, following, limits, self._period)
+        found = joined(going, self.travel, following, limits, self._period, along.ease(self.travel.t))
         self._going, self._way = found.going, found.going.way
         self._velocity = max(self._velocity, following.velocity)
         self.travel.take(self._way, self._going.asked)
@@ -192,6 +192,7 @@ class PathMotion:
         """Convert path positions to the axes' units, as appended paths use them."""
         along, by = self._along, self._unit
         assert along is not None
+        self._way = along.way  # slower than as planned, while the offset of the start is removed
         if by != 1.0:
             self._way, self._velocity, self._unit = along.way.larger(by), self._velocity * by, 1.0
             self.travel.scale(self._way, by)

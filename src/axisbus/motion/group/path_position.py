@@ -18,7 +18,7 @@ class PathPosition:
     The axes start within a window around the path's start. The offset of each axis from the path is removed gradually.
     """
 
-    __slots__ = ("_begin", "_fade", "_last", "_off", "_place", "way")
+    __slots__ = ("_begin", "_ease", "_fade", "_last", "_off", "_place", "way")
 
     def __init__(self, way: Path, begin: float, here: Place) -> None:
         """``here``: the actual positions of the axes, in units."""
@@ -31,6 +31,7 @@ class PathPosition:
         self._fade = min(rest, max(own, _SLOPE * math.hypot(*self._off)))
         self._last = math.nan
         self._place: Place = here
+        self._ease = 1.0
 
     def eased(self, limits: Sequence[AxisLimits], velocity: float) -> Path:
         """Return the path, slowed so that removing the start offset at ``velocity`` or less exceeds no axis's limits."""
@@ -40,7 +41,12 @@ class PathPosition:
         fastest, hardest = min(velocity, max(self.way.tops)), max(self.way.ramps)
         more_speed = fastest / least([limit.velocity for limit in limits], slopes)
         more_ramp = hardest / least([limit.acceleration for limit in limits], slopes)
-        return self.way.slower(1.0 / (1.0 + max(more_speed, more_ramp)))
+        self._ease = 1.0 / (1.0 + max(more_speed, more_ramp))
+        return self.way.slower(self._ease)
+
+    def ease(self, s: float) -> float:
+        """Return the factor by which a path must be slower that is appended while the axes are at ``s``; 1.0 without an offset."""
+        return self._ease if s - self._begin < self._fade else 1.0
 
     def scale(self, way: Path, by: float) -> None:
         """Continue along ``way``: the same path, with path positions multiplied by ``by``."""

@@ -53,6 +53,8 @@ class VelocityMove(Prepared):
         self._commanded_at: float | None = None
         self._begun = False
         self.ramped = ramped
+        if ramped is not None and profile.up and profile.down:
+            ramped.expect(profile.up, profile.down)
         self._factor = 1.0  # the override of the commanded velocity
         self._target = profile.velocity  # with the override
         self.reached = False

@@ -62,15 +62,16 @@ class CspMove(PathHandover):
 
     def plan(self, origin: int) -> ProfileFromSpeed:
         """Return the profile from the last set-point; ``origin``: the position that the user calls 0."""
-        units, profile, last = self._parameters.units.position, self._profile, self.path_step
+        units, profile = self._parameters.units.position, self._profile
+        last, velocity = self.path_step, self.path_velocity
         unit = abs(units.factor)
         assert profile.speed
         assert profile.up
         assert profile.down
         speed, up, down = profile.speed / unit, profile.up / unit, profile.down / unit
-        start, end = Start(last.position, last.velocity), units.to_units(self._goal - origin)
+        start, end = Start(last.position, velocity), units.to_units(self._goal - origin)
         if not self._factor:
-            end = last.position + math.copysign(braking_distance(last.velocity, down), last.velocity)
+            end = last.position + math.copysign(braking_distance(velocity, down), velocity)
         else:
             limit = self._parameters.limits.velocity
             speed *= self._factor

@@ -291,6 +291,17 @@ class Follow(Activity):
         return PathSample(self.last_step.position - self.shifted, self.last_step.velocity - rate)
 
     @property
+    def path_velocity(self) -> float:
+        """The velocity that the path itself has at its present position (unit/s); of an unknown path, its mean over the last cycle.
+
+        If the path brakes, the mean is higher, and a move that was planned with it would pass its end.
+        """
+        way = self._told
+        if isinstance(way, ProfileFromSpeed) and self._own_clock and self._time.rate == 1.0:
+            return way.speed(self.clock.t)
+        return self.path_step.velocity
+
+    @property
     def acceleration(self) -> float:
         """The present acceleration of the trajectory (unit/s²) if it is known; else 0."""
         way, t = self._told, self.clock.t
@@ -560,8 +571,10 @@ class Follow(Activity):
                 addition.halt(error)
         fastest = math.inf if pace.velocity is None else pace.velocity
         hardest = math.inf if pace.acceleration is None else pace.acceleration
-        if self.clock.braking:
-            hardest = max(hardest, self._braked_by)
+        if (
+            self.clock.braking
+        ):  # without the tolerance for the braked path, which the distance must not use up
+            hardest = max(hardest, self._brake, self._parameters.path_deceleration or 0.0)
         low = max(-fastest, step.velocity - hardest * self._period)
         high = min(fastest, step.velocity + hardest * self._period)
         before = addition.value

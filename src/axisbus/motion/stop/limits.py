@@ -10,8 +10,9 @@ mode really has (``stop_of``).
 
 The monitor checks the position of the motor and the drive's demand (6062h), because a lagging motor still reaches the demand. A
 demand that arrives less often than the position has an outdated velocity. Such a demand only gives the lag of the motor in seconds,
-which is added to the reaction time of a stop. Without a trusted demand, the lag comes from the ramps of the commands
-(``RampedWay.lag``). The lag belongs to the drive, so the monitor uses the last value until a later command gives another one.
+which is added to the reaction time of a stop. Without a trusted demand, the lag comes from the targets of csp, or from the ramps of
+the commands (``RampedWay.lag``). The lag belongs to the drive, so the monitor uses the last value until a later command gives
+another one, and ``_UNKNOWN_LAG`` before the first.
 
 An axis at rest beyond a limit may move back (``position_limits``): the limit is then its rest position.
 
@@ -43,8 +44,9 @@ _OVERSPEED = 1.1  # measured velocity is noisy, and a drive's own control oversh
 # Scan periods: until the next check, until the SYNC after it, until the drive receives the command, until it brakes.
 _REACTION = 4.0
 _PREPARES = 5.0  # scan periods until the ramps of a command are written by SDO
-# Seconds by which a pushed motor may lag behind the ramp that takes it over; no demand shows this lag before.
-_SEIZURE = 0.02
+# Seconds by which a motor may lag if no command has shown it yet, or if it is pushed and no demand can show it.
+_UNKNOWN_LAG = 0.02
+_LAG_ERROR = 0.005  # seconds that the noise of a position may add to a lag
 _NOISE = 3.0  # increments of error of a position, as a velocity over one period
 _WINDOW = 20.0  # increments by which a move may overshoot its target at its end
 # Positions between two demands: beyond this, the velocity between them is too old if it changes.
@@ -82,7 +84,7 @@ class LimitMonitor:
         self._room = self._edges  # widened to the rest position of an axis that rests beyond them
         self._origin: int | None = None  # to which the room refers
         self._free_since: float | None = None
-        self._lag = 0.0  # seconds, last measured on the ramps of commands
+        self._lag: float | None = None  # seconds, last measured on targets or on the ramps of commands
         self._shown_lag = 0.0  # seconds, measured with a demand that arrives rarely
         self._shown_at = -math.inf  # when that demand arrived
         self.leaving: LimitError | None = (
@@ -109,6 +111,21 @@ class LimitMonitor:
         self._position.take(image.position, image.position_stamp)
         if self._edges is not None:
             self._demand.take(image.demand, image.demand_stamp)
+            if image.demand is None and image.led.target is not None and image.position is not None:
+                self._learn_lag(image.led.target - image.position)
+
+    @property
+    def _known_lag(self) -> float:
+        return _UNKNOWN_LAG if self._lag is None else self._lag
+
+    def _learn_lag(self, ahead: int) -> None:
+        """Compute the lag of an axis that follows targets, the last of which is ``ahead`` of its position (increments)."""
+        if not self._position.is_known:
+            return
+        velocity, _ = self._position.motion
+        lag = ahead / velocity if abs(velocity) * _LAG_ERROR > NOISE else math.inf
+        if 0.0 <= lag <= _LONGEST_LAG:
+            self._lag = max(0.0, lag - _REACTION * self._parameters.scan_period)
 
     def danger(
         self,
@@ -283,7 +300,7 @@ class LimitMonitor:
         leads = self._leads(image) and not course.by_torque
         seldom = leads and self._demand.spacing > _SELDOM * self._position.spacing
         self._take_lag(image, seldom=seldom)
-        lag = self._shown_lag if leads else self._lag
+        lag = self._shown_lag if leads else self._known_lag
         stop = self._beyond(image, self._position, course, ramp, 0.0 if course.by_torque else lag)
         if stop is None and leads and not seldom:
             late = max(0.0, image.position_stamp - image.demand_stamp)
@@ -359,7 +376,7 @@ class LimitMonitor:
     ) -> float:
         """Return the increments to rest from ``speed``: the distance before a stop acts, plus its braking distance."""
         time = self._time(image, track.motion[0]) + soft
-        way = speed * (time + max(_SEIZURE, self._lag) if course.by_torque else time)
+        way = speed * (time + max(_UNKNOWN_LAG, self._known_lag) if course.by_torque else time)
         return way + braking_distance(speed, ramp) if ramp else way
 
     def _growth(self, image: AxisImage, track: VelocityEstimator) -> float:

@@ -23,7 +23,9 @@ allows ``_TAKEN`` periods for that; only a longer time is the ``lag``. The lag i
 after. Later the gain has decayed, and a small velocity error would look like a lag. A motion that begins at speed gives no lag: its
 demand at that moment is unknown, and a demand that is ahead looks like an axis without a lag. If a new velocity is given while the
 drive is still on the ramp of the previous command, the demand is known. In this case the computation continues with that ramp
-(``go_on``).
+(``go_on``). The accelerations of the new command are written before its velocity, and most drives use them at once for the velocity
+that they still have. So from the first write on (``expect``) the earlier ramp has the higher of both accelerations, and the later
+ramp has the lower one.
 """
 
 from __future__ import annotations
@@ -51,11 +53,13 @@ class _Ramp:
     ``gained``: the change of its velocity, which decays as ``behind`` does; ``rate``: its last acceleration (per s²).
     """
 
-    __slots__ = ("_due", "behind", "gained", "rate", "speed", "target")
+    __slots__ = ("_due", "behind", "down", "gained", "rate", "speed", "target", "up")
 
-    def __init__(self, speed: float, target: float) -> None:
+    def __init__(self, speed: float, target: float, up: float, down: float) -> None:
         self.speed = speed
         self.target = target
+        self.up = up
+        self.down = down
         self.behind = self.gained = self.rate = 0.0
         self._due: deque[tuple[float, float]] = deque()
 
@@ -66,11 +70,11 @@ class _Ramp:
         while self._due and self._due[0][0] <= until:
             self.target = self._due.popleft()[1]
 
-    def ramp(self, dt: float, up: float, down: float, made: float, kept: float) -> None:
+    def ramp(self, dt: float, made: float, kept: float) -> None:
         """Advance by ``dt`` s, in which the axis has moved by ``made``; ``kept``: the share that remains after the decay."""
         before, target = self.speed, self.target
         slows = abs(target) < abs(before) or before * target < 0.0
-        change = (down if slows else up) * dt
+        change = (self.down if slows else self.up) * dt
         self.speed = max(before - change, target) if target < before else min(before + change, target)
         self.behind = self.behind * kept + 0.5 * (before + self.speed) * dt - made
         self.gained = self.gained * kept + self.speed - before
@@ -90,6 +94,7 @@ class RampedWay:
         "_early",
         "_from_rest",
         "_late",
+        "_on_ramp",
         "_per_velocity",
         "_position",
         "_settles_at",
@@ -102,12 +107,21 @@ class RampedWay:
     )
 
     def __init__(
-        self, target: float, per_velocity: float, up: float, down: float, window: float, delay: float = 0.0
+        self,
+        target: float,
+        per_velocity: float,
+        up: float,
+        down: float,
+        window: float,
+        delay: float = 0.0,
+        *,
+        on_ramp: bool = False,
     ) -> None:
         """``target`` in the drive's velocity increments (signed), each of ``per_velocity`` position increments per s.
 
         ``up`` and ``down`` in position increments per s², above 0; ``window`` in position increments; ``delay``: seconds within
-        which the drive takes a target that is sent by PDO.
+        which the drive takes a target that is sent by PDO. ``on_ramp``: the drive is on the ramp of another velocity, so an axis
+        that looks at rest is only turning back.
         """
         self._target = target * per_velocity
         self._per_velocity = per_velocity
@@ -120,7 +134,8 @@ class RampedWay:
         self._changed = -math.inf
         self._settles_at = math.inf
         self._from_rest = False
-        self._early = self._late = _Ramp(0.0, self._target)
+        self._on_ramp = on_ramp
+        self._early = self._late = _Ramp(0.0, self._target, up, down)
         self.behind: float | None = None
         self.lag: float | None = None
 
@@ -138,9 +153,16 @@ class RampedWay:
         """Whether the drive's commanded velocity is known: the motion began at standstill, and its position is known."""
         return self._from_rest and self.behind is not None
 
+    def expect(self, up: float, down: float) -> None:
+        """Allow for a drive that already uses the accelerations of the next command; units as in the constructor."""
+        early, late = self._early, self._late
+        early.up, early.down = max(early.up, up), max(early.down, down)
+        late.up, late.down = min(late.up, up), min(late.down, down)
+
     def go_on(self, target: float, up: float, down: float) -> None:
         """Continue with another command, from the commanded velocity that the drive has by now; units as in the constructor."""
-        self._up, self._down = up, down
+        for ramp in (self._early, self._late):
+            ramp.up, ramp.down = up, down
         self.aim(target)
 
     def step(self, image: AxisImage) -> None:
@@ -153,8 +175,8 @@ class RampedWay:
             speed = image.speed(self._per_velocity)
             if speed is None:
                 return
-            self._early, self._late = _Ramp(speed, speed), _Ramp(speed, speed)
-            self._from_rest = image.standstill
+            self._early, self._late = (_Ramp(speed, speed, self._up, self._down) for _ in range(2))
+            self._from_rest = image.standstill and not self._on_ramp
             self.behind, self._position, self._stamp = 0.0, position, stamp
             self._aim(image)
             return
@@ -173,7 +195,7 @@ class RampedWay:
         made, kept = position - self._position, 1.0 - min(1.0, dt / self._memory())
         before = self._early.speed
         for ramp in (self._early, self._late):
-            ramp.ramp(dt, self._up, self._down, made, kept)
+            ramp.ramp(dt, made, kept)
         if self._early.speed != before:
             self._changed = self._stamp
         self._settle(self._stamp + dt)
@@ -225,6 +247,7 @@ def ramped_way(
         profile.down,
         parameters.pull_window,
         _TAKEN * parameters.scan_period,
+        on_ramp=before is not None and before.speed != 0.0,
     )
 
 

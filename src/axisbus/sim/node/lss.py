@@ -42,7 +42,7 @@ class LssSlave:
     def __init__(self, address: Callable[[], Address], node_id: int, dials: LssDials, seed: int = 0) -> None:
         """Make a slave; ``address`` returns its identity (1018h:1 to 4); ``node_id`` 255: no node-ID."""
         self.active = self.pending = self.stored = node_id
-        self.bit_rate = self.pending_bit_rate = self.stored_bit_rate = 0  # bit/s; 0: the bit rate at power-up
+        self.bit_rate = self.pending_bit_rate = 0  # bit/s; 0: the bit rate at power-up
         self.configuring = False
         self.dials = dials
         self._address = address
@@ -193,7 +193,7 @@ class LssSlave:
     def _store(self, _data: bytes) -> bytes:
         if self.dials.store_error:
             return bytes((0x17, self.dials.store_error, self.dials.specific_error))
-        self.stored, self.stored_bit_rate = self.pending, self.pending_bit_rate
+        self.stored = self.pending
         return bytes((0x17, 0))
 
     def _tell_number(self, data: bytes) -> bytes:

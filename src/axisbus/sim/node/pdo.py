@@ -26,7 +26,7 @@ _ID = 0x7FF
 _DEFAULT_RPDO = (0x200, 0x300, 0x400, 0x500)
 _DEFAULT_TPDO = (0x180, 0x280, 0x380, 0x480)
 _DUMMIES = range(0x0001, 0x0008)
-# COB-IDs that no PDO may have (CiA 301 table 40).
+# COB-IDs that no PDO may have (CiA 301 7.3.5).
 _RESTRICTED = (
     range(0x001),
     range(0x001, 0x081),

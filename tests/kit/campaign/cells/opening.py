@@ -14,7 +14,6 @@ from axisbus.cia402.port import ValueTransport
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, DriveError, ModeError, SdoAbort
 from axisbus.machine.machine import Machine
-from axisbus.sim.beam import tied
 from axisbus.sim.build import device_from_eds, motor_from_eds
 from axisbus.sim.control_bits import as_int32
 from axisbus.sim.device import Device
@@ -26,6 +25,7 @@ from kit.campaign.cells.recipe import FIRST_NODE, GIM, NORM, AxisRecipe, CellRec
 from kit.campaign.scenes import NotHere
 from kit.campaign.violation import Violation
 from kit.cell import Cell, Stage
+from kit.gantry.beam import tied
 
 PAIR = "beam"
 ENCODER, VIRTUAL = "belt", "clock"
@@ -42,11 +42,22 @@ class Refused(NotHere):
 
 
 class DrawnCell(Cell):
-    """A drawn cell; the plants are looked at in norm degrees (see ``recipe``)."""
+    """A drawn cell; the plants are looked at in norm degrees (see ``recipe``).
+
+    ``pulled``: when (by the plant's clock) the beam of a gantry last pulled each motor with more than its friction.
+    """
 
     def __init__(self, machine: Machine, recipe: CellRecipe) -> None:
         self.recipe = recipe
+        self.pulled: dict[str, float] = {}
         super().__init__(machine)
+
+    def note_pull(self) -> None:
+        """Note the time if the beam pulls; to be called after its pull was computed."""
+        for name in "ab":
+            motor = self.drive(name).axis.motor
+            if abs(motor.pull) > motor.params.friction:
+                self.pulled[name] = self.drive(name).time
 
     def scale_of(self, name: str) -> float:
         """Increments per norm degree of an axis."""
@@ -102,6 +113,7 @@ def open_cell(stage: Stage, recipe: CellRecipe) -> DrawnCell:
     if recipe.gantry:
         stiff = _SOFT_BEAM * 100.0 / recipe.axes[0].increments
         tied(cell.device("a"), cell.device("b"), stiff, 0.02 * stiff)
+        cell.device("b").ties.append(cell.note_pull)
     _bring_up(cell)
     return cell
 
@@ -181,6 +193,11 @@ def velocity_unit(axis: AxisRecipe) -> float:
     return motor_of(axis.file)[1]
 
 
+def _is_slow(axis: AxisRecipe) -> bool:
+    """Whether the velocities of the cell file are those of the recipe: others may be so fast that any lag is a following error."""
+    return axis.counted or velocity_unit(axis) >= 1.0
+
+
 def _devices(recipe: CellRecipe, models: Mapping[str, tuple[str, Eds]]) -> dict[int, Device]:
     made = {}
     for number, name in enumerate(recipe.names):
@@ -189,7 +206,7 @@ def _devices(recipe: CellRecipe, models: Mapping[str, tuple[str, Eds]]) -> dict[
         motor = replace(
             given,
             start_position=float(axis.start),
-            lag=min(axis.lag, given.lag) if axis.file != GENERIC else axis.lag,
+            lag=min(axis.lag, given.lag) if axis.file != GENERIC or not _is_slow(axis) else axis.lag,
             rated_acceleration=20.0 * axis.acceleration / (1.0 if axis.counted else velocity_unit(axis)),
             noise=axis.noise,
         )

@@ -465,6 +465,10 @@ def _soft_line(args: GroupArgs) -> Handle:
 def _joining(args: GroupArgs) -> Handle:
     mode = f"blending_{args.chance.choice(_MODES)}"
     end, along, share = args.gently()
+    if (
+        share < 1.0
+    ):  # it begins where the line before it ends, which may be so far away that it would take minutes
+        return args.group.move_linear(end, **along)
     return args.group.move_linear(end, **along, buffer=mode, blend=0.02 * share * args.pace())
 
 

@@ -21,7 +21,7 @@ from axisbus.errors import (
 from axisbus.motion.states import AxisState
 from kit.campaign.cells import promises
 from kit.campaign.cells.files import BUILTIN, model_of
-from kit.campaign.cells.opening import DrawnCell
+from kit.campaign.cells.opening import DrawnCell, velocity_unit
 from kit.campaign.cells.recipe import NORM
 from kit.campaign.facts import MOVES, TORQUE_MODES, Asked, Facts
 from kit.campaign.orders import OVERRIDES
@@ -47,6 +47,7 @@ _COUNTED = 10.0  # s for which an axis may turn on before it comes to the end of
 _SETTLED = 4  # cycles in csp before its targets are looked at
 _REFUSED = (CommandError, StateError)
 _TOO_HIGH = "0x06090031"  # the abort code of a value that is too high
+_HARDER = "stopped only by a harder stop"
 # Errors that a healthy axis gets only by a mistake of the master.
 _FALSE = (
     "FollowingError",
@@ -201,6 +202,9 @@ class Physics(Travel):
             return
         if isinstance(error, DriveError) and any(self._is_too_much(name, error) for name in asked.names):
             return
+        if isinstance(error, DriveError) and any(self._brakes_for_long(name, error) for name in asked.names):
+            facts.tally["halts for which a read-only 6084h is too small"] += 1
+            return
         text = f"{asked.handle.name} ended by {type(error).__name__}: {error}"
         if isinstance(error, ModeError) and not all(map(self._has_all_modes, asked.names)):
             facts.tally["modes of a maker's file that its simulated drive has not"] += 1
@@ -237,6 +241,17 @@ class Physics(Travel):
             if entry is not None and isinstance(entry.high, Number) and entry.high.value < most:
                 return True
         return False
+
+    def _brakes_for_long(self, name: str, error: DriveError) -> bool:
+        """Whether the drive of a maker's file has its own deceleration, with which a halt takes longer than the time it has."""
+        axis = self._cell.recipe.axis(name)
+        if axis.file in BUILTIN or _HARDER not in error.message:
+            return False
+        own = model_of(axis.file).get(0x6084, 0)
+        if own is None or own.writable or not isinstance(own.default, Number):
+            return False
+        needs = axis.speed * velocity_unit(axis) / max(own.default.value, 1)
+        return needs > self._facts.core[name].parameters.stop_times.halt
 
     def _has_all_modes(self, name: str) -> bool:
         """Whether the drive of an axis has each mode whose objects it has, so that no command is to end for want of one."""

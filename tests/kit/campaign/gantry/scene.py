@@ -6,8 +6,8 @@ import math
 
 from axisbus.machine.gantry.gantry import Gantry
 from axisbus.machine.machine import Machine
-from axisbus.sim.beam import tied
 from kit.cell import Cell, Stage, cell_text
+from kit.gantry.beam import tied
 from kit.gantry.pair import HOMING, MAX_SKEW
 from kit.plants import Plant, devices
 

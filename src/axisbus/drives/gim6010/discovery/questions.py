@@ -179,11 +179,6 @@ _HOW = (_STATUSWORD, _ERROR_CODE, *faults.OBJECTS, _SUPPLY)
 _NAME, _VERSION = (0x1008, 0), (0x100A, 0)
 
 
-def device_type_question(node: int) -> ProbeFrame:
-    """Return the request for the device type (1000h) of a CANopen node, which is mandatory."""
-    return _upload_question(node, Upload(o.DEVICE_TYPE, 0, _STEP).start()[0])
-
-
 def canopen(node: int, facts: CanopenFacts) -> Asking:
     """Request the identity of a CANopen node; if it is a module, also its state, errors and supply voltage."""
     yield from _number(node, (o.DEVICE_TYPE, 0), facts)

@@ -20,8 +20,10 @@ LATCHED = 0x0010_0000 | 0x0000_0800  # CAN_BUS_FAILED, WATCHDOG_TIMER_EXPIRED
 _LONGEST = 0xFFFF  # ms: maximum of the parameter
 _MS = 1000.0
 _ARMED = (
-    "it counts from now on, in every state of the axis, and only set-points reset it: a module without set-points trips, "
+    "it counts from now on, in every state of the axis, and only set-points feed it: a module without set-points trips, "
     "with CAN_BUS_FAILED, which latches; reset the axis before it is enabled",
+    "over CAN Simple a machine feeds it if boot can read it (endpoints in the cell file) and if it is at least four scan "
+    "periods; over CANopen and Modbus no machine feeds it",
     "the effect of a trip on a turning motor was observed on another joint of the manufacturer: it loses its power. Test it "
     "before you rely on it",
 )

@@ -19,6 +19,7 @@ from axisbus.drives.gim6010.parameters import rules, values
 from axisbus.drives.gim6010.settings.watchdog import AXIS, BREAK, ENABLED
 
 _MS = 1000.0
+_AXIS_UNTIL = Firmware(0, 6, 0)  # from here on the axis's watchdog has no effect, says the maker
 _Value = float | int | bool
 
 
@@ -28,6 +29,18 @@ class Armed:
 
     break_timeout: float | None = None
     watchdog: float | None = None
+
+
+def axis_watchdog_works(firmware: Firmware | None) -> bool:
+    """Whether the axis's watchdog is known to have an effect in this firmware (None: unknown)."""
+    return firmware is not None and firmware < _AXIS_UNTIL
+
+
+def in_effect(found: Armed, firmware: Firmware | None) -> dict[str, float]:
+    """Return the time-outs (s) that are known to be armed and to have an effect, by the name of their parameter."""
+    works = axis_watchdog_works(firmware)
+    time_outs = {"break_timeout": found.break_timeout, "watchdog_timeout": found.watchdog if works else None}
+    return {name: seconds for name, seconds in time_outs.items() if seconds}
 
 
 def armed(

@@ -86,8 +86,12 @@ class ModuleDrive:
 
     def forget(self) -> None:
         """Note that the frames of this cycle were lost: mode, ramps, inputs and a halt are sent again."""
-        self._lead.forget()
+        self._lead.lose()
         self._halted = False
+
+    def feed_within(self, timeout: float) -> None:
+        """As ``ModulePort.feed_within``."""
+        self._lead.feed_within(timeout)
 
     def stop_frames(self) -> list[Outgoing]:
         """Return the frames that stop the module without a further cycle; none if this program does not control it."""
@@ -170,6 +174,9 @@ class ModuleDrive:
         self._lead.forget()
 
     def _clear(self) -> None:
+        """Clear the errors; an armed time-out that has expired is fed first, because it would trip again at once."""
+        self._lead.feed(at_once=True)
+        self._flush()
         self.frames.append(self._orders.clear())
 
     def _flush(self) -> None:

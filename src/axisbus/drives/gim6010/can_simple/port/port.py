@@ -73,6 +73,14 @@ class ModulePort:
         """Note that the frames taken last did not reach the module: all commands must be sent again."""
         self._drive.forget()
 
+    def feed_within(self, timeout: float) -> None:
+        """Keep a watchdog of the module from expiring, from the first controlword on and as long as controlwords are written.
+
+        ``timeout`` (s) is the shortest armed time-out that was read from the module; 0: none is armed, or it was not read. No
+        set-point is sent to a module that is in closed loop without a request by this program.
+        """
+        self._drive.feed_within(timeout)
+
     def stop_frames(self) -> list[Outgoing]:
         """Return the frames that stop the module when the scan has died: velocity 0 on the module's own ramp.
 

@@ -15,7 +15,7 @@ import math
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.port.command_frames import TORQUE, TRAPEZOID, VELOCITY, Orders
 from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
-from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
+from axisbus.drives.gim6010.can_simple.port.settings import FEEDS, ModuleSettings
 
 MOVES = 0.01  # turns/s: less is noise of a rotor at standstill
 _STANDS = 0.06  # s below that velocity, for standstill
@@ -24,6 +24,7 @@ _SPARE = 1.02  # factor on a braking distance: with a distance too short, the tr
 _REPEAT = 0.05  # s after which an unchanged velocity or torque is sent again
 _NEAR = 1e-3  # turns
 _SLOWEST = 1e-3  # turns/s, of a trapezoid
+_TINY = 1e-6  # s
 
 
 class ModuleSetPoints:
@@ -42,6 +43,7 @@ class ModuleSetPoints:
         self._input: float | None = None  # velocity or torque
         self._given_at = -math.inf
         self._slow_since: float | None = None
+        self._timeout = 0.0  # s: the shortest armed time-out of the module
 
     # Observed motion.
 
@@ -83,6 +85,11 @@ class ModuleSetPoints:
     def forget(self) -> None:
         """Discard the last set-points: the module is switching to idle, or another master controls it."""
         self._mode, self.goal, self._input = None, None, None
+
+    def lose(self) -> None:
+        """Note that the last frames did not reach the module: no set-point counts as sent."""
+        self.forget()
+        self._given_at = -math.inf
 
     def use(self, mode: tuple[int, int]) -> bool:
         """Set control and input mode; return whether they have changed."""
@@ -161,12 +168,21 @@ class ModuleSetPoints:
         way = speed * delay + _SPARE * speed * speed / (2.0 * down)
         return math.copysign(way, velocity or ahead), speed
 
-    # Keeping the module's watchdog for its master from expiring.
+    # Keeping the module's watchdogs for its master from expiring.
 
-    def feed(self) -> None:
-        """Repeat an input without effect, if the module's break timeout is on and no input was sent for a quarter of it."""
-        timeout = self._settings.break_timeout
-        if not timeout or self.now - self._given_at < timeout / 4.0:
+    def feed_within(self, timeout: float) -> None:
+        """Set the shortest armed time-out, as read from the module, in s; 0: none is armed, or it was not read."""
+        self._timeout = timeout
+
+    def feed(self, *, at_once: bool = False) -> None:
+        """Repeat an input without effect, if a time-out is armed and a quarter of it would pass before the next cycle.
+
+        ``at_once``: feed even if an input was sent in this quarter.
+        """
+        if not self._timeout:
+            return
+        next_cycle = self.now + self._settings.period
+        if not at_once and next_cycle - self._given_at <= self._timeout / FEEDS + _TINY:
             return
         if self._mode == TORQUE:
             self.frames.append(self._orders.torque(self._input or 0.0))

@@ -14,7 +14,7 @@ HEARTBEAT, HEARTBEAT_BY_LINE = (
     0.35,
 )  # s: the factory setting (manual v2.2, 4.1.5), and the period expected of a relay
 _FRESH, _FRESH_BY_LINE = 0.1, 1.0  # s; on the serial line a lost answer costs half a second
-_MAY_BE_ZERO = frozenset({"break_timeout"})
+FEEDS = 4  # set-points that a module gets, at the least, within an armed time-out
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,10 +44,9 @@ class ModuleSettings:
     ``velocity_limit`` (turns/s) and ``current_limit`` (A, at most 50) are sent with Set_Limits. ``velocity_ramp`` (turns/s²) is the
     module's ``vel_ramp_rate``: a quick stop brakes with it, and no message sets it. ``acceleration`` (turns/s²) limits the
     trapezoid that follows streamed targets if ``filter_bandwidth`` (rad/s, the module's ``input_filter_bandwidth``) is not given.
-    ``period`` (s) is the scan period, ``heartbeat`` (s) the period of the module's heartbeat. ``break_timeout`` (s) is the value
-    read back from the module: 0 if it is off or was not read. If ``torque`` is None, torques are not available. If
-    ``quick_stop_holds``, the module keeps its power after a quick stop and holds the position. ``remote``: the bus carries remote
-    frames. ``relayed``: the module is on a serial line and a relay reads its registers one after the other
+    ``period`` (s) is the scan period, ``heartbeat`` (s) the period of the module's heartbeat. If ``torque`` is None, torques are
+    not available. If ``quick_stop_holds``, the module keeps its power after a quick stop and holds the position. ``remote``: the
+    bus carries remote frames. ``relayed``: the module is on a serial line and a relay reads its registers one after the other
     (``modbus.can_emulation``). The relay sends all values unasked, more slowly and less reliably than a bus, and the modes are set
     only in idle.
 
@@ -65,7 +64,6 @@ class ModuleSettings:
     heartbeat: float = HEARTBEAT
     torque: TorqueSettings | None = None
     filter_bandwidth: float | None = None
-    break_timeout: float = 0.0
     quick_stop_holds: bool = False
     remote: bool = True
     relayed: bool = False
@@ -91,7 +89,6 @@ class ModuleSettings:
 def _check(settings: TorqueSettings | ModuleSettings, what: str) -> None:
     for each in fields(settings):
         value = getattr(settings, each.name)
-        if isinstance(value, float | int) and not isinstance(value, bool) and each.name != "node":
-            lowest = 0.0 if each.name in _MAY_BE_ZERO else math.nextafter(0.0, 1.0)
-            if not lowest <= value < math.inf:
-                raise ArgumentError(f"{each.name} of the {what}: {value!r} is not above 0")
+        is_number = isinstance(value, float | int) and not isinstance(value, bool)
+        if is_number and each.name != "node" and not 0.0 < value < math.inf:
+            raise ArgumentError(f"{each.name} of the {what}: {value!r} is not above 0")
